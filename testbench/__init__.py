@@ -1,0 +1,1 @@
+"""A virtual calibration cell for heavy industrial robot arms."""

@@ -1,0 +1,19 @@
+"""Identification: least squares and GCO, one call shape (vjm, structure, dataset) -> Estimate."""
+
+from testbench.identify.certify import certify
+from testbench.identify.conic import gco
+from testbench.identify.estimate import Certificate, Estimate, Estimator, make_estimate
+from testbench.identify.least_squares import least_squares
+from testbench.identify.regression import Regression, reduce
+
+__all__ = [
+    "Certificate",
+    "Estimate",
+    "Estimator",
+    "Regression",
+    "certify",
+    "gco",
+    "least_squares",
+    "make_estimate",
+    "reduce",
+]

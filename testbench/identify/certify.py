@@ -1,0 +1,129 @@
+"""A proof of quality for any conservative estimate.
+
+F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For unit vectors y_k, |r_k| >= y_k . r_k;
+so with S_i the gradient of sum y_k . r_k with respect to block i, every conservative C* whose blocks have a
+trace of at most t_i obeys
+    F(C*) >= -sum y_k . z_k - sum max(0, -lambda_min S_i) t_i.
+With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there, and the bound reads
+    F - F* <= sum <S_i, C_i> + sum max(0, -lambda_min S_i) t_i.
+Nothing is asked of how the estimate was found.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array, BenchError, check_array
+from testbench.identify.estimate import Certificate, Estimate
+from testbench.identify.regression import Regression, f_m
+from testbench.structure import Structure
+
+LENGTH = 0.5
+"""Length that turns a translation into a rotation in scaled units [m]: a link of 0.9 m has it, L / sqrt(3)."""
+
+
+@dataclass(frozen=True)
+class Dual:
+    """Unit vectors y_k, one for every term of F_M.
+
+    Attributes:
+        y: Against the rows of the term's R, (terms, n).
+        y_rest: Against what no parameter explains, (terms,).
+    """
+
+    y: Array
+    y_rest: Array
+
+
+def scaled_units(structure: Structure) -> Array:
+    """Units s in which traces and eigenvalues are taken: C = s X s^T, (n_theta,).
+
+    A translation counts as the rotation that causes it on an arm of `LENGTH`, so that X and its trace are in
+    rad/(N m) whatever mixture of metres and radians C holds.
+    """
+    translation = [label.endswith((".x", ".y", ".z")) for label in structure.labels]
+    return np.where(translation, LENGTH, 1.0)
+
+
+def certify(estimate: Estimate, trace_bounds: Array | None = None) -> Certificate:
+    """Bound the optimality gap of a conservative estimate from its gradients alone.
+
+    Args:
+        estimate: Any conservative estimate, from any method.
+        trace_bounds: t_i, bound of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
+            twice the estimate's own, and at least a hundredth of its total.
+
+    Raises:
+        BenchError: When the estimate is not conservative: the bound would prove nothing.
+    """
+    if not estimate.conservative:
+        raise BenchError(
+            f"certify: expected a conservative estimate, {estimate.method} has smallest eigenvalue "
+            f"{estimate.min_eigenvalue:.3g}"
+        )
+    regression = estimate.regression
+    return bound_gap(regression, estimate.pi, gradient_dual(regression, estimate.pi), trace_bounds)
+
+
+def gradient_dual(regression: Regression, pi: Array) -> Dual:
+    """The unit residuals of a parameter vector: their S_i are the gradient of F_M there."""
+    y, rest = [], []
+    for term in regression.terms:
+        residual = np.r_[term.R @ pi - term.z, math.sqrt(term.rest)]
+        norm = np.linalg.norm(residual)
+        residual = residual / norm if norm > 0 else residual
+        y.append(residual[:-1])
+        rest.append(residual[-1])
+    return Dual(np.array(y), np.array(rest))
+
+
+def bound_gap(
+    regression: Regression,
+    pi: Array,
+    dual: Dual,
+    trace_bounds: Array | None = None,
+    *,
+    trace_weight: float = 0.0,
+) -> Certificate:
+    """Gap between the cost of a conservative parameter vector and the lower bound of a dual vector.
+
+    The cost is F_M + trace_weight * total trace; the weight adds itself to every eigenvalue of S_i.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters of a conservative model, (n,).
+        dual: Unit vectors, from anywhere.
+        trace_bounds: As in `certify`.
+        trace_weight: Weight of the total trace in the cost [N m/rad].
+    """
+    s = regression.structure
+    unit = scaled_units(s)
+    if trace_bounds is None:
+        t = default_trace_bounds(s, pi)
+    else:
+        t = check_array(trace_bounds, (len(s.blocks),), "trace_bounds [rad/(N m)]")
+    g = np.zeros(s.n)
+    constant = 0.0
+    for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
+        g += term.R.T @ y
+        constant += rest * math.sqrt(term.rest) - y @ term.z
+    S = s.gradient(g) * np.outer(unit, unit)
+    smallest = np.array([np.linalg.eigvalsh(S[np.ix_(i, i)])[0] for i in s.blocks]) + trace_weight
+    lower = max(0.0, constant - float(np.maximum(0, -smallest) @ t))  # the cost is a sum of norms
+    cost = f_m(regression, pi) + trace_weight * total_trace(s, pi)
+    return Certificate(max(0.0, cost - lower), t, smallest)
+
+
+def default_trace_bounds(structure: Structure, pi: Array) -> Array:
+    """Twice the trace of each block in scaled units, at least a hundredth of the total, (blocks,)."""
+    unit = scaled_units(structure)
+    diagonal = np.diag(structure.matrix(pi)) / unit**2
+    own = np.array([diagonal[i].sum() for i in structure.blocks])
+    return np.maximum(2 * own, own.sum() / 100)
+
+
+def total_trace(structure: Structure, pi: Array) -> float:
+    """Trace of C_theta in scaled units [rad/(N m)]."""
+    unit = scaled_units(structure)
+    return float(np.trace(structure.matrix(pi) / np.outer(unit, unit)))

@@ -1,0 +1,161 @@
+"""Gramian-constrained optimisation as a conic program with a certificate.
+
+Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
+sets are one (Theorem 1). Solved by Clarabel's interior-point method in scaled units.
+"""
+
+import math
+from dataclasses import dataclass
+
+import clarabel
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from testbench.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify.certify import Dual, bound_gap, scaled_units
+from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.regression import Regression, f_m, reduce
+from testbench.structure import Structure
+from testbench.vjm import Vjm
+
+TRACE_WEIGHT = 1e-8
+"""Weight of the trace beside F_M, both as shares of what the data span: picks the least-trace optimum."""
+SOLVER_TOLERANCE = 1e-10
+"""Feasibility and gap asked of Clarabel, in units where the data are of order one."""
+GAP_TOLERANCE = 1e-5
+"""Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
+DATA_TOLERANCE = 1e-8
+"""The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own."""
+UNSEEN_WEIGHT = 1e-3
+"""Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """The conic program in units where the data are of order one.
+
+    Attributes:
+        unit: F_M at C = 0: the unit of F_M [1].
+        scale: pi = scale * x, (n,).
+        trace_weight: Weight of the total trace in scaled units beside F_M [N m/rad].
+    """
+
+    unit: float
+    scale: Array
+    trace_weight: float
+
+
+def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+    """GCO to global optimality: minimise F_M, Eq. (19), over conservative compliances.
+
+    The data rarely see all of C: then the optimum is not unique, or is only approached as an unseen entry
+    grows without end. So the trace in scaled units is minimised beside F_M with a negligible weight: of all
+    models that fit alike it takes the one of least trace. The certificate bounds the gap of F_M itself.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+
+    Raises:
+        BenchError: When the dataset is empty or names a marker that the arm lacks.
+    """
+    regression = reduce(vjm, structure, data)
+    program = scale_program(regression)
+    solution = _solve(regression, program)
+    terms = len(regression.terms)
+    x = _project(structure, np.array(solution.x)[terms:])
+    pi = x * program.scale
+    z = np.array(solution.z)[: terms * (structure.n + 2)].reshape(terms, -1)
+    dual = Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0])
+    reached = bound_gap(regression, pi, dual, trace_weight=program.trace_weight).gap
+    allowed = GAP_TOLERANCE * f_m(regression, pi) + DATA_TOLERANCE * program.unit
+    advice = ()
+    if regression.rank < structure.n:
+        advice = ("GCO filled the free directions with the least trace in scaled units",)
+    return make_estimate(
+        regression,
+        pi,
+        method="GCO (conic program)",
+        status="solved" if reached <= allowed else f"not solved: Clarabel says {solution.status}",
+        certificate=bound_gap(regression, pi, dual),
+        solver_seconds=solution.solve_time,
+        advice=advice,
+    )
+
+
+def scale_program(regression: Regression) -> Program:
+    """Units in which data and parameters are of order one.
+
+    C = d X d^T with d^-2 the F_M that a unit of each diagonal entry causes: a congruence, so that X is
+    positive semi-definite where C is.
+
+    Args:
+        regression: The reduced dataset.
+    """
+    s, weight = regression.structure, regression.weight
+    largest = weight.max() if weight.any() else 1.0
+    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * largest))
+    unit = f_m(regression, np.zeros(s.n)) or 1.0
+    return Program(unit, unit * d[s.a] * d[s.b], TRACE_WEIGHT * largest)
+
+
+def _solve(regression: Regression, program: Program) -> clarabel.DefaultSolution:
+    """Minimise sum t + trace term, |(R x - z, sqrt(rest))| <= t, every block positive semi-definite."""
+    s, terms = regression.structure, regression.terms
+    A: list[sparse.sparray] = []
+    b: list[Array] = []
+    cones: list[object] = []
+    for k, term in enumerate(terms):
+        bound = sparse.csc_array(([-1.0], ([0], [k])), shape=(1, len(terms)))
+        R = sparse.csc_array(term.R * (program.scale / program.unit))
+        A.append(sparse.block_array([[bound, None], [None, R], [None, sparse.csc_array((1, s.n))]]))
+        b.append(np.r_[0.0, term.z, math.sqrt(term.rest)] / program.unit)
+        cones.append(clarabel.SecondOrderConeT(s.n + 2))
+    for block in s.blocks:
+        rows = _svec_rows(s, block)
+        A.append(sparse.hstack([sparse.csc_array((rows.shape[0], len(terms))), -rows]))
+        b.append(np.zeros(rows.shape[0]))
+        cones.append(clarabel.PSDTriangleConeT(len(block)))
+    trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
+    cost = np.r_[np.ones(len(terms)), program.trace_weight * trace / program.unit]
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix((len(cost), len(cost))),
+        cost,
+        sparse.csc_matrix(sparse.vstack(A)),
+        np.concatenate(b),
+        cones,
+        _settings(),
+    )
+    return solver.solve()
+
+
+def _settings() -> clarabel.DefaultSettings:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
+    return settings
+
+
+def _svec_rows(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csc_array:
+    """Rows that take parameters to the upper triangle of a block, column by column, off-diagonals * sqrt 2."""
+    position = np.full(s.n_theta, -1)
+    position[block] = np.arange(len(block))
+    k = np.flatnonzero(position[s.a] >= 0)
+    i, j = np.sort([position[s.a[k]], position[s.b[k]]], axis=0)
+    value = np.where(i == j, 1.0, math.sqrt(2))
+    size = len(block) * (len(block) + 1) // 2
+    return sparse.csc_array((value, (j * (j + 1) // 2 + i, k)), shape=(size, s.n))
+
+
+def _project(s: Structure, x: Array) -> Array:
+    """Scaled parameters with every block's negative eigenvalues, the solver's last digits, set to zero."""
+    X = s.matrix(x)
+    for block in s.blocks:
+        i = np.ix_(block, block)
+        values, Q = np.linalg.eigh(X[i])
+        X[i] = (Q * np.maximum(values, 0)) @ Q.T
+    return s.entries(X)

@@ -1,0 +1,146 @@
+"""An identified model, and what can be said of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from testbench.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify.regression import Regression, f_m
+from testbench.stiffness import eigenvalue_scale
+from testbench.structure import Structure
+from testbench.vjm import Vjm
+
+CONSERVATIVE_TOLERANCE = 1e-10
+"""An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far an estimate can be from the best conservative one.
+
+    Attributes:
+        gap: Upper bound of F - F*, with F* the least F_M over conservative models whose blocks have a trace
+            within `trace_bounds` [1].
+        trace_bounds: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
+        smallest: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at an
+            optimum without bounds.
+    """
+
+    gap: float
+    trace_bounds: Array
+    smallest: Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A stiffness model identified from a dataset.
+
+    Attributes:
+        method: How it was found.
+        regression: What it was found from: structure and reduced dataset.
+        pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
+        C_theta: Aggregated joint compliance, (n_theta, n_theta).
+        f_m: Cost, Eq. (19) [1].
+        f_m_floor: Cost to expect of noise alone [1].
+        conservative: Whether every block is positive semi-definite.
+        eigenvalues: Of every block, ascending, in its own (mixed) SI units, one array a block.
+        status: "solved", or what went wrong.
+        certificate: Distance from the optimum; None where none was computed (least squares).
+        solver_seconds: Time inside the numerical solver, as it reports it; 0 where it does not.
+        advice: Sentences for a person: what the data cannot see, what filled it.
+    """
+
+    method: str
+    regression: Regression
+    pi: Array
+    C_theta: Array
+    f_m: float
+    f_m_floor: float
+    conservative: bool
+    eigenvalues: tuple[Array, ...]
+    status: str
+    certificate: Certificate | None = None
+    solver_seconds: float = 0.0
+    advice: tuple[str, ...] = field(default=())
+
+    @property
+    def structure(self) -> Structure:
+        """The structure that was identified."""
+        return self.regression.structure
+
+    @property
+    def min_eigenvalue(self) -> float:
+        """Smallest eigenvalue of any block, in its own (mixed) SI units, as the paper prints it."""
+        return float(min(e[0] for e in self.eigenvalues))
+
+
+Estimator = Callable[[Vjm, Structure, Dataset], Estimate]
+"""The call shape of every identification method, and of a user's own."""
+
+
+def make_estimate(
+    regression: Regression,
+    pi: Array,
+    *,
+    method: str,
+    status: str = "solved",
+    certificate: Certificate | None = None,
+    solver_seconds: float = 0.0,
+    advice: tuple[str, ...] = (),
+) -> Estimate:
+    """Judge a parameter vector: the last line of every estimator.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters, (n,).
+        method: Name of the method, for reports.
+        status: "solved", or what went wrong.
+        certificate: Distance from the optimum, where it was computed.
+        solver_seconds: Time inside the numerical solver.
+        advice: Sentences for a person.
+    """
+    C = regression.structure.matrix(pi)
+    blocks = [C[np.ix_(i, i)] for i in regression.structure.blocks]
+    return Estimate(
+        method=method,
+        regression=regression,
+        pi=pi,
+        C_theta=C,
+        f_m=f_m(regression, pi),
+        f_m_floor=regression.f_m_floor,
+        conservative=all(map(is_conservative, blocks)),
+        eigenvalues=tuple(np.linalg.eigvalsh(block) for block in blocks),
+        status=status,
+        certificate=certificate,
+        solver_seconds=solver_seconds,
+        advice=(*_rank_advice(regression), *advice),
+    )
+
+
+def is_conservative(C: Array) -> bool:
+    """Whether a symmetric compliance is positive semi-definite, up to rounding (Section 2.2).
+
+    Judged on the matrix of unit diagonal, so that metres and radians do not mix.
+
+    Args:
+        C: Symmetric compliance, (n, n).
+    """
+    scale = eigenvalue_scale(C)
+    eigenvalues = np.linalg.eigvalsh(C / np.outer(scale, scale))
+    return bool(eigenvalues[0] >= -CONSERVATIVE_TOLERANCE * max(abs(eigenvalues[-1]), 1e-300))
+
+
+def _rank_advice(regression: Regression) -> tuple[str, ...]:
+    s = regression.structure
+    missing = s.n - regression.rank
+    if not missing:
+        return ()
+    text = (
+        f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; "
+        f"{missing} directions are free"
+    )
+    if regression.unseen:
+        text += f", and {regression.unseen} entries are not touched by any load"
+    return (text,)

@@ -1,0 +1,51 @@
+"""Weighted least squares, Eq. (14)-(15), by SVD of the reduced rows; never by an inverse."""
+
+import numpy as np
+
+from testbench.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce
+from testbench.structure import Structure
+from testbench.vjm import Vjm
+
+
+def least_squares(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+    """Weighted least squares, Eq. (14)-(15); of minimum norm where the data leave directions free.
+
+    Positions and rotations are weighted by the inverse of their sigma. The norm is that of the parameters in
+    units in which each column of the observation matrix has length one.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+
+    Raises:
+        BenchError: When the dataset is empty or names a marker that the arm lacks.
+    """
+    regression = reduce(vjm, structure, data)
+    advice = ()
+    if regression.rank < structure.n:
+        advice = ("least squares filled the free directions with the solution of minimum norm",)
+    return make_estimate(regression, solve(regression), method="least squares", advice=advice)
+
+
+def solve(regression: Regression) -> Array:
+    """Parameters of least sum of squares over all terms, of minimum norm in scaled units, (n,)."""
+    # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
+    rows = [np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms]
+    A, y = np.split(np.vstack(rows), [regression.structure.n], axis=1)
+    norm = np.linalg.norm(A, axis=0)
+    scale = np.where(norm > 0, norm, 1.0)
+    x = np.linalg.lstsq(A / scale, y[:, 0], rcond=RANK_TOLERANCE)[0]
+    return np.asarray(x / scale)
+
+
+def information_matrix(regression: Regression) -> Array:
+    """Information matrix of Eq. (15), sum of A^T eta^T eta A, for reports; never inverted here.
+
+    Returns:
+        (n, n) in inverse squared units of pi.
+    """
+    return np.asarray(sum(t.equations / 3 * t.R.T @ t.R for t in regression.terms))

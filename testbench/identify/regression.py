@@ -1,0 +1,182 @@
+"""A dataset boiled down: weighted rows of Eq. (13), reduced by QR in blocks.
+
+Least squares and GCO see a dataset only through F_M, and F_M only through the triangular factor of the
+stacked weighted rows: n + 1 numbers squared, however many runs there were.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr
+
+from testbench.dataset import Dataset
+from testbench.errors import Array, BenchError
+from testbench.structure import Structure
+from testbench.vjm import Vjm, parameter_rows
+
+BLOCK_RUNS = 512
+"""Runs reduced at a time: long enough for LAPACK, short enough for the cache."""
+RANK_TOLERANCE = 1e-9
+"""A singular value below this share of the largest is zero; structural zeros come out at 1e-16."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of F_M, Eq. (19): positions or rotations.
+
+    The rows are divided by sqrt(2) sigma sqrt(N), so that F_M is the sum of sqrt(|R pi - z|^2 + rest).
+
+    Attributes:
+        R: Triangular factor of the rows, (n, n).
+        z: Measured deflections in its coordinates, (n,).
+        rest: What no parameter can explain: squared norm outside the columns' span.
+        equations: Scalar equations behind it.
+    """
+
+    R: Array
+    z: Array
+    rest: float
+    equations: int
+
+
+@dataclass(frozen=True)
+class Regression:
+    """F_M of a structure on a dataset.
+
+    Attributes:
+        structure: The unknowns, n of them.
+        terms: Position term, then the rotation term where orientations are read.
+        weight: Norm of the weighted column that each diagonal entry of C_theta has, (n_theta,) [N/m, N m/rad].
+        rank: Number of directions of pi that the data see.
+        unseen: Number of parameters that no data touch (their columns are zero).
+    """
+
+    structure: Structure
+    terms: tuple[Term, ...]
+    weight: Array
+    rank: int
+    unseen: int
+
+    @property
+    def equations(self) -> int:
+        """Scalar equations, 3 a measured point and 3 an orientation."""
+        return sum(term.equations for term in self.terms)
+
+    @property
+    def f_m_floor(self) -> float:
+        """F_M to expect of noise alone: sqrt(3 (1 - rank / equations)) a term."""
+        dof = max(0.0, 1 - self.rank / self.equations)
+        return len(self.terms) * math.sqrt(3 * dof)
+
+
+def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
+    """Boil a dataset down to the triangular factors of its weighted rows.
+
+    Memory does not grow with the number of runs.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+
+    Raises:
+        BenchError: When the dataset is empty or names a marker that the arm lacks.
+    """
+    if data.runs == 0:
+        raise BenchError("dataset: expected at least one run, got none")
+    if data.q.shape[1] != vjm.arm.n_joints:
+        raise BenchError(f"q: expected {vjm.arm.n_joints} joints, got {data.q.shape[1]}")
+    terms = [_reduce_rows(vjm, structure, data, rotation=False)]
+    if data.rotation_before is not None:
+        terms.append(_reduce_rows(vjm, structure, data, rotation=True))
+    columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
+    weight = np.zeros(structure.n_theta)
+    diagonal = structure.a == structure.b
+    weight[structure.a[diagonal]] = columns[diagonal]
+    return Regression(
+        structure=structure,
+        terms=tuple(terms),
+        weight=weight,
+        rank=rank(np.vstack([term.R for term in terms])),
+        unseen=int((columns == 0).sum()),
+    )
+
+
+def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: bool) -> Term:
+    """Fold block after block into the triangular factor of [A | y]."""
+    n = structure.n
+    sigma = data.sigma_rotation if rotation else data.sigma
+    assert sigma is not None
+    y = data.rotation[:, None] if rotation else data.deflection
+    targets = marker_points(vjm, data.markers)
+    equations = y.size
+    weight = 1 / (math.sqrt(2) * sigma * math.sqrt(equations / 3))
+    T = np.zeros((n + 1, n + 1))
+    for first in range(0, data.runs, BLOCK_RUNS):
+        block = slice(first, first + BLOCK_RUNS)
+        A = parameter_rows(
+            vjm,
+            structure,
+            data.q[block],
+            data.wrench[block],
+            data.point[block],
+            targets=targets,
+            rotation=rotation,
+        )
+        rows = np.empty((n + 1, A[0].size + n + 1))
+        rows[:, : n + 1] = T.T
+        np.multiply(A.reshape(n, -1), weight, out=rows[:n, n + 1 :])
+        rows[n, n + 1 :] = weight * y[block].transpose(1, 2, 0).ravel()
+        T = qr(rows.T, overwrite_a=True, mode="r", check_finite=False)[0][: n + 1]
+    return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2), equations=equations)
+
+
+def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
+    """Positions of these markers in the tool's frame, (m, 3) [m].
+
+    Raises:
+        BenchError: When the arm lacks one of them.
+    """
+    have = vjm.arm.markers
+    for name in names:
+        if name not in have:
+            raise BenchError(f"no marker {name!r} in {vjm.arm.name}; markers are {', '.join(have)}")
+    return vjm.markers[[have.index(name) for name in names]]
+
+
+def rank(A: Array) -> int:
+    """Rank of a matrix whose columns have unlike units: each is scaled to norm one first."""
+    norm = np.linalg.norm(A, axis=0)
+    if not norm.any():
+        return 0
+    s = np.linalg.svd(A[:, norm > 0] / norm[norm > 0], compute_uv=False)
+    return int((s > RANK_TOLERANCE * s[0]).sum())
+
+
+def f_m(regression: Regression, pi: Array) -> float:
+    """Cost F_M of a parameter vector, Eq. (19): position-only data have its position term alone.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters, (n,).
+
+    Returns:
+        Sum of the terms' RMS over sqrt(2) sigma [1].
+    """
+    return float(sum(_rms(term, pi)[0] for term in regression.terms))
+
+
+def f_m_gradient(regression: Regression, pi: Array) -> Array:
+    """Gradient of F_M with respect to pi, (n,); a subgradient where a term is zero."""
+    g = np.zeros(len(pi))
+    for term in regression.terms:
+        value, residual = _rms(term, pi)
+        if value > 0:
+            g += term.R.T @ residual / value
+    return g
+
+
+def _rms(term: Term, pi: Array) -> tuple[float, Array]:
+    residual = term.R @ pi - term.z
+    return math.sqrt(residual @ residual + term.rest), residual

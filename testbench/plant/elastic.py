@@ -1,0 +1,159 @@
+"""Rigid MJCF in, elastic MJCF out: six sprung virtual joints after every link, one beside every hinge.
+
+The coupled 6x6 stiffness K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over
+the link's three slides and three hinges: the energy 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta.
+The result is plain MJCF that MuJoCo's own viewer opens.
+"""
+
+import copy
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm import Arm, Link
+from testbench.errors import Array
+from testbench.mjcf import find_body, read_mjcf
+
+AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+CARRIER_MASS = 1e-9
+"""Mass [kg] and inertia [kg m^2] of the body between a link and the next joint.
+
+MuJoCo admits at most six degrees of freedom a body, so the virtual joint needs one; it weighs nothing
+that a float of the arm's weight could see.
+"""
+
+BRAKE = 1e15
+"""Armature of an actuated joint [kg m^2]: its brake is on, so that the arm holds its pose when stepped.
+
+Statics does not see it. Without it the two hinges on one axis make the mass matrix singular.
+"""
+
+DAMPING = 0.02
+"""Damping of every spring over its stiffness [s]: stepped in time the arm comes to rest. Not in statics."""
+
+
+def virtual_joint(link: str, axis: str) -> str:
+    """Name of a virtual joint of a link in the elastic MJCF."""
+    return f"{link}_theta_{axis}"
+
+
+def virtual_hinge(joint: str) -> str:
+    """Name of the sprung hinge beside an actuated joint in the elastic MJCF."""
+    return f"{joint}_theta"
+
+
+def theta_names(arm: Arm) -> list[str]:
+    """Names of the virtual joints in the order of theta, n_theta."""
+    links = [virtual_joint(link.name, axis) for link in arm.links for axis in AXES]
+    return links + [virtual_hinge(j.name) for j in arm.joints]
+
+
+def elastic_mjcf(arm: Arm) -> str:
+    """The arm's rigid MJCF with its true compliances built in as joints and springs.
+
+    Contacts are off: an equilibrium has none, and a feasible pose is judged on the rigid arm.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        MJCF text; mesh files are named as in rigid.xml.
+    """
+    root = copy.deepcopy(read_mjcf(arm.rigid))
+    root.set("model", f"{arm.name}_elastic")
+    option = root.find("option")
+    if option is None:
+        option = ET.SubElement(root, "option")
+    option.set("jacobian", "dense")  # MuJoCo 4.0.0's sparse constraint solver is wrong
+    option.set("integrator", "implicitfast")  # damping in proportion to stiffness is stiff
+    option.set("timestep", "0.001")
+    flag = option.find("flag")
+    ET.SubElement(option, "flag", contact="disable") if flag is None else flag.set(
+        "contact", "disable"
+    )
+    tendons = ET.SubElement(root, "tendon")
+    ends = [*(link.name for link in arm.links[1:]), arm.tool]
+    for link, end in zip(arm.links, ends, strict=True):
+        _insert_virtual_joint(arm.rigid, root, link, end)
+        _add_springs(tendons, link)
+    for joint in arm.joints:
+        _insert_hinge(root, joint.name, 1 / joint.compliance)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _insert_virtual_joint(rigid: Path, root: ET.Element, link: Link, end: str) -> None:
+    """Put a body with the link's virtual joint between the link and the body at its end."""
+    parent, child = find_body(rigid, root, link.name), find_body(rigid, root, end)
+    carrier = ET.Element("body", name=f"{link.name}_end", pos=child.attrib.pop("pos", "0 0 0"))
+    parent.insert(list(parent).index(child), carrier)
+    parent.remove(child)
+    tiny = repr(CARRIER_MASS)
+    ET.SubElement(carrier, "inertial", pos="0 0 0", mass=tiny, diaginertia=" ".join([tiny] * 3))
+    for k, axis in enumerate(AXES):
+        ET.SubElement(
+            carrier,
+            "joint",
+            name=virtual_joint(link.name, axis),
+            type="slide" if k < 3 else "hinge",
+            axis=_text(link.frame[:, k % 3]),
+        )
+    carrier.append(child)
+
+
+def _add_springs(tendons: ET.Element, link: Link) -> None:
+    """Six fixed tendons whose springs make up the link's stiffness."""
+    for k, (stiffness, v) in enumerate(zip(*springs(link.compliance), strict=True)):
+        tendon = ET.SubElement(
+            tendons,
+            "fixed",
+            name=f"{link.name}_spring_{k + 1}",
+            stiffness=repr(float(stiffness)),
+            damping=repr(float(DAMPING * stiffness)),
+            springlength="0",
+        )
+        for axis, coef in zip(AXES, v, strict=True):
+            if coef != 0:
+                ET.SubElement(
+                    tendon, "joint", joint=virtual_joint(link.name, axis), coef=repr(float(coef))
+                )
+
+
+def springs(C: Array) -> tuple[Array, Array]:
+    """Stiffnesses and directions of six springs that make up inv(C).
+
+    The eigenvectors are those of the unit-diagonal matrix D^-1/2 C D^-1/2, not of C: C mixes m/N with
+    rad/(N m), and its raw eigenvectors lose digits of the small entries. inv(C) = sum k v v^T all the same.
+
+    Args:
+        C: Positive definite compliance, (6, 6) [m/N, rad/(N m)].
+
+    Returns:
+        Stiffness of each spring, (6,), and its tendon's coefficients as rows, (6, 6).
+    """
+    d = np.sqrt(np.diag(C))
+    eigenvalues, Q = np.linalg.eigh(C / np.outer(d, d))
+    v = Q.T / d
+    norm = np.linalg.norm(v, axis=1)
+    return norm**2 / eigenvalues, v / norm[:, None]
+
+
+def _insert_hinge(root: ET.Element, joint: str, stiffness: float) -> None:
+    """A sprung hinge on the axis of an actuated joint."""
+    body = next(b for b in root.iter("body") if any(j.get("name") == joint for j in b.findall("joint")))
+    actuated = next(j for j in body.findall("joint") if j.get("name") == joint)
+    hinge = ET.Element(
+        "joint",
+        name=virtual_hinge(joint),
+        type="hinge",
+        axis=actuated.get("axis", ""),
+        stiffness=repr(stiffness),
+        damping=repr(DAMPING * stiffness),
+    )
+    actuated.set("armature", repr(BRAKE))
+    body.insert(list(body).index(actuated) + 1, hinge)
+
+
+def _text(vector: Array) -> str:
+    return " ".join(repr(float(x)) for x in vector)

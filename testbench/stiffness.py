@@ -1,0 +1,140 @@
+"""Compliances of links and joints: beam formulas, Gramians, conservativeness.
+
+Six-vectors are translation first, rotation second; SI units.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array, BenchError, check_array
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Relative asymmetry up to which a matrix read from a file counts as symmetric (rounding)."""
+
+
+@dataclass(frozen=True)
+class Tube:
+    """A straight hollow circular beam, the equivalent of a link.
+
+    Attributes:
+        length: Length L along the beam's x axis [m].
+        outer_diameter: D [m].
+        inner_diameter: d, 0 <= d < D [m].
+        youngs_modulus: E [Pa].
+        poissons_ratio: nu [1].
+    """
+
+    length: float
+    outer_diameter: float
+    inner_diameter: float
+    youngs_modulus: float
+    poissons_ratio: float
+
+    def __post_init__(self) -> None:
+        """Refuse a tube that cannot exist.
+
+        Raises:
+            BenchError: When a dimension or a material constant is out of its range.
+        """
+        for name in ("length", "outer_diameter", "youngs_modulus"):
+            if not getattr(self, name) > 0:
+                raise BenchError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        if not 0 <= self.inner_diameter < self.outer_diameter:
+            raise BenchError(
+                f"inner_diameter: expected 0 to below outer_diameter {self.outer_diameter} m, "
+                f"got {self.inner_diameter}"
+            )
+        if not -1 < self.poissons_ratio < 0.5:
+            raise BenchError(
+                f"poissons_ratio: expected between -1 and 0.5, got {self.poissons_ratio}"
+            )
+
+
+def tube_compliance(tube: Tube) -> Array:
+    """Compliance of a clamped Euler-Bernoulli tube, read at its free end.
+
+    The beam template of the field (Klimchik et al.): c11 = L/EA, c22 = c33 = L^3/(3 E I),
+    c44 = L/GJ, c55 = c66 = L/(E I), c26 = +L^2/(2 E I), c35 = -L^2/(2 E I), the beam along x.
+
+    Args:
+        tube: Dimensions and material.
+
+    Returns:
+        C with [displacement; rotation] = C @ [force; moment], (6, 6) [m/N, rad/(N m)].
+    """
+    L, E = tube.length, tube.youngs_modulus
+    D, d = tube.outer_diameter, tube.inner_diameter
+    area = np.pi * (D**2 - d**2) / 4
+    inertia = np.pi * (D**4 - d**4) / 64
+    G = E / (2 * (1 + tube.poissons_ratio))
+    bending = L / (E * inertia)
+    C = np.diag(
+        [
+            L / (E * area),
+            bending * L**2 / 3,
+            bending * L**2 / 3,
+            L / (G * 2 * inertia),
+            bending,
+            bending,
+        ]
+    )
+    C[1, 5] = C[5, 1] = bending * L / 2
+    C[2, 4] = C[4, 2] = -bending * L / 2
+    return C
+
+
+def gramian(V: Array) -> Array:
+    """Gramian matrix of the columns of V, Eq. (16): C = V^T V.
+
+    Args:
+        V: One vector of R^m per column, (m, n) [sqrt of the compliance's unit].
+
+    Returns:
+        Symmetric positive semi-definite matrix, (n, n).
+    """
+    return V.T @ V
+
+
+def eigenvalue_scale(C: Array) -> Array:
+    """Units in which eigenvalues of a compliance mean something: the square root of its diagonal.
+
+    Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length; those of
+    D^-1/2 C D^-1/2 with D = |diag C| do not, and have the same signs (Sylvester).
+
+    Args:
+        C: Symmetric compliance, (n, n).
+
+    Returns:
+        Positive scale per axis, (n,); 1 where the diagonal is zero.
+    """
+    d = np.sqrt(np.abs(np.diag(C)))
+    return np.where(d > 0, d, 1.0)
+
+
+def check_compliance(value: object, what: str) -> Array:
+    """The value as a conservative 6x6 compliance that has an inverse.
+
+    Args:
+        value: Anything that numpy can read as (6, 6) [m/N, rad/(N m)].
+        what: Name of the quantity, for the message.
+
+    Raises:
+        BenchError: When it is not finite, not 6x6, not symmetric or not positive definite.
+    """
+    C = check_array(value, (6, 6), what)
+    scale = eigenvalue_scale(C)
+    unitless = C / np.outer(scale, scale)
+    if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
+        i, j = np.unravel_index(np.argmax(np.abs(unitless - unitless.T)), C.shape)
+        raise BenchError(
+            f"{what}: expected a symmetric matrix, got {C[i, j]:.6g} at row {i + 1}, column "
+            f"{j + 1} against {C[j, i]:.6g} at row {j + 1}, column {i + 1}"
+        )
+    smallest = float(np.linalg.eigvalsh((unitless + unitless.T) / 2)[0])
+    if smallest <= 1e-12:
+        raise BenchError(
+            f"{what}: expected a positive definite matrix, got smallest eigenvalue {smallest:.3g} "
+            "(of the matrix scaled to unit diagonal)"
+        )
+    return (C + C.T) / 2
