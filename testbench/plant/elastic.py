@@ -6,13 +6,14 @@ The result is plain MJCF that MuJoCo's own viewer opens.
 """
 
 import copy
+import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 
 from testbench.arm import Arm, Link
-from testbench.errors import Array
+from testbench.errors import Array, InputError
 from testbench.mjcf import find_body, read_mjcf
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
@@ -157,3 +158,28 @@ def _insert_hinge(root: ET.Element, joint: str, stiffness: float) -> None:
 
 def _text(vector: Array) -> str:
     return " ".join(repr(float(x)) for x in vector)
+
+
+def write_elastic(arm: Arm, file: Path) -> None:
+    """Write the elastic arm as plain MJCF that MuJoCo's own viewer opens.
+
+    Mesh files are copied beside it.
+
+    Args:
+        arm: The arm.
+        file: The MJCF to write; its folder must exist.
+
+    Raises:
+        InputError: When a file cannot be read or written.
+    """
+    text = elastic_mjcf(arm)
+    root = ET.fromstring(text)
+    meshdir = Path(*(c.get("meshdir", "") for c in root.iter("compiler")))
+    try:
+        for name in (m.get("file") for m in root.iter("mesh")):
+            if name:
+                (file.parent / meshdir / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(arm.rigid.parent / meshdir / name, file.parent / meshdir / name)
+        file.write_text(text, encoding="utf-8")
+    except OSError as err:
+        raise InputError(Path(err.filename or file), "", f"{err.strerror}") from err

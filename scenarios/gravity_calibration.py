@@ -1,0 +1,109 @@
+"""Section 6 in simulation: a heavy arm, 460.3 kg, three markers, LS against GCO.
+
+python scenarios/gravity_calibration.py --seed 1 --out runs/demo
+"""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from testbench import command, figures, files, tables
+from testbench.bench import (
+    Campaign,
+    Cell,
+    Result,
+    Scenario,
+    build_cell,
+    identify,
+    section_6_models,
+    simulate,
+)
+from testbench.dataset import write_csv
+from testbench.paper import SECTION_6
+# from testbench.record import write_recording
+from testbench.report import Report, report, summarise
+
+NAME = "gravity_calibration"
+ROOT = Path(__file__).resolve().parents[1]
+QUICK_WORKSPACE = 40
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / NAME,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer workspace poses.")] = False,
+    seeds: Annotated[int, typer.Option(min=1, help="That many seeds: median and spread.")] = 1,
+    arm: Annotated[Path, typer.Option(help="Folder of the arm.")] = ROOT / "models" / "kr500_l480",
+    payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3,
+    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0,
+    truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear",
+    noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True,
+) -> None:
+    """Calibrate the arm under gravity as section 6 of the paper does, and judge five models."""
+    console = Console(highlight=False)
+    scenario = Scenario(
+        arm=arm.name,
+        payload=payload_kg,
+        sigma=sigma_um / 1e6,
+        truth=truth,
+        noise=noise,
+        workspace_poses=QUICK_WORKSPACE if quick else 200,
+    )
+    cell = build_cell(arm)
+    models = section_6_models(cell)
+    with files.whole_folder(out) as folder:
+        reports = []
+        for k in track(range(seeds), "seeds", console=console, transient=True, disable=seeds == 1):
+            campaign = simulate(cell, scenario, seed + k)
+            results = identify(cell, campaign, models, time.perf_counter)
+            reports.append(report(NAME, campaign, results, SECTION_6))
+            if k == 0:
+                write_views(folder, reports[0], cell, campaign, results)
+        final = reports[0] if seeds == 1 else summarise(reports)
+        write_numbers(folder, final, scenario, seed, seeds, arm)
+        figures.models(final, folder / "models.png")
+    console.print(tables.title(final))
+    console.print(tables.models(final))
+    console.print(tables.verdict(final))
+    console.print()
+    console.print(tables.where(out), soft_wrap=True)
+
+
+def write_views(
+    folder: Path, first: Report, cell: Cell, campaign: Campaign, results: list[Result]
+) -> None:
+    """Dataset, residual figure and recording of the first seed."""
+    joints = tuple(j.name for j in cell.arm.joints)
+    write_csv(campaign.measured, joints, folder / "dataset.csv")
+    figures.residuals(campaign, results, folder / "residuals.png")
+    # write_recording(folder / "recording.rrd", first, cell, campaign, results)
+
+
+def write_numbers(
+    folder: Path, final: Report, scenario: Scenario, seed: int, seeds: int, arm: Path
+) -> None:
+    """report.json, report.md and the manifest that runs it again."""
+    files.write_json(final, folder / "report.json")
+    (folder / "report.md").write_text(tables.markdown(final), encoding="utf-8")
+    manifest = {
+        "command": f"scenarios/{NAME}.py",
+        "scenario": scenario.model_dump(mode="json"),
+        "seed": seed,
+        "seeds": seeds,
+        "versions": files.versions(),
+        "git": files.git_commit(ROOT),
+        "models": {arm.name: files.digests(arm)},
+    }
+    files.write_json(manifest, folder / "manifest.json")
+
+
+if __name__ == "__main__":
+    sys.exit(command.run(app))

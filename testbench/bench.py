@@ -1,0 +1,285 @@
+"""The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from testbench.arm import Arm, load_arm
+from testbench.dataset import Dataset, Ids, split
+from testbench.errors import Array
+from testbench.evaluate import Normality, Score, normality, predict, score
+from testbench.identify import Estimate, Estimator, gco, least_squares
+from testbench.identify.reduction import non_redundant
+from testbench.mjcf import GRAVITY
+from testbench.plant import (
+    Equilibrium,
+    Plant,
+    Room,
+    build_plant,
+    build_room,
+    collisions,
+    settle,
+    settle_linear,
+)
+from testbench.poses import WorkArea, random_poses
+from testbench.structure import Structure, mgco47, mgco68, template56
+from testbench.tracker import Tracker, read_positions
+from testbench.vjm import Vjm, build_vjm
+
+Corner = Annotated[tuple[float, float, float], Field(strict=False)]
+
+
+class Scenario(BaseModel):
+    """A gravity calibration campaign as data: what a manifest must hold to run it again.
+
+    Attributes:
+        arm: The arm's folder.
+        payload: Hung mass [kg].
+        sigma: Standard deviation of one tracker reading along one axis [m]; also the weight of the fit.
+        truth: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
+        noise: Whether readings are noisy.
+        station: Work area of the calibration poses.
+        workspace: Area of the second check: the whole workspace above the floor.
+        identification_poses: Poses to identify from.
+        check_poses: Poses never used for it.
+        identification_runs: Runs over the identification poses; some poses are measured twice.
+        check_runs: Runs over the check poses.
+        workspace_poses: Poses of the second check.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    arm: str
+    payload: float = Field(default=460.3, gt=0, le=10_000)
+    sigma: float = Field(default=50e-6, gt=0, le=0.01)
+    truth: Literal["nonlinear", "linear"] = "nonlinear"
+    noise: bool = True
+    station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+    workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+    identification_poses: int = Field(default=8, ge=1, le=1000)
+    check_poses: int = Field(default=3, ge=1, le=1000)
+    identification_runs: int = Field(default=15, ge=1, le=10_000)
+    check_runs: int = Field(default=6, ge=1, le=10_000)
+    workspace_poses: int = Field(default=200, ge=1, le=10_000)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An arm with its truth, its model and its room, built once for many campaigns."""
+
+    arm: Arm
+    plant: Plant
+    vjm: Vjm
+    room: Room
+
+
+@dataclass(frozen=True)
+class Model:
+    """A named structure with the method that identifies it.
+
+    Attributes:
+        name: As in the paper, such as MGCO68.
+        structure: The unknowns.
+        estimator: The method.
+    """
+
+    name: str
+    structure: Structure
+    estimator: Estimator
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What was measured, and the truth behind it.
+
+    Attributes:
+        scenario: What was asked for.
+        seed: Root of all randomness.
+        measured: All measured runs, in the order of the dataset file.
+        identification: Those to identify from.
+        check: Those of poses never identified from.
+        workspace: Second check: noise-free deflections all over the workspace.
+        before: The true arm, unloaded, of the measured runs.
+        after: The same, loaded.
+    """
+
+    scenario: Scenario
+    seed: int
+    measured: Dataset
+    identification: Dataset
+    check: Dataset
+    workspace: Dataset
+    before: Equilibrium
+    after: Equilibrium
+
+
+@dataclass(frozen=True)
+class Result:
+    """One model, identified and judged.
+
+    Attributes:
+        model: What was asked for.
+        estimate: What was found.
+        identification: Errors on the runs it was identified from, against their readings.
+        check: Errors on the check poses, against their readings.
+        workspace: Errors over the workspace, against the true deflections.
+        residuals: Readings minus predictions of all measured runs, (runs, m, 3) [m].
+        fit_normality: Of the residuals of the identification runs.
+        check_normality: Of the residuals of the check runs.
+        seconds: Wall time of the estimator.
+    """
+
+    model: Model
+    estimate: Estimate
+    identification: Score
+    check: Score
+    workspace: Score
+    residuals: Array
+    fit_normality: Normality
+    check_normality: Normality
+    seconds: float
+
+
+def build_cell(folder: str | Path) -> Cell:
+    """Load an arm and build its truth, its model and its room.
+
+    Raises:
+        InputError: When the arm's folder is wrong.
+    """
+    arm = load_arm(folder)
+    return Cell(arm, build_plant(arm), build_vjm(arm), build_room(arm))
+
+
+def stream(seed: int, trial: int = 0) -> np.random.Generator:
+    """Random numbers of one trial, independent of order, workers and restarts."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
+
+
+def simulate(cell: Cell, scenario: Scenario, seed: int) -> Campaign:
+    """Choose poses, load the true arm in each, and read the markers.
+
+    Args:
+        cell: The arm.
+        scenario: What to measure.
+        seed: Root of all randomness.
+
+    Raises:
+        PoseError: When too few feasible poses exist.
+        NoEquilibrium: When the arm cannot carry the payload.
+    """
+    poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
+
+    def clear(q: Array) -> Array:
+        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+
+    count = scenario.identification_poses + scenario.check_poses
+    station = random_poses(cell.vjm, scenario.station, count, clear, poses_rng)
+    anywhere = random_poses(cell.vjm, scenario.workspace, scenario.workspace_poses, clear, poses_rng)
+    pose = np.concatenate(
+        [
+            spread(scenario.identification_poses, scenario.identification_runs),
+            scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
+        ]
+    )
+    tracker = Tracker(scenario.sigma if scenario.noise else 0.0)
+    measured, before, after = measure(cell, scenario, station[pose], pose + 1, tracker, noise_rng)
+    ids = np.arange(len(anywhere)) + 1
+    workspace, _, _ = measure(cell, scenario, anywhere, ids, Tracker(0.0), noise_rng)
+    used = np.arange(scenario.identification_poses) + 1
+    identification, check = split(measured, used)
+    return Campaign(scenario, seed, measured, identification, check, workspace, before, after)
+
+
+def spread(poses: int, runs: int) -> Ids:
+    """Pose of every run: as many runs in each pose as in any other, or one more, in order of pose."""
+    return np.sort(np.arange(runs) % poses)
+
+
+def measure(
+    cell: Cell, scenario: Scenario, q: Array, pose: Ids, tracker: Tracker, rng: np.random.Generator
+) -> tuple[Dataset, Equilibrium, Equilibrium]:
+    """Read every marker before and after hanging the payload.
+
+    Args:
+        cell: The arm.
+        scenario: Payload, kind of truth, sigma of the fit.
+        q: Actuated joint angles, (runs, n) [rad].
+        pose: Identifier of the pose of every run, (runs,).
+        tracker: The instrument.
+        rng: Source of its noise.
+
+    Returns:
+        The readings, and the true arm unloaded and loaded.
+    """
+    runs = len(q)
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -GRAVITY * scenario.payload
+    point = np.tile(cell.vjm.load, (runs, 1))
+    if scenario.truth == "linear":
+        before = settle_linear(cell.plant, q, np.zeros_like(wrench), point)
+        after = settle_linear(cell.plant, q, wrench, point)
+    else:
+        before = settle(cell.plant, q)
+        after = settle(cell.plant, q, wrench, point)
+    data = Dataset(
+        markers=cell.arm.markers,
+        run=np.arange(runs) + 1,
+        pose=pose,
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=read_positions(tracker, before.markers, rng),
+        after=read_positions(tracker, after.markers, rng),
+        sigma=scenario.sigma,
+    )
+    return data, before, after
+
+
+def section_6_models(cell: Cell) -> list[Model]:
+    """The five models of section 6, in the paper's order."""
+    template = template56(cell.arm, name="MLS56")
+    return [
+        Model("MLS32", non_redundant(cell.vjm, template, name="MLS32"), least_squares),
+        Model("MLS56", template, least_squares),
+        Model("MGCO47", mgco47(cell.arm), gco),
+        Model("MGCO56", template56(cell.arm), gco),
+        Model("MGCO68", mgco68(cell.arm), gco),
+    ]
+
+
+def identify(
+    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
+) -> list[Result]:
+    """Identify every model from the campaign and judge it on all sets.
+
+    Args:
+        cell: The arm.
+        campaign: The data.
+        models: What to identify, and how.
+        clock: Wall time [s], such as time.perf_counter.
+    """
+    return [_judge(cell, campaign, model, clock, stream(campaign.seed, 2)) for model in models]
+
+
+def _judge(
+    cell: Cell,
+    campaign: Campaign,
+    model: Model,
+    clock: Callable[[], float],
+    rng: np.random.Generator,
+) -> Result:
+    start = clock()
+    estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
+    seconds = clock() - start
+    scores = [
+        score(predict(cell.vjm, estimate, data), data.deflection)
+        for data in (campaign.identification, campaign.check, campaign.workspace)
+    ]
+    residuals = campaign.measured.deflection - predict(cell.vjm, estimate, campaign.measured)
+    used = np.isin(campaign.measured.pose, campaign.identification.pose)
+    normal = [normality(residuals[runs], rng) for runs in (used, ~used)]
+    return Result(model, estimate, *scores, residuals, *normal, seconds)

@@ -1,0 +1,72 @@
+"""Results on disk: all of a run or nothing of it."""
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from testbench.errors import InputError
+
+PACKAGES = ("testbench", "mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
+
+
+@contextlib.contextmanager
+def whole_folder(out: Path) -> Iterator[Path]:
+    """A scratch folder whose files replace those in `out` once the block has ended well.
+
+    After an error or Ctrl-C the earlier results stand as they were.
+
+    Args:
+        out: Folder of the results; made where it does not exist.
+
+    Raises:
+        InputError: When the folder cannot be made or written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=".new-", dir=out))
+    except OSError as err:
+        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
+    try:
+        yield scratch
+        for file in sorted(scratch.iterdir()):
+            os.replace(file, out / file.name)
+    except OSError as err:
+        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def write_json(value: Any, file: Path) -> None:
+    """Write JSON for people and programs: indented, keys in their order, no NaN."""
+    file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that numbers depend on."""
+    return {name: metadata.version(name) for name in PACKAGES}
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file of an arm's folder, by its path in it."""
+    files = sorted(p for p in folder.rglob("*") if p.is_file())
+    return {
+        p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files
+    }
+
+
+def git_commit(folder: Path) -> str:
+    """Commit of the checkout that holds a folder, "-dirty" behind it if changed; "unknown" outside of one."""
+    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return done.stdout.strip()

@@ -1,0 +1,36 @@
+"""Algebraic reduction of a structure to non-redundant parameters: MLS56 becomes MLS32."""
+
+import numpy as np
+from scipy.linalg import qr
+
+from testbench.identify.regression import rank
+from testbench.structure import Structure
+from testbench.vjm import Vjm, observation
+
+GENERIC_RUNS = 60
+"""Random runs of a full wrench, read in full pose: they see all that any experiment can."""
+
+
+def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
+    """The structure without the parameters whose columns the others span in every experiment.
+
+    Columns are chosen by QR with pivoting of a generic observation matrix; a dropped parameter is zero, and
+    what it did is regrouped into the kept ones (Klimchik et al.; Khalil and Gautier's base parameters).
+
+    Args:
+        vjm: The model.
+        structure: The redundant structure.
+        name: Name of the reduced one.
+    """
+    rng = np.random.Generator(np.random.Philox(0))  # rank is generic: it does not depend on the draw
+    lower, upper = vjm.arm.limits
+    q = rng.uniform(lower, upper, (GENERIC_RUNS, vjm.arm.n_joints))
+    wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
+    rows = [
+        observation(vjm, structure, q, wrench, point, targets=vjm.markers, rotation=turned)
+        for turned in (False, True)
+    ]
+    A = np.concatenate([row.reshape(-1, structure.n) for row in rows])
+    A = A / np.linalg.norm(A, axis=0)
+    _, order = qr(A, mode="r", pivoting=True)
+    return structure.keep(np.sort(order[: rank(A)]), name)

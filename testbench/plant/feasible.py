@@ -1,0 +1,89 @@
+"""Which poses the rigid arm can take: inside its joint limits, free of collision with itself and the floor."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from testbench.arm import Arm
+from testbench.errors import Array, PoseError, check_array
+from testbench.plant.equilibrium import compile_mjcf
+
+
+@dataclass(frozen=True)
+class Room:
+    """The rigid arm and the floor, for collision checks.
+
+    Attributes:
+        arm: Its description.
+        model: Rigid MuJoCo model.
+        joints: Address of each actuated joint in qpos, (n,).
+    """
+
+    arm: Arm
+    model: mujoco.MjModel
+    joints: npt.NDArray[np.int_]
+
+
+def build_room(arm: Arm) -> Room:
+    """The rigid MuJoCo model of an arm.
+
+    Raises:
+        InputError: When MuJoCo refuses the arm's MJCF.
+    """
+    model = compile_mjcf(arm.rigid, arm.rigid.read_text(encoding="utf-8"))
+    joints = np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int)
+    return Room(arm, model, joints)
+
+
+def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
+    """The first colliding pair of bodies in every pose, None where the arm is clear.
+
+    Args:
+        room: Arm and floor.
+        q: Actuated joint angles, (poses, n) [rad].
+    """
+    q = check_array(q, (None, room.arm.n_joints), "q [rad]")
+    model, data = room.model, mujoco.MjData(room.model)
+    found: list[tuple[str, str] | None] = []
+    for pose in q:
+        data.qpos[room.joints] = pose
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        touching = data.contact.geom[data.contact.dist < 0]
+        if len(touching):
+            bodies = [model.body(int(model.geom_bodyid[g])).name for g in touching[0]]
+            found.append((bodies[0] or "world", bodies[1] or "world"))
+        else:
+            found.append(None)
+    return found
+
+
+def check_poses(room: Room, q: Array) -> None:
+    """Refuse the first pose that the arm cannot take.
+
+    Args:
+        room: Arm and floor.
+        q: Actuated joint angles, (poses, n) [rad].
+
+    Raises:
+        PoseError: Names the pose and the limit or the colliding bodies.
+    """
+    q = check_array(q, (None, room.arm.n_joints), "q [rad]")
+    lower, upper = room.arm.limits
+    outside = np.argwhere((q < lower) | (q > upper))
+    if len(outside):
+        i, k = outside[0]
+        joint = room.arm.joints[k]
+        raise PoseError(
+            f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} rad, expected {joint.lower:.4f} to "
+            f"{joint.upper:.4f}"
+        )
+    for i, pair in enumerate(collisions(room, q)):
+        if pair:
+            raise PoseError(
+                f"pose {i + 1}: {pair[0]} collides with {pair[1]} at "
+                f"q = {np.rad2deg(q[i]).round(2).tolist()} deg"
+            )

@@ -1,0 +1,26 @@
+#!/bin/sh
+# Re-compile both locks from pyproject.toml, keeping the versions that still fit.
+#
+#     sh tools/lock.sh [--upgrade | --upgrade-package NAME]
+#
+# Needs uv (UV=/path/to/uv where it is not on the path). The locks hold versions and hashes for
+# every platform, and no index: whoever installs chooses that.
+set -eu
+CDPATH='' cd -- "$(dirname -- "$0")/.."
+uv=${UV:-uv}
+command -v "$uv" >/dev/null || {
+  echo "make lock needs uv: pip install uv in a virtual environment, then UV=/path/to/uv make lock" >&2
+  exit 1
+}
+
+compile() {
+  "$uv" pip compile --quiet --universal --python-version 3.11 --generate-hashes --only-binary :all: \
+    --no-header --no-annotate --no-emit-index-url --no-emit-find-links --no-emit-build-options "$@" >/dev/null
+}
+
+compile "$@" pyproject.toml --all-extras --group test --group build --group qa -o requirements.lock
+compile "$@" --group bench --constraints requirements.lock -o requirements-bench.lock
+if grep -nE '://|^ *--(index|extra|find|trusted|no-|only)| @ ' requirements.lock requirements-bench.lock; then
+  echo "the locks must hold names, versions and hashes only" >&2
+  exit 1
+fi
