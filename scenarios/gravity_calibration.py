@@ -20,7 +20,7 @@ from testbench.bench import (
     Scenario,
     build_cell,
     identify,
-    section_6_models,
+    named_models,
     simulate,
 )
 from testbench.dataset import write_csv
@@ -58,7 +58,7 @@ def main(
         workspace_poses=QUICK_WORKSPACE if quick else 200,
     )
     cell = build_cell(arm)
-    models = section_6_models(cell)
+    models = named_models(cell)
     with files.whole_folder(out) as folder:
         reports = []
         for k in track(range(seeds), "seeds", console=console, transient=True, disable=seeds == 1):

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm import Arm, load_arm
 from testbench.dataset import Dataset, Ids, split
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.evaluate import Normality, Score, normality, predict, score
 from testbench.identify import Estimate, Estimator, gco, least_squares
 from testbench.identify.reduction import non_redundant
@@ -26,7 +26,7 @@ from testbench.plant import (
     settle_linear,
 )
 from testbench.poses import WorkArea, random_poses
-from testbench.structure import Structure, mgco47, mgco68, template56
+from testbench.structure import Structure, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.tracker import Tracker, read_positions
 from testbench.vjm import Vjm, build_vjm
 
@@ -239,16 +239,39 @@ def measure(
     return data, before, after
 
 
-def section_6_models(cell: Cell) -> list[Model]:
-    """The five models of section 6, in the paper's order."""
-    template = template56(cell.arm, name="MLS56")
-    return [
-        Model("MLS32", non_redundant(cell.vjm, template, name="MLS32"), least_squares),
-        Model("MLS56", template, least_squares),
-        Model("MGCO47", mgco47(cell.arm), gco),
-        Model("MGCO56", template56(cell.arm), gco),
-        Model("MGCO68", mgco68(cell.arm), gco),
-    ]
+def _template(cell: Cell, name: str) -> Structure:
+    return template56(cell.arm, name=name)
+
+
+MODELS: dict[str, Callable[[Cell], tuple[Structure, Estimator]]] = {
+    "MLS32": lambda cell: (non_redundant(cell.vjm, _template(cell, "MLS56"), name="MLS32"), least_squares),
+    "MLS56": lambda cell: (_template(cell, "MLS56"), least_squares),
+    "MGCO47": lambda cell: (mgco47(cell.arm), gco),
+    "MGCO56": lambda cell: (_template(cell, "MGCO56"), gco),
+    "MGCO68": lambda cell: (mgco68(cell.arm), gco),
+    "MGCO69": lambda cell: (mgco69(cell.arm), gco),
+    "MGCO147": lambda cell: (mgco147(cell.arm), gco),
+}
+"""The paper's models by name: structure and method."""
+
+SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
+"""The models of section 6, in the paper's order."""
+
+
+def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
+    """Models of the paper by name.
+
+    Args:
+        cell: The arm.
+        names: Keys of `MODELS`.
+
+    Raises:
+        BenchError: When there is no such model, or the arm has too few links for it.
+    """
+    for name in names:
+        if name not in MODELS:
+            raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
+    return [Model(name, *MODELS[name](cell)) for name in names]
 
 
 def identify(

@@ -15,13 +15,13 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from testbench.arm import Arm
-from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.errors import Array, BenchError, InputError, check_array, read_text
 
 Mask = npt.NDArray[np.bool_]
 Ids = npt.NDArray[np.int_]
 
 XYZ = ("x", "y", "z")
-MAX_BYTES = 1_000_000_000
+MAX_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -60,16 +60,21 @@ class Dataset:
         """Check shapes and values at the door.
 
         Raises:
-            BenchError: When an array has the wrong shape or is not finite, or a sigma is not positive.
+            BenchError: When an array has the wrong shape or is not finite, an identifier is no integer, a
+                marker is named twice or none is, or a sigma is not positive.
         """
         runs, m = len(self.run), len(self.markers)
+        for name in ("run", "pose"):
+            ids = np.asarray(getattr(self, name))
+            if ids.shape != (runs,) or not np.issubdtype(ids.dtype, np.integer):
+                raise BenchError(f"{name}: expected {runs} integers, got {ids.dtype} {ids.shape}")
+        if m == 0 or len(set(self.markers)) != m:
+            raise BenchError(f"markers: expected different names, got {self.markers}")
         check_array(self.q, (runs, None), "q [rad]")
         check_array(self.wrench, (runs, 6), "wrench [N, N m]")
         check_array(self.point, (runs, 3), "point [m]")
         check_array(self.before, (runs, m, 3), "before [m]")
         check_array(self.after, (runs, m, 3), "after [m]")
-        if len(self.pose) != runs:
-            raise BenchError(f"pose: expected {runs} identifiers, got {len(self.pose)}")
         if not 0 < self.sigma < np.inf:
             raise BenchError(f"sigma [m]: expected more than 0, got {self.sigma}")
         rotations = (self.rotation_before, self.rotation_after, self.sigma_rotation)
@@ -103,14 +108,21 @@ class Dataset:
         Raises:
             BenchError: When the dataset has no orientations.
         """
-        if self.rotation_before is None:
+        if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
-        before, after = map(Rotation.from_rotvec, (self.rotation_before, self.rotation_after))
+        before = Rotation.from_rotvec(self.rotation_before)
+        after = Rotation.from_rotvec(self.rotation_after)
         return np.asarray((after * before.inv()).as_rotvec())
 
 
 def select(data: Dataset, runs: Mask) -> Dataset:
-    """The runs under a mask, (runs,)."""
+    """The runs under a mask, (runs,).
+
+    Raises:
+        BenchError: When the mask has another length than the dataset.
+    """
+    if np.shape(runs) != (data.runs,):
+        raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
     arrays = ("run", "pose", "q", "wrench", "point", "before", "after")
     rotations = ("rotation_before", "rotation_after") if data.rotation_before is not None else ()
     return replace(data, **{name: getattr(data, name)[runs] for name in (*arrays, *rotations)})
@@ -124,9 +136,7 @@ def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:
     """
     missing = np.setdiff1d(poses, data.pose)
     if len(missing):
-        raise BenchError(
-            f"no pose {missing[0]} in the dataset; poses are {np.unique(data.pose).tolist()}"
-        )
+        raise BenchError(f"no pose {missing[0]} in the dataset; poses are {np.unique(data.pose).tolist()}")
     inside = np.isin(data.pose, poses)
     if inside.all() or not inside.any():
         raise BenchError(f"split: expected runs on both sides, got {inside.sum()} of {data.runs}")
@@ -162,7 +172,13 @@ def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
         data: The runs.
         joints: Names of the arm's joints, for the header.
         path: The file.
+
+    Raises:
+        BenchError: When the names are not as many as the joint angles.
+        InputError: When the file cannot be written.
     """
+    if len(joints) != data.q.shape[1]:
+        raise BenchError(f"joints: expected {data.q.shape[1]} names, got {list(joints)}")
     m = len(data.markers)
     rotation = data.rotation_before is not None
     parts = [np.repeat(a, m, axis=0) for a in (data.q, data.wrench, data.point)]
@@ -178,8 +194,12 @@ def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
     for (run, pose, marker), row in zip(ids, np.hstack(parts).tolist(), strict=True):
         writer.writerow([run, pose, marker, *map(repr, row)])
     part = path.with_name(path.name + ".part")
-    part.write_text(text.getvalue(), encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_bytes(text.getvalue().encode())
+        part.replace(path)
+    except OSError as err:
+        part.unlink(missing_ok=True)
+        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
 
 
 def read_csv(path: Path, arm: Arm) -> Dataset:
@@ -194,11 +214,15 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
     """
     header, lines = _read_lines(path)
     joints = tuple(j.name for j in arm.joints)
-    rotation = "sigma_rad" in header
-    expected = columns(joints, rotation=rotation)
+    plain, full = columns(joints, rotation=False), columns(joints, rotation=True)
+    rotation = not set(header).isdisjoint(set(full) - set(plain))
+    expected = full if rotation else plain
     unknown = [name for name in header if name not in expected]
     missing = [name for name in expected if name not in header]
-    if missing or unknown or len(set(header)) != len(header):
+    twice = [name for name in expected if header.count(name) > 1]
+    if twice:
+        raise InputError(path, "line 1", f"expected every column once, got {twice} more than once")
+    if missing or unknown:
         problem = f"missing columns {missing}, unknown columns {unknown}"
         raise InputError(path, "line 1", f"{problem}; expected {','.join(expected)}")
     if not lines:
@@ -216,22 +240,18 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
 
 
 def _read_lines(path: Path) -> tuple[list[str], list[list[str]]]:
+    reader = csv.reader(io.StringIO(read_text(path, MAX_BYTES), newline=""), strict=True)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(path, "", f"expected at most {MAX_BYTES} bytes")
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = list(csv.reader(file, strict=True))
-    except OSError as err:
-        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
-    except (UnicodeDecodeError, csv.Error) as err:
-        raise InputError(path, "", f"not CSV in UTF-8: {err}") from err
+        lines = list(reader)
+    except csv.Error as err:
+        raise InputError(path, f"line {reader.line_num}", f"not CSV: {err}") from err
+    while lines and not lines[-1]:  # blank lines at the end, as editors leave them
+        lines.pop()
     if not lines:
         raise InputError(path, "line 1", "expected a header, the file is empty")
     for number, line in enumerate(lines[1:], start=2):
         if len(line) != len(lines[0]):
-            raise InputError(
-                path, f"line {number}", f"expected {len(lines[0])} fields, got {len(line)}"
-            )
+            raise InputError(path, f"line {number}", f"expected {len(lines[0])} fields, got {len(line)}")
     return lines[0], lines[1:]
 
 
@@ -242,14 +262,16 @@ def _numbers(path: Path, names: list[str], lines: list[list[str]]) -> tuple[Ids,
     for i, line in enumerate(lines):
         for k, (name, text) in enumerate(zip(names, line, strict=True)):
             try:
+                if k != 2 and "_" in text:  # Python reads 1_0 as 10
+                    raise ValueError
                 if k < 2:
                     ids[i, k] = int(text)
                 elif k > 2:
                     values[i, k - 3] = float(text)
             except (ValueError, OverflowError):
-                kind = "an integer" if k < 2 else "a number"
+                kind = "an integer of 64 bits" if k < 2 else "a number"
                 place = f"line {i + 2}, column {name}"
-                raise InputError(path, place, f"expected {kind}, got {text!r}") from None
+                raise InputError(path, place, f"expected {kind}, got {text[:80]!r}") from None
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         i, k = bad[0]
@@ -301,19 +323,20 @@ def _assemble(
 ) -> Dataset:
     m = len(markers)
     once = [*range(n + 9), *range(n + 15, values.shape[1])]  # all but the readings of a marker
-    differs = np.argwhere(
-        values[:, once].reshape(-1, m, len(once)) != values[::m][:, None, once]
-    )
+    differs = np.argwhere(values[:, once].reshape(-1, m, len(once)) != values[::m][:, None, once])
     if len(differs):
         i, j, k = differs[0]
         place = f"line {i * m + j + 2}, column {names[3 + once[k]]}"
         raise InputError(path, place, "expected the same value in every row of the run")
     sigmas = [names.index("sigma_m") - 3] + ([names.index("sigma_rad") - 3] if rotation else [])
     for k in sigmas:
-        if (values[:, k] != values[0, k]).any():
-            raise InputError(path, f"column {names[k + 3]}", "expected one value in the whole file")
+        other = np.flatnonzero(values[:, k] != values[0, k])
+        if len(other):
+            place = f"line {other[0] + 2}, column {names[k + 3]}"
+            raise InputError(path, place, "expected one value in the whole file")
         if not values[0, k] > 0:
-            raise InputError(path, f"column {names[k + 3]}", f"expected > 0, got {values[0, k]}")
+            place = f"line 2, column {names[k + 3]}"
+            raise InputError(path, place, f"expected more than 0, got {values[0, k]}")
     first = values[::m]
     turned = first[:, n + 16 : n + 22] if rotation else None
     return Dataset(

@@ -1,11 +1,15 @@
 """What can go wrong, as few exception types as a caller can tell apart."""
 
+import stat
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+MAX_MESSAGE = 2000
+"""Longest message about a file [characters]: a file of garbage is not repeated to its owner."""
 
 
 class BenchError(Exception):
@@ -22,7 +26,9 @@ class InputError(BenchError):
     """
 
     def __init__(self, file: Path, place: str, problem: str) -> None:
-        super().__init__(f"{file}: {place}: {problem}" if place else f"{file}: {problem}")
+        message = f"{file}: {place}: {problem}" if place else f"{file}: {problem}"
+        line = " ".join(message.splitlines())  # names from the file may hold line breaks
+        super().__init__(line if len(line) <= MAX_MESSAGE else line[: MAX_MESSAGE - 3] + "...")
 
 
 class NoEquilibrium(BenchError):
@@ -35,6 +41,29 @@ class PoseError(BenchError):
 
 class RankError(BenchError):
     """A dataset that cannot answer the question asked of it."""
+
+
+def read_text(path: Path, max_bytes: int) -> str:
+    """The text of a file that a user handed in, without its byte order mark.
+
+    Args:
+        path: The file.
+        max_bytes: Largest size that is read [byte].
+
+    Raises:
+        InputError: When it is missing, no plain file, too large or not UTF-8.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # a device or a pipe has no end
+            raise InputError(path, "", "expected a file, got a folder or a device")
+        if status.st_size > max_bytes:
+            raise InputError(path, "", f"expected at most {max_bytes} bytes, got {status.st_size}")
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as err:
+        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
+    except UnicodeDecodeError as err:
+        raise InputError(path, f"byte {err.start + 1}", f"expected UTF-8: {err.reason}") from err
 
 
 def check_array(value: object, shape: tuple[int | None, ...], what: str) -> Array:

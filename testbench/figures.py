@@ -31,6 +31,8 @@ def models(report: Report, file: Path) -> None:
     _bars(left, report, "check", "check poses, against noisy readings", "check_rms_mm")
     _bars(right, report, "workspace", "whole workspace, against the truth", "")
     left.set_ylabel("RMS error [mm]")
+    left.set_yscale("log")  # both: the axis is shared
+    left.set_ylim(0.03, 2 * max(left.dataLim.ymax, right.dataLim.ymax))
     seeds = report["seed"]
     spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
     figure.suptitle(
@@ -55,8 +57,6 @@ def _bars(axes: Axes, report: Report, group: str, title: str, paper: str) -> Non
     axes.plot(x, known, "D", color=GREY, markersize=8, markeredgecolor="white")
     names = [f"{m['name']}\n{h:.3f} mm" for m, h in zip(rows, height, strict=True)]
     axes.set_xticks(x, names)
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=0.03)
     axes.set_title(title, fontsize="medium")
     axes.spines[["top", "right"]].set_visible(False)
 

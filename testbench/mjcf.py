@@ -5,19 +5,31 @@ passes an allow-list of elements before MuJoCo or Pinocchio see it.
 """
 
 import math
+import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from testbench.errors import InputError
+from testbench.errors import InputError, read_text
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 64
 ELEMENTS = frozenset(
-    "mujoco compiler option flag size visual global headlight quality map rgba scale statistic asset "
+    "mujoco compiler option flag visual global headlight quality map rgba scale statistic asset "
     "material mesh default worldbody body inertial joint geom light camera contact exclude".split()
 )
-COMPILER = frozenset("angle autolimits inertiafromgeom meshdir".split())
-JOINT = frozenset("name type axis pos range limited armature damping group".split())
+ATTRIBUTES = {
+    "compiler": frozenset("angle autolimits inertiafromgeom meshdir".split()),
+    "option": frozenset("gravity jacobian timestep integrator cone solver iterations tolerance".split()),
+    "flag": frozenset("contact filterparent midphase nativeccd multiccd energy".split()),
+    "body": frozenset("name childclass pos quat axisangle euler xyaxes zaxis".split()),
+    "joint": frozenset("name type axis pos range limited armature damping group".split()),
+}
+"""What may be said of the elements that statics depends on: no wind, no gravcomp, gravity never off."""
+PLACEMENT = {"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
+INERTIA = {"diaginertia": 3, "fullinertia": 6}
+"""How many numbers place a body or give its inertia."""
+LARGEST = 1e6
+"""Largest length, angle, mass or inertia of an arm; beyond it an exponent is a slip."""
 GRAVITY = 9.81
 """Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default."""
 
@@ -31,21 +43,17 @@ def read_mjcf(path: Path) -> ET.Element:
     Raises:
         InputError: When it is missing, too large, not well-formed, or holds what an arm may not.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(path, "", f"expected at most {MAX_BYTES} bytes")
-        text = path.read_bytes()
-    except OSError as err:
-        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+    text = read_text(path, MAX_BYTES)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(path, "", "document types and entities are not allowed")
     try:
         root = ET.fromstring(text)
-    except (ET.ParseError, UnicodeDecodeError, LookupError, ValueError) as err:
+    except (ET.ParseError, LookupError, ValueError) as err:
         raise InputError(path, "", f"not well-formed XML: {err}") from err
     if root.tag != "mujoco":
         raise InputError(path, "", f"expected <mujoco> at the top, got <{root.tag}>")
     _check_elements(path, root)
+    _check_files(path, root)
     return root
 
 
@@ -54,9 +62,7 @@ def _check_elements(path: Path, root: ET.Element) -> None:
     for depth in range(MAX_DEPTH + 1):
         for e in level:
             if e.tag not in ELEMENTS:
-                raise InputError(
-                    path, f"<{e.tag}>", f"not allowed in an arm; allowed are {sorted(ELEMENTS)}"
-                )
+                raise InputError(path, f"<{e.tag}>", f"not allowed in an arm; allowed are {sorted(ELEMENTS)}")
             _check_attributes(path, e)
         level = [child for e in level for child in e]
         if not level:
@@ -66,11 +72,11 @@ def _check_elements(path: Path, root: ET.Element) -> None:
 
 
 def _check_attributes(path: Path, e: ET.Element) -> None:
-    where = f"<{e.tag} name={e.get('name')!r}>" if e.get("name") else f"<{e.tag}>"
+    where = _where(e)
     for key, value in e.attrib.items():
-        if any(word.lower() in ("nan", "inf", "-inf", "+inf", "infinity") for word in value.split()):
+        if not all(map(_finite, value.split())):
             raise InputError(path, where, f"{key}: expected finite numbers, got {value!r}")
-    known = {"compiler": COMPILER, "joint": JOINT}.get(e.tag)
+    known = ATTRIBUTES.get(e.tag)
     if known and not set(e.attrib) <= known:
         extra = sorted(set(e.attrib) - known)
         raise InputError(path, where, f"not allowed: {extra}; allowed are {sorted(known)}")
@@ -80,19 +86,44 @@ def _check_attributes(path: Path, e: ET.Element) -> None:
         gravity = numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
             raise InputError(path, where, f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
-    for key in ("file", "meshdir"):
-        inside = (path.parent / e.get(key, "")).resolve()
-        if not inside.is_relative_to(path.parent.resolve()):
-            raise InputError(path, where, f"{key}: expected a file inside the arm's folder")
+    if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
+        raise InputError(path, where, f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}")
     if e.tag == "inertial":
         mass = numbers(path, e, "mass", 1)[0]
         if not mass > 0:
             raise InputError(path, where, f"mass: expected more than 0 kg, got {mass}")
         numbers(path, e, "pos", 3)
+    if e.tag in ("body", "inertial"):
+        for key, count in (PLACEMENT | INERTIA).items():
+            if key in e.attrib:
+                numbers(path, e, key, count)
+
+
+def _check_files(path: Path, root: ET.Element) -> None:
+    """Every file that the MJCF names lies in the arm's folder, symbolic links followed."""
+    folder = path.parent
+    meshdir = folder.joinpath(*(c.get("meshdir", "") for c in root.iter("compiler")))
+    for e in root.iter():
+        for key in [key for key in ("file", "meshdir") if key in e.attrib]:
+            for base in (folder, meshdir):
+                real = os.path.realpath(base / e.attrib[key])
+                if not Path(real).is_relative_to(os.path.realpath(folder)):
+                    raise InputError(path, _where(e), f"{key}: expected a file inside the arm's folder")
+
+
+def _where(e: ET.Element) -> str:
+    return f"<{e.tag} name={e.get('name')!r}>" if e.get("name") else f"<{e.tag}>"
+
+
+def _finite(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return True  # a word
 
 
 def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
-    """An attribute as finite numbers.
+    """An attribute as numbers, finite and of a size that an arm can have.
 
     Args:
         path: The file, for the message.
@@ -101,18 +132,19 @@ def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
         count: How many numbers it must hold.
 
     Raises:
-        InputError: When it is missing or is something else.
+        InputError: When it is missing, is something else, or is larger than LARGEST.
     """
-    where = f"<{e.tag} name={e.get('name')!r}>" if e.get("name") else f"<{e.tag}>"
     text = e.get(key)
     if text is None:
-        raise InputError(path, where, f"expected an attribute {key} of {count} number(s)")
+        raise InputError(path, _where(e), f"expected an attribute {key} of {count} number(s)")
     try:
-        values = [float(word) for word in text.split()]
+        values = [] if "_" in text else [float(word) for word in text.split()]  # Python reads 1_0 as 10
     except ValueError:
         values = []
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise InputError(path, where, f"{key}: expected {count} finite number(s), got {text!r}")
+    if len(values) != count or not all(abs(x) <= LARGEST for x in values):
+        raise InputError(
+            path, _where(e), f"{key}: expected {count} number(s) up to {LARGEST:g}, got {text!r}"
+        )
     return values
 
 

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from testbench.arm import Arm
 from testbench.bench import Campaign, Result
 from testbench.evaluate import Normality, Score
+from testbench.identify import Estimate
 
 Report = dict[str, Any]
 
@@ -49,10 +51,21 @@ def report(
 
 
 def _model(result: Result, paper: dict[str, dict[str, float]]) -> Report:
-    estimate = result.estimate
+    return {
+        **_estimate(result.model.name, result.estimate, result.seconds),
+        **{name: _score(getattr(result, name)) for name in SETS},
+        "residuals": {
+            "identification": _normality(result.fit_normality),
+            "check": _normality(result.check_normality),
+        },
+        "paper": paper.get(result.model.name),
+    }
+
+
+def _estimate(name: str, estimate: Estimate, seconds: float) -> Report:
     certificate = estimate.certificate
     return {
-        "name": result.model.name,
+        "name": name,
         "method": estimate.method,
         "status": estimate.status,
         "parameters": estimate.structure.n,
@@ -64,14 +77,8 @@ def _model(result: Result, paper: dict[str, dict[str, float]]) -> Report:
         "f_m_floor": estimate.f_m_floor,
         "duality_gap": None if certificate is None else certificate.gap,
         "trace_bounds_rad_per_Nm": None if certificate is None else certificate.trace_bounds.tolist(),
-        "solve_seconds": result.seconds,
-        **{name: _score(getattr(result, name)) for name in SETS},
-        "residuals": {
-            "identification": _normality(result.fit_normality),
-            "check": _normality(result.check_normality),
-        },
+        "solve_seconds": seconds,
         "advice": list(estimate.advice),
-        "paper": paper.get(result.model.name),
     }
 
 
@@ -81,6 +88,29 @@ def _score(score: Score) -> Report:
         "p95_mm": MM * score.p95,
         "max_mm": MM * score.max,
         "max_relative_percent": 100 * score.max_relative,
+    }
+
+
+def fit_report(name: str, estimate: Estimate, error: Score, seconds: float, arm: Arm) -> Report:
+    """One model identified from a user's own runs, its compliances included.
+
+    Args:
+        name: Of the model.
+        estimate: What was found.
+        error: On the runs that it was identified from.
+        seconds: Wall time of the estimator.
+        arm: Names the links and joints.
+    """
+    C, first = estimate.C_theta, 6 * len(arm.links)
+    return {
+        **_estimate(name, estimate, seconds),
+        "equations": estimate.regression.equations,
+        "identification": _score(error),
+        "links": {
+            link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist() for i, link in enumerate(arm.links)
+        },
+        "joints": {joint.name: float(C[first + i, first + i]) for i, joint in enumerate(arm.joints)},
+        "units": "link compliances in their beam frames, m/N and rad/(N m); joints rad/(N m)",
     }
 
 

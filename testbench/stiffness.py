@@ -12,6 +12,12 @@ from testbench.errors import Array, BenchError, check_array
 SYMMETRY_TOLERANCE = 1e-9
 """Relative asymmetry up to which a matrix read from a file counts as symmetric (rounding)."""
 
+COMPLIANCE_RANGE = 1e-18, 1e3
+"""Compliances of links and joints [m/N, rad/(N m)]; beyond it unit or exponent is a slip."""
+
+TUBE_RANGES = {"length": (1e-3, 100.0), "outer_diameter": (1e-3, 100.0), "youngs_modulus": (1e6, 1e13)}
+"""Range of each dimension [m] and of Young's modulus [Pa]: millimetres and GPa are refused."""
+
 
 @dataclass(frozen=True)
 class Tube:
@@ -37,18 +43,17 @@ class Tube:
         Raises:
             BenchError: When a dimension or a material constant is out of its range.
         """
-        for name in ("length", "outer_diameter", "youngs_modulus"):
-            if not getattr(self, name) > 0:
-                raise BenchError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        for name, (low, high) in TUBE_RANGES.items():
+            if not low <= getattr(self, name) <= high:
+                unit = "Pa" if name == "youngs_modulus" else "m"
+                raise BenchError(f"{name}: expected {low:g} to {high:g} {unit}, got {getattr(self, name)}")
         if not 0 <= self.inner_diameter < self.outer_diameter:
             raise BenchError(
                 f"inner_diameter: expected 0 to below outer_diameter {self.outer_diameter} m, "
                 f"got {self.inner_diameter}"
             )
         if not -1 < self.poissons_ratio < 0.5:
-            raise BenchError(
-                f"poissons_ratio: expected between -1 and 0.5, got {self.poissons_ratio}"
-            )
+            raise BenchError(f"poissons_ratio: expected between -1 and 0.5, got {self.poissons_ratio}")
 
 
 def tube_compliance(tube: Tube) -> Array:
@@ -120,9 +125,15 @@ def check_compliance(value: object, what: str) -> Array:
         what: Name of the quantity, for the message.
 
     Raises:
-        BenchError: When it is not finite, not 6x6, not symmetric or not positive definite.
+        BenchError: When it is not 6x6, out of COMPLIANCE_RANGE, not symmetric or not positive definite.
     """
     C = check_array(value, (6, 6), what)
+    low, high = COMPLIANCE_RANGE
+    for row, c in enumerate(np.diag(C), start=1):
+        if not low <= c <= high:
+            raise BenchError(f"{what}: expected {low:g} to {high:g} on the diagonal, got {c:g} in row {row}")
+    if np.abs(C).max() > high:
+        raise BenchError(f"{what}: expected entries up to {high:g}, got {np.abs(C).max():g}")
     scale = eigenvalue_scale(C)
     unitless = C / np.outer(scale, scale)
     if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:

@@ -1,6 +1,6 @@
 """Which compliances are unknown: model structures as lists of entries of C_theta.
 
-A parameter is one entry C_theta[a, b] = C_theta[b, a]. MGCO147, MGCO69, ... of the paper, and any of your own:
+A parameter is one entry C_theta[a, b] = C_theta[b, a]. MGCO147, MGCO69, ... of the paper, and your own:
 
     Structure.of(arm, links=["link_2", "link_3"], joints=["joint_2", "joint_3"])
 """
@@ -62,8 +62,10 @@ class Structure:
             name: For reports.
 
         Raises:
-            BenchError: When the arm has no such link or joint, or nothing is unknown.
+            BenchError: When the arm has no such link or joint, no such entry, or nothing is unknown.
         """
+        if len(set(entries)) != len(entries) or not all(0 <= a <= b < 6 for a, b in entries):
+            raise BenchError(f"entries: expected different pairs a <= b out of 0 to 5, got {entries}")
         link_names, joint_names = [x.name for x in arm.links], [x.name for x in arm.joints]
         i = _indices("link", links, link_names, arm.name)
         j = _indices("joint", joints, joint_names, arm.name)
@@ -133,6 +135,14 @@ def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -
     return [names.index(name) for name in wanted]
 
 
+def _links(arm: Arm, which: tuple[int, ...], name: str) -> list[str]:
+    if max(which) >= len(arm.links):
+        raise BenchError(
+            f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
+        )
+    return [arm.links[i].name for i in which]
+
+
 def mgco147(arm: Arm) -> Structure:
     """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
     return Structure.of(arm, links=[x.name for x in arm.links], name="MGCO147")
@@ -146,20 +156,20 @@ def all153(arm: Arm) -> Structure:
 
 def mgco69(arm: Arm) -> Structure:
     """Links 0, 2 and 3 in full and all joints (3 x 21 + 6)."""
-    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints]
-    return Structure.of(arm, links=[links[i] for i in (0, 2, 3)], joints=joints, name="MGCO69")
+    links, joints = _links(arm, (0, 2, 3), "MGCO69"), [x.name for x in arm.joints]
+    return Structure.of(arm, links=links, joints=joints, name="MGCO69")
 
 
 def mgco68(arm: Arm) -> Structure:
     """MGCO69 without joint 1, whose axis gravity does not load."""
-    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints[1:]]
-    return Structure.of(arm, links=[links[i] for i in (0, 2, 3)], joints=joints, name="MGCO68")
+    links, joints = _links(arm, (0, 2, 3), "MGCO68"), [x.name for x in arm.joints[1:]]
+    return Structure.of(arm, links=links, joints=joints, name="MGCO68")
 
 
 def mgco47(arm: Arm) -> Structure:
     """Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5)."""
-    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints[1:]]
-    return Structure.of(arm, links=[links[i] for i in (2, 3)], joints=joints, name="MGCO47")
+    links, joints = _links(arm, (2, 3), "MGCO47"), [x.name for x in arm.joints[1:]]
+    return Structure.of(arm, links=links, joints=joints, name="MGCO47")
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:

@@ -56,6 +56,30 @@ def _form(number: str) -> str:
     return ".2f" if number.endswith("percent") else ".3f"
 
 
+def fits(rows: list[Report]) -> Table:
+    """Models identified from a user's own runs."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
+    table.add_column("model", no_wrap=True)
+    for heading in ("un-\nknowns", "seen", "conser-\nvative", "F_M", "floor", "RMS\nmm", "max\nmm", "max\nrel. %"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("status")
+    for row in rows:
+        error = row["identification"]
+        table.add_row(
+            row["name"],
+            str(row["parameters"]),
+            str(row["rank"]),
+            show_truth(row["conservative"]),
+            f"{row['f_m']:.2f}",
+            f"{row['f_m_floor']:.2f}",
+            f"{error['rms_mm']:.3f}",
+            f"{error['max_mm']:.3f}",
+            f"{error['max_relative_percent']:.2f}",
+            row["status"],
+        )
+    return table
+
+
 def title(report: Report) -> str:
     """What was measured, in one line."""
     data = report["dataset"]

@@ -36,12 +36,18 @@ UNSEEN_WEIGHT = 1e-3
 class Program:
     """The conic program in units where the data are of order one.
 
+    A block of C_theta that no data touch is no part of it: its least trace is zero.
+
     Attributes:
+        columns: Parameters of the blocks that the data touch, (k,).
+        structure: Those blocks.
         unit: F_M at C = 0: the unit of F_M [1].
-        scale: pi = scale * x, (n,).
+        scale: pi[columns] = scale * x, (k,).
         trace_weight: Weight of the total trace in scaled units beside F_M [N m/rad].
     """
 
+    columns: npt.NDArray[np.int_]
+    structure: Structure
     unit: float
     scale: Array
     trace_weight: float
@@ -66,8 +72,8 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     program = scale_program(regression)
     solution = _solve(regression, program)
     terms = len(regression.terms)
-    x = _project(structure, np.array(solution.x)[terms:])
-    pi = x * program.scale
+    pi = np.zeros(structure.n)
+    pi[program.columns] = program.scale * _project(program.structure, np.array(solution.x)[terms:])
     z = np.array(solution.z)[: terms * (structure.n + 2)].reshape(terms, -1)
     dual = Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0])
     reached = bound_gap(regression, pi, dual, trace_weight=program.trace_weight).gap
@@ -96,24 +102,28 @@ def scale_program(regression: Regression) -> Program:
         regression: The reduced dataset.
     """
     s, weight = regression.structure, regression.weight
-    largest = weight.max() if weight.any() else 1.0
+    touched = np.flatnonzero(regression.columns)
+    seen = [block for block in s.blocks if np.isin(s.a[touched], block).any()]
+    columns = np.flatnonzero(np.isin(s.a, np.concatenate([[-1], *seen])))
+    kept = s.keep(columns, s.name)
+    largest = weight.max() or 1.0
     d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * largest))
     unit = f_m(regression, np.zeros(s.n)) or 1.0
-    return Program(unit, unit * d[s.a] * d[s.b], TRACE_WEIGHT * largest)
+    return Program(columns, kept, unit, unit * d[kept.a] * d[kept.b], TRACE_WEIGHT * largest)
 
 
 def _solve(regression: Regression, program: Program) -> clarabel.DefaultSolution:
     """Minimise sum t + trace term, |(R x - z, sqrt(rest))| <= t, every block positive semi-definite."""
-    s, terms = regression.structure, regression.terms
+    s, terms = program.structure, regression.terms
     A: list[sparse.sparray] = []
     b: list[Array] = []
     cones: list[object] = []
     for k, term in enumerate(terms):
         bound = sparse.csc_array(([-1.0], ([0], [k])), shape=(1, len(terms)))
-        R = sparse.csc_array(term.R * (program.scale / program.unit))
+        R = sparse.csc_array(term.R[:, program.columns] * (program.scale / program.unit))
         A.append(sparse.block_array([[bound, None], [None, R], [None, sparse.csc_array((1, s.n))]]))
         b.append(np.r_[0.0, term.z, math.sqrt(term.rest)] / program.unit)
-        cones.append(clarabel.SecondOrderConeT(s.n + 2))
+        cones.append(clarabel.SecondOrderConeT(len(term.z) + 2))
     for block in s.blocks:
         rows = _svec_rows(s, block)
         A.append(sparse.hstack([sparse.csc_array((rows.shape[0], len(terms))), -rows]))

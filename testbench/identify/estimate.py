@@ -141,6 +141,7 @@ def _rank_advice(regression: Regression) -> tuple[str, ...]:
         f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; "
         f"{missing} directions are free"
     )
-    if regression.unseen:
-        text += f", and {regression.unseen} entries are not touched by any load"
+    unseen = int((regression.columns == 0).sum())
+    if unseen:
+        text += f", and {unseen} entries are not touched by any load"
     return (text,)

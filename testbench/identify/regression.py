@@ -47,16 +47,16 @@ class Regression:
     Attributes:
         structure: The unknowns, n of them.
         terms: Position term, then the rotation term where orientations are read.
-        weight: Norm of the weighted column that each diagonal entry of C_theta has, (n_theta,) [N/m, N m/rad].
+        columns: Norm of each parameter's weighted column, (n,): zero where no data touch it.
+        weight: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
         rank: Number of directions of pi that the data see.
-        unseen: Number of parameters that no data touch (their columns are zero).
     """
 
     structure: Structure
     terms: tuple[Term, ...]
+    columns: Array
     weight: Array
     rank: int
-    unseen: int
 
     @property
     def equations(self) -> int:
@@ -97,9 +97,9 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     return Regression(
         structure=structure,
         terms=tuple(terms),
+        columns=columns,
         weight=weight,
         rank=rank(np.vstack([term.R for term in terms])),
-        unseen=int((columns == 0).sum()),
     )
 
 

@@ -1,0 +1,106 @@
+"""The `testbench` command: an engineer's own arm and own data.
+
+check ARM, elastic ARM FILE, simulate ARM POSES --out DATA, identify ARM DATA --out DIR.
+"""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from testbench import command, files, tables
+from testbench.arm import load_arm
+from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
+from testbench.dataset import read_csv, read_poses, write_csv
+from testbench.errors import InputError
+from testbench.evaluate import predict, score
+from testbench.plant import check_poses, write_elastic
+from testbench.report import fit_report
+from testbench.tracker import Tracker
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help="Virtual calibration cell for heavy robot arms.")
+console = Console(highlight=False)
+
+ArmFolder = Annotated[Path, typer.Argument(help="Folder with rigid.xml and elastic.toml.")]
+
+
+@app.command()
+def check(arm: ArmFolder) -> None:
+    """Read an arm's folder with both libraries and say what is in it, or what is wrong with it."""
+    cell = build_cell(arm)
+    console.print(f"{cell.arm.name}: {cell.arm.title}")
+    for k, link in enumerate(cell.arm.links):
+        tip, turn = link.compliance[1, 1], link.compliance[5, 5]
+        console.print(f"  {link.name}: bends {tip:.3g} m/N and {turn:.3g} rad/(N m) at its end")
+        if k < cell.arm.n_joints:
+            joint = cell.arm.joints[k]
+            low, high = np.rad2deg([joint.lower, joint.upper])
+            console.print(
+                f"  {joint.name}: {low:.0f} to {high:.0f} deg, {joint.compliance:.3g} rad/(N m)"
+            )
+    console.print(f"  tool {cell.arm.tool}, load point {cell.arm.load}, markers {', '.join(cell.arm.markers)}")
+    console.print("MuJoCo and Pinocchio read it alike: ready to use")
+
+
+@app.command()
+def elastic(arm: ArmFolder, file: Annotated[Path, typer.Argument(help="MJCF to write.")]) -> None:
+    """Write the elastic arm as plain MJCF for MuJoCo's own viewer."""
+    write_elastic(load_arm(arm), file)
+    console.print(f"{file}; open it with: .venv/bin/python -m mujoco.viewer --mjcf={file}", soft_wrap=True)
+
+
+@app.command()
+def simulate(
+    arm: ArmFolder,
+    poses: Annotated[Path, typer.Argument(help="CSV of joint angles, columns JOINT_rad.")],
+    out: Annotated[Path, typer.Option(help="Dataset to write, CSV.")],
+    payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3,
+    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0,
+    seed: Annotated[int, typer.Option(min=0, help="Root of the noise.")] = 1,
+) -> None:
+    """Hang the payload on the true arm in every pose and read the markers before and after."""
+    scenario = Scenario(arm=arm.name, payload=payload_kg, sigma=sigma_um / 1e6)
+    cell = build_cell(arm)
+    q = read_poses(poses, cell.arm)
+    check_poses(cell.room, q)
+    ids = np.arange(len(q)) + 1
+    data, _, _ = measure(cell, scenario, q, ids, Tracker(scenario.sigma), stream(seed, 1))
+    write_csv(data, tuple(j.name for j in cell.arm.joints), out)
+    size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    console.print(f"{out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm", soft_wrap=True)
+
+
+@app.command()
+def identify(
+    arm: ArmFolder,
+    dataset: Annotated[Path, typer.Argument(help="Measured runs, CSV.")],
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify"),
+    model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None,
+) -> None:
+    """Identify stiffness models from measured runs; says what the data cannot see."""
+    cell = build_cell(arm)
+    chosen = named_models(cell, model or list(MODELS))
+    data = read_csv(dataset, cell.arm)
+    fits = []
+    for entry in chosen:
+        start = time.perf_counter()
+        estimate = entry.estimator(cell.vjm, entry.structure, data)
+        seconds = time.perf_counter() - start
+        error = score(predict(cell.vjm, estimate, data), data.deflection)
+        fits.append(fit_report(entry.name, estimate, error, seconds, cell.arm))
+    with files.whole_folder(out) as folder:
+        files.write_json({"dataset": dataset.name, "arm": cell.arm.name, "models": fits}, folder / "models.json")
+    console.print(tables.fits(fits))
+    for fit in fits:
+        for sentence in fit["advice"]:
+            console.print(f"- {sentence}")
+    console.print(f"models     {out / 'models.json'}", soft_wrap=True)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    sys.exit(command.run(app))

@@ -1,0 +1,215 @@
+"""What the arm looks like: the visual geoms of its rigid MJCF, and where every body is, rigid or elastic."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array, check_array
+from testbench.plant.equilibrium import Plant
+from testbench.plant.feasible import Room
+
+Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
+
+KINDS: dict[int, Kind] = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+    int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
+}
+"""Geoms that are drawn; a plane is the floor."""
+
+VISUAL_GROUPS = 3
+"""Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
+
+STICK = 0.02
+"""Radius of the sticks of an arm without visual geoms, over the length of its chain [1]."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh.
+
+    Attributes:
+        vertices: One a different corner, (v, 3) [m].
+        normals: Unit normal of every corner, (v, 3) [1].
+        faces: Three corners a triangle, (f, 3).
+    """
+
+    vertices: Array
+    normals: Array
+    faces: npt.NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One visual geom, fixed in a body.
+
+    Attributes:
+        kind: MuJoCo's geom type.
+        body: Index of its body.
+        size: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius,
+            half length without caps).
+        position: Of its centre in the body, (3,) [m].
+        rotation: Body from shape, (3, 3) [1].
+        rgba: Colour, (4,) [1].
+        mesh: For kind "mesh", in the shape's axes.
+    """
+
+    kind: Kind
+    body: int
+    size: Array
+    position: Array
+    rotation: Array
+    rgba: Array
+    mesh: Mesh | None = None
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Where the bodies of the rigid MJCF are, the world first.
+
+    Attributes:
+        positions: Origins, (runs, bodies, 3) [m].
+        rotations: World from body, (runs, bodies, 3, 3) [1].
+    """
+
+    positions: Array
+    rotations: Array
+
+
+def body_names(room: Room) -> list[str]:
+    """Names of all bodies in the order of `Frames`, the world first; body_K where the MJCF gives none."""
+    model = room.model
+    return [model.body(i).name or f"body_{i}" for i in range(model.nbody)]
+
+
+def visual_shapes(room: Room) -> list[Shape]:
+    """The visual geoms of an arm; sticks from body to body where it has none.
+
+    Args:
+        room: The rigid arm.
+    """
+    model = room.model
+    shapes = [
+        _shape(model, g)
+        for g in range(model.ngeom)
+        if int(model.geom_type[g]) in KINDS and model.geom_group[g] < VISUAL_GROUPS
+    ]
+    return shapes or _sticks(model)
+
+
+def _shape(model: mujoco.MjModel, g: int) -> Shape:
+    kind, size = KINDS[int(model.geom_type[g])], model.geom_size[g].copy()
+    if kind == "sphere":
+        size[:] = size[0]
+    elif kind in ("capsule", "cylinder"):
+        size[:] = size[[0, 0, 1]]
+    return Shape(
+        kind=kind,
+        body=int(model.geom_bodyid[g]),
+        size=size,
+        position=model.geom_pos[g].copy(),
+        rotation=_matrix(model.geom_quat[g]),
+        rgba=_rgba(model, g),
+        mesh=_mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else None,
+    )
+
+
+def _rgba(model: mujoco.MjModel, g: int) -> Array:
+    """The geom's own colour, or its material's where the geom has MuJoCo's default."""
+    material, rgba = int(model.geom_matid[g]), model.geom_rgba[g]
+    own = material < 0 or not np.array_equal(rgba, np.float32([0.5, 0.5, 0.5, 1]))
+    return np.asarray(rgba if own else model.mat_rgba[material], dtype=float)
+
+
+def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
+    """A mesh with one normal a corner: corners that share vertex and normal are one.
+
+    MuJoCo has separate indices for vertices and normals.
+    """
+    face = slice(model.mesh_faceadr[k], model.mesh_faceadr[k] + model.mesh_facenum[k])
+    corners = np.stack([model.mesh_face[face], model.mesh_facenormal[face]], axis=-1).reshape(-1, 2)
+    pairs, inverse = np.unique(corners, axis=0, return_inverse=True)
+    return Mesh(
+        vertices=np.asarray(model.mesh_vert[model.mesh_vertadr[k] + pairs[:, 0]], dtype=float),
+        normals=np.asarray(model.mesh_normal[model.mesh_normaladr[k] + pairs[:, 1]], dtype=float),
+        faces=np.asarray(inverse, dtype=int).reshape(-1, 3),
+    )
+
+
+def _sticks(model: mujoco.MjModel) -> list[Shape]:
+    """A capsule in every body, from its origin to the origin of each of its children."""
+    length = np.linalg.norm(model.body_pos, axis=1)
+    radius = STICK * length.sum()
+    children = [i for i in range(1, model.nbody) if model.body_parentid[i] and length[i] > 0]
+    sticks = []
+    for i in children:
+        turn = np.empty(4)
+        mujoco.mju_quatZ2Vec(turn, model.body_pos[i])
+        sticks.append(
+            Shape(
+                kind="capsule",
+                body=int(model.body_parentid[i]),
+                size=np.array([radius, radius, length[i] / 2]),
+                position=model.body_pos[i] / 2,
+                rotation=_matrix(turn),
+                rgba=np.array([0.6, 0.6, 0.6, 1.0]),
+            )
+        )
+    return sticks
+
+
+def _matrix(quaternion: Array) -> Array:
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, quaternion)
+    return rotation.reshape(3, 3)
+
+
+def rigid_frames(room: Room, q: Array) -> Frames:
+    """Where the bodies of the rigid arm are.
+
+    Args:
+        room: The rigid arm.
+        q: Actuated joint angles, (runs, n) [rad].
+    """
+    q = check_array(q, (None, room.arm.n_joints), "q [rad]")
+    return _frames(room.model, room.joints, q, np.arange(room.model.nbody))
+
+
+def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
+    """Where the bodies of the elastic arm are, in the order of the rigid arm's.
+
+    Args:
+        plant: The elastic arm.
+        q: Actuated joint angles, (runs, n) [rad].
+        theta: Virtual joint coordinates, magnified or not, (runs, n_theta) [m, rad].
+    """
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
+    theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")
+    model = plant.model
+    carriers = model.dof_bodyid[plant.theta[: 6 * len(plant.arm.links)]]
+    bodies = np.setdiff1d(np.arange(model.nbody), carriers)
+    address = np.concatenate([plant.joints, plant.theta])
+    return _frames(model, address, np.hstack([q, theta]), bodies)
+
+
+def _frames(
+    model: mujoco.MjModel,
+    address: npt.NDArray[np.int_],
+    values: Array,
+    bodies: npt.NDArray[np.int_],
+) -> Frames:
+    data = mujoco.MjData(model)
+    positions = np.empty((len(values), len(bodies), 3))
+    rotations = np.empty((len(values), len(bodies), 3, 3))
+    for i, value in enumerate(values):
+        data.qpos[address] = value
+        mujoco.mj_kinematics(model, data)
+        positions[i] = data.xpos[bodies]
+        rotations[i] = data.xmat[bodies].reshape(-1, 3, 3)
+    return Frames(positions, rotations)

@@ -1,0 +1,37 @@
+"""What several tests share: the arms, built once, and a way to make a broken copy of one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from testbench.bench import Cell, build_cell
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+
+threadpool_limits(1)  # as every command does: several BLAS threads change result bits
+
+
+@pytest.fixture(scope="session")
+def kr500() -> Cell:
+    """The heavy arm."""
+    return build_cell(MODELS / "kr500_l480")
+
+
+@pytest.fixture(scope="session")
+def arm_6r() -> Cell:
+    """The illustrative arm of section 5.2."""
+    return build_cell(MODELS / "arm_6r")
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """One stream for all tests; what they claim does not depend on it."""
+    return np.random.default_rng(2021)
+
+
+@pytest.fixture(scope="session")
+def single_link() -> Cell:
+    """The single link of section 5.1."""
+    return build_cell(MODELS / "single_link")

@@ -1,0 +1,339 @@
+"""Least squares and GCO: recovery, optimality and its certificate, honesty about what is not solved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from testbench.bench import Scenario, simulate
+from testbench.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.evaluate import normality, predict, score
+from testbench.identify import certify, conic, gco, least_squares, make_estimate, reduce
+from testbench.identify.certify import default_trace_bounds
+from testbench.identify.least_squares import information_matrix
+from testbench.identify.regression import f_m, f_m_gradient
+from testbench.structure import (
+    Structure,
+    all153,
+    mgco47,
+    mgco68,
+    mgco69,
+    mgco147,
+    template56,
+)
+from testbench.vjm import observation
+
+SIGMA, SIGMA_ROTATION = 25e-6, 250e-6
+
+
+def gravity_data(cell, seed, truth="linear", noise=True):
+    scenario = Scenario(arm="kr500_l480", truth=truth, noise=noise, workspace_poses=20)
+    return simulate(cell, scenario, seed)
+
+
+def full_pose_data(cell, rng, *, noise=1.0, poses=18):
+    """Section 5.2: 18 poses, 6 axis loads each, full pose read; linear truth by the model itself."""
+    q = np.repeat(rng.uniform(*cell.arm.limits, (poses, 6)), 6, axis=0)
+    runs = len(q)
+    wrench = np.tile(1000 * np.eye(6), (poses, 1))
+    point = np.zeros((runs, 3))
+    s = all153(cell.arm)
+    C = s.entries(cell.arm.C_theta)
+    args = (cell.vjm, s, q, wrench, point)
+    moved = observation(*args, targets=np.zeros((1, 3))) @ C
+    turned = (observation(*args, targets=np.zeros((1, 3)), rotation=True) @ C)[:, 0]
+    before, after = noise * SIGMA * rng.standard_normal((2, runs, 1, 3))
+    r_before, r_after = noise * SIGMA_ROTATION * rng.standard_normal((2, runs, 3))
+    return Dataset(
+        markers=("probe",),
+        run=np.arange(runs),
+        pose=np.repeat(np.arange(poses), 6),
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=before,
+        after=moved + after,
+        sigma=SIGMA,
+        rotation_before=r_before,
+        rotation_after=turned + r_after,
+        sigma_rotation=SIGMA_ROTATION,
+    )
+
+
+def local_gco(regression, rng):
+    """GCO in its factorised form, C = V^T V per block, by L-BFGS from one random start (Eq. 16-19)."""
+    s = regression.structure
+    blocks = s.blocks
+    diagonal = np.sqrt(np.diag(regression.structure.matrix(np.ones(s.n))) * 1e-6)
+    sizes = [len(b) ** 2 for b in blocks]
+    unit = [np.outer(np.ones(len(b)), diagonal[b]) for b in blocks]
+
+    def unpack(x):
+        C = np.zeros((s.n_theta, s.n_theta))
+        factors = []
+        for b, part, u in zip(blocks, np.split(x, np.cumsum(sizes)[:-1]), unit, strict=True):
+            V = part.reshape(len(b), -1) * u
+            factors.append(V)
+            C[np.ix_(b, b)] = V.T @ V
+        return s.entries(C), factors
+
+    def cost(x):
+        pi, factors = unpack(x)
+        S = s.gradient(f_m_gradient(regression, pi))
+        g = [2 * V @ S[np.ix_(b, b)] * u for b, V, u in zip(blocks, factors, unit, strict=True)]
+        return f_m(regression, pi), np.concatenate([part.ravel() for part in g])
+
+    start = rng.standard_normal(sum(sizes)) * 0.5
+    found = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": 2000, "maxfun": 2500})
+    return unpack(found.x)[0]
+
+
+def test_f_m_of_a_reduced_dataset_is_eq_19_on_its_readings(arm_6r, rng):
+    data = full_pose_data(arm_6r, rng)
+    s = mgco69(arm_6r.arm)
+    pi = rng.uniform(0, 1e-6, s.n)
+    args = (arm_6r.vjm, s, data.q, data.wrench, data.point)
+    e = observation(*args, targets=np.zeros((1, 3))) @ pi - data.deflection
+    r = (observation(*args, targets=np.zeros((1, 3)), rotation=True) @ pi)[:, 0] - data.rotation
+    expected = np.sqrt((e**2).sum() / data.runs) / (np.sqrt(2) * SIGMA)
+    expected += np.sqrt((r**2).sum() / data.runs) / (np.sqrt(2) * SIGMA_ROTATION)
+    assert f_m(reduce(arm_6r.vjm, s, data), pi) == pytest.approx(expected, rel=1e-12)
+
+
+def test_gradient_of_f_m_is_its_finite_difference(arm_6r, rng):
+    data = full_pose_data(arm_6r, rng)
+    regression = reduce(arm_6r.vjm, template56(arm_6r.arm), data)
+    pi = regression.structure.entries(arm_6r.arm.C_theta) * 1.1
+    g = f_m_gradient(regression, pi)
+    h = 1e-6 * np.abs(pi)
+    unit = np.eye(len(pi))
+    numeric = [
+        (f_m(regression, pi + h[k] * unit[k]) - f_m(regression, pi - h[k] * unit[k])) / (2 * h[k])
+        for k in range(len(pi))
+    ]
+    np.testing.assert_allclose(g * pi, numeric * pi, rtol=1e-4, atol=1e-7)
+
+
+def test_reduction_in_blocks_gives_the_factor_of_all_rows_at_once(kr500):
+    data = gravity_data(kr500, 1).measured
+    many = replace(
+        data,
+        **{
+            name: np.tile(getattr(data, name), (60, *[1] * (getattr(data, name).ndim - 1)))
+            for name in ("q", "wrench", "point", "before", "after")
+        },
+        run=np.arange(60 * data.runs),
+        pose=np.tile(data.pose, 60),
+    )
+    s = template56(kr500.arm)
+    one, sixty = reduce(kr500.vjm, s, data), reduce(kr500.vjm, s, many)
+    # the same runs sixty times: the same mean squares, so the same F_M at any pi
+    for scale in (0.0, 1.0, 1.7):
+        pi = scale * s.entries(kr500.arm.C_theta)
+        assert f_m(sixty, pi) == pytest.approx(f_m(one, pi), rel=1e-9)
+    assert sixty.rank == one.rank
+
+
+def test_least_squares_solves_the_normal_equations_of_eq_15(arm_6r, rng):
+    data = full_pose_data(arm_6r, rng)
+    s = Structure.of(arm_6r.arm, joints=[j.name for j in arm_6r.arm.joints])
+    args = (arm_6r.vjm, s, data.q, data.wrench, data.point)
+    A = observation(*args, targets=np.zeros((1, 3))).reshape(-1, s.n) / (np.sqrt(2) * SIGMA)
+    B = observation(*args, targets=np.zeros((1, 3)), rotation=True).reshape(-1, s.n)
+    A = np.vstack([A, B / (np.sqrt(2) * SIGMA_ROTATION)])
+    y = np.r_[
+        data.deflection.ravel() / (np.sqrt(2) * SIGMA),
+        data.rotation.ravel() / (np.sqrt(2) * SIGMA_ROTATION),
+    ]
+    M = A.T @ A
+    estimate = least_squares(arm_6r.vjm, s, data)
+    np.testing.assert_allclose(estimate.pi, np.linalg.solve(M, A.T @ y), rtol=1e-8)
+    information = information_matrix(estimate.regression)
+    np.testing.assert_allclose(information, M, rtol=0, atol=1e-12 * np.abs(M).max())
+
+
+@pytest.mark.parametrize("estimator", [least_squares, gco])
+@pytest.mark.parametrize("structure", [mgco147, template56])
+def test_predictions_are_recovered_from_noise_free_linear_data(kr500, estimator, structure):
+    """Redundant or not, seen poses and the loads on them come out to 1e-9 m."""
+    data = gravity_data(kr500, 3, noise=False).identification
+    estimate = estimator(kr500.vjm, structure(kr500.arm), data)
+    assert estimate.status == "solved"
+    error = predict(kr500.vjm, estimate, data) - data.deflection
+    assert np.abs(error).max() < 1e-9
+
+
+def test_predictions_at_unseen_poses_are_recovered_where_the_data_see_all(arm_6r, rng):
+    data = full_pose_data(arm_6r, rng, noise=0.0, poses=30)
+    unseen = full_pose_data(arm_6r, rng, noise=0.0, poses=10)
+    for estimator in (least_squares, gco):
+        estimate = estimator(arm_6r.vjm, template56(arm_6r.arm), data)
+        assert estimate.regression.rank == 32
+        assert np.abs(predict(arm_6r.vjm, estimate, unseen) - unseen.deflection).max() < 1e-9
+
+
+@pytest.mark.parametrize("structure", [mgco47, template56, mgco68])
+def test_no_factorised_local_solve_beats_the_conic_optimum(kr500, rng, structure):
+    """Random starts of the paper's own form of the problem, against the certified gap."""
+    data = gravity_data(kr500, 5).identification
+    estimate = gco(kr500.vjm, structure(kr500.arm), data)
+    assert estimate.status == "solved"
+    assert estimate.conservative
+    regression = estimate.regression
+    for _ in range(4):
+        pi = local_gco(regression, rng)
+        bounds = np.maximum(
+            default_trace_bounds(estimate.structure, pi) / 2,
+            default_trace_bounds(estimate.structure, estimate.pi),
+        )
+        gap = certify(estimate, bounds).gap  # the local solve may be softer than the default bounds
+        assert estimate.f_m <= f_m(regression, pi) + gap
+        assert estimate.f_m <= f_m(regression, pi) + 0.01 * estimate.f_m
+
+
+def test_certificate_from_gradients_holds_for_any_conservative_estimate(kr500):
+    """F - F* <= gap for poor estimates too: the truth, a stiffer and a softer arm."""
+    data = gravity_data(kr500, 2).identification
+    best = gco(kr500.vjm, mgco68(kr500.arm), data)
+    for factor in (0.3, 1.0, 1.2, 3.0):
+        pi = factor * best.structure.entries(kr500.arm.C_theta)
+        poor = make_estimate(best.regression, pi, method="by hand")
+        bounds = np.maximum(
+            default_trace_bounds(poor.structure, pi), default_trace_bounds(best.structure, best.pi)
+        )
+        assert poor.f_m - best.f_m <= certify(poor, bounds).gap
+
+
+def test_certificate_is_tight_at_the_optimum_and_refuses_what_is_not_conservative(kr500):
+    data = gravity_data(kr500, 2).identification
+    best = gco(kr500.vjm, template56(kr500.arm), data)
+    assert best.certificate.gap < 1e-3 * best.f_m
+    assert certify(best).gap < 2e-3 * best.f_m
+    broken = least_squares(kr500.vjm, template56(kr500.arm), data)
+    assert not broken.conservative
+    with pytest.raises(BenchError, match="expected a conservative estimate"):
+        certify(broken)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
+def test_gco_does_not_depend_on_the_scale_of_the_data(kr500, factor):
+    data = gravity_data(kr500, 4).identification
+    scaled = replace(data, before=factor * data.before, after=factor * data.after, sigma=factor * SIGMA)
+    estimate = gco(kr500.vjm, mgco47(kr500.arm), scaled)
+    reference = gco(kr500.vjm, mgco47(kr500.arm), replace(data, sigma=SIGMA))
+    assert estimate.status == "solved"
+    assert estimate.f_m == pytest.approx(reference.f_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_gco_is_not_called_solved_unless_it_is_when_deflections_do_not_fit_their_sigma(kr500, factor):
+    """Deflections a million times smaller or larger at the same sigma: F_M scales with them."""
+    data = gravity_data(kr500, 4).identification
+    scaled = replace(data, before=factor * data.before, after=factor * data.after)
+    estimate = gco(kr500.vjm, mgco47(kr500.arm), scaled)
+    reference = gco(kr500.vjm, mgco47(kr500.arm), data)
+    assert estimate.status == "solved"
+    assert estimate.f_m == pytest.approx(factor * reference.f_m, rel=1e-6)
+
+
+def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkeypatch):
+    data = gravity_data(kr500, 4).identification
+    solved = gco(kr500.vjm, mgco68(kr500.arm), data)
+    settings = conic._settings()
+    settings.max_iter = 4
+    monkeypatch.setattr(conic, "_settings", lambda: settings)
+    stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
+    assert stopped.status.startswith("not solved: Clarabel says")
+    assert stopped.conservative  # poor, but never unphysical
+    bounds = np.maximum(
+        default_trace_bounds(stopped.structure, stopped.pi),
+        default_trace_bounds(solved.structure, solved.pi),
+    )
+    assert certify(stopped, bounds).gap >= stopped.f_m - solved.f_m
+
+
+def test_gco_survives_columns_that_no_load_touches(kr500):
+    data = gravity_data(kr500, 4).identification
+    idle = replace(data, wrench=np.zeros_like(data.wrench))
+    for structure in (mgco68(kr500.arm), Structure.of(kr500.arm, joints=["joint_1"])):
+        estimate = gco(kr500.vjm, structure, idle)
+        assert estimate.status == "solved"
+        assert np.abs(estimate.pi).max() == 0.0
+        assert estimate.regression.rank == 0
+        assert "see 0 directions" in estimate.advice[0]
+    assert np.abs(least_squares(kr500.vjm, mgco68(kr500.arm), idle).pi).max() == 0
+
+
+def test_fewer_runs_than_unknown_directions_is_a_rank_report_not_a_crash(kr500):
+    data = gravity_data(kr500, 4).identification
+    one = replace(
+        data,
+        **{n: getattr(data, n)[:1] for n in ("run", "pose", "q", "wrench", "point", "before", "after")},
+    )
+    for estimator in (least_squares, gco):
+        estimate = estimator(kr500.vjm, mgco68(kr500.arm), one)
+        assert estimate.regression.rank == 6
+        assert "68 unknowns, the data see 6 directions" in estimate.advice[0]
+        assert np.isfinite(estimate.pi).all()
+
+
+def test_gco_is_conservative_in_every_seed_and_template_least_squares_hardly_ever(kr500):
+    gco_ok, ls_ok = [], []
+    for seed in range(10):
+        data = gravity_data(kr500, seed, truth="nonlinear").identification
+        for structure in (mgco47, template56, mgco68):
+            gco_ok.append(gco(kr500.vjm, structure(kr500.arm), data).conservative)
+        ls_ok.append(least_squares(kr500.vjm, template56(kr500.arm), data).conservative)
+    assert all(gco_ok)
+    assert sum(ls_ok) <= 1
+
+
+def test_f_m_of_least_squares_lies_at_its_floor(kr500):
+    """Linear truth that the structure contains: mean of F_M^2 over seeds is floor^2."""
+    ratios = []
+    for seed in range(20):
+        estimate = least_squares(kr500.vjm, mgco147(kr500.arm), gravity_data(kr500, seed).identification)
+        ratios.append((estimate.f_m / estimate.f_m_floor) ** 2)
+    # chi-square with 87 degrees of freedom over 20 seeds: sd of the mean sqrt(2/87/20) = 0.034; 4 sd
+    assert np.mean(ratios) == pytest.approx(1, abs=0.136)
+
+
+def test_full_pose_certified_gco_of_all_153_unknowns(arm_6r, rng):
+    data = full_pose_data(arm_6r, rng)
+    estimate = gco(arm_6r.vjm, all153(arm_6r.arm), data)
+    assert estimate.status == "solved"
+    assert estimate.conservative
+    assert estimate.regression.rank == 105
+    # two terms, each near sqrt(3) sqrt(1 - 105/648); the cone leaves fewer than 105 free directions
+    assert estimate.f_m == pytest.approx(estimate.f_m_floor, rel=0.1)
+    assert estimate.certificate.gap < 1e-3 * estimate.f_m
+
+
+def test_a_users_own_estimator_plugs_in(kr500):
+    def stiff(vjm, structure, data):
+        return make_estimate(reduce(vjm, structure, data), np.zeros(structure.n), method="rigid arm")
+
+    data = gravity_data(kr500, 1).identification
+    estimate = stiff(kr500.vjm, mgco47(kr500.arm), data)
+    assert estimate.conservative
+    assert score(predict(kr500.vjm, estimate, data), data.deflection).max_relative == pytest.approx(1)
+
+
+def test_lilliefors_keeps_normal_residuals_and_rejects_uniform_ones(rng):
+    kept = [normality(rng.standard_normal(150), rng).p_value > 0.05 for _ in range(40)]
+    rejected = [normality(rng.uniform(-1, 1, 400), rng).p_value < 0.05 for _ in range(10)]
+    # 5 % of normal samples are rejected by construction: at least 33 of 40 kept with probability 0.997
+    assert sum(kept) >= 33
+    assert sum(rejected) == 10
+
+
+def test_an_empty_dataset_is_an_error(kr500):
+    data = gravity_data(kr500, 1).identification
+    none = replace(
+        data,
+        **{n: getattr(data, n)[:0] for n in ("run", "pose", "q", "wrench", "point", "before", "after")},
+    )
+    with pytest.raises(BenchError, match="expected at least one run"):
+        gco(kr500.vjm, mgco47(kr500.arm), none)

@@ -1,0 +1,210 @@
+"""The truth side against theory and against MuJoCo's own time stepping."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from testbench.errors import NoEquilibrium
+from testbench.plant import build_plant, elastic_mjcf, settle, settle_linear, write_elastic
+from testbench.stiffness import tube_compliance, Tube
+
+GRAVITY = 9.81
+
+
+def random_q(cell, rng, runs):
+    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
+
+
+def hung(cell, runs, mass=460.3):
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -GRAVITY * mass
+    return wrench, np.tile(cell.vjm.load, (runs, 1))
+
+
+def at_pose(plant, q, theta=0.0):
+    data = mujoco.MjData(plant.model)
+    data.qpos[plant.joints] = q
+    data.qpos[plant.theta] = theta
+    return data
+
+
+def softer(cell, factor):
+    arm = cell.arm
+    links = tuple(replace(link, compliance=factor * link.compliance) for link in arm.links)
+    joints = tuple(replace(joint, compliance=factor * joint.compliance) for joint in arm.joints)
+    return build_plant(replace(arm, links=links, joints=joints))
+
+
+def weightless(cell):
+    plant = build_plant(cell.arm)
+    plant.model.opt.gravity[:] = 0
+    return plant
+
+
+@pytest.mark.parametrize("name", ["kr500", "arm_6r"])
+def test_tendon_springs_are_the_inverse_of_the_compliance(name, request):
+    cell = request.getfixturevalue(name)
+    data = at_pose(cell.plant, 0.0)
+    K = np.empty((cell.arm.n_theta,) * 2)
+    h = 1e-3  # passive forces are linear in theta: any step will do
+    for k, address in enumerate(cell.plant.theta):
+        data.qpos[cell.plant.theta] = 0
+        data.qpos[address] = h
+        mujoco.mj_fwdPosition(cell.plant.model, data)
+        mujoco.mj_fwdVelocity(cell.plant.model, data)
+        K[:, k] = -data.qfrc_passive[cell.plant.theta] / h
+    scale = np.sqrt(np.diag(cell.arm.C_theta))
+    unitless = K * np.outer(scale, scale)
+    expected = np.linalg.inv(cell.arm.C_theta / np.outer(scale, scale))
+    # relative to the largest entry of order one to ten; rounding of the inverse is 1e-15
+    np.testing.assert_allclose(unitless, expected, rtol=0, atol=1e-12)
+
+
+def test_cantilever_bends_as_a_beam_under_a_tip_force(kr500):
+    """The base link alone, read at its end: MuJoCo's sum of springs against L^3 / (3 E I)."""
+    tube = Tube(1.045, 0.6, 0.56, 1.1e11, 0.26)
+    inertia = np.pi * (0.6**4 - 0.56**4) / 64
+    expected = 1.045**3 / (3 * 1.1e11 * inertia)
+    assert kr500.arm.links[0].compliance[1, 1] == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_array_equal(kr500.arm.links[0].compliance, tube_compliance(tube))
+
+
+def test_newton_residual_is_that_of_mujocos_full_forward_pass(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    wrench, point = hung(kr500, 5)
+    rest = settle(kr500.plant, q, wrench, point)
+    assert rest.step.max() < 1e-9
+    for i in range(5):
+        data = at_pose(kr500.plant, q[i], rest.theta[i])
+        mujoco.mj_forward(kr500.plant.model, data)
+        frame = data.xmat[kr500.plant.tool].reshape(3, 3)
+        where = data.xpos[kr500.plant.tool] + frame @ point[i]
+        Q = data.qfrc_passive - data.qfrc_bias
+        mujoco.mj_applyFT(
+            kr500.plant.model, data, wrench[i, :3], np.zeros(3), where, kr500.plant.tool, Q
+        )
+        # a last step of 1e-9 m on a spring of 1e10 N/m leaves 10 N; it is 1e-5 of the 4.5 kN here
+        assert np.abs(Q[kr500.plant.theta]).max() == pytest.approx(rest.residual[i], abs=1e-9)
+        assert rest.residual[i] < 0.05
+        assert data.nefc == 0  # no constraint: MuJoCo 4.0.0's sparse constraint solver is wrong
+
+
+def test_constraint_solver_is_dense_and_has_nothing_to_do(kr500):
+    model = kr500.plant.model
+    assert model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
+    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+
+
+@pytest.mark.parametrize("mass", [0.0, 460.3])
+def test_newton_finds_where_time_stepping_comes_to_rest(kr500, mass):
+    q = np.deg2rad([[20.0, -80, 95, 10, -30, 15]])
+    wrench, point = hung(kr500, 1, mass)
+    rest = settle(kr500.plant, q, wrench, point)
+    model, data = kr500.plant.model, at_pose(kr500.plant, q[0])
+    for _ in range(3000):
+        mujoco.mj_step1(model, data)
+        data.qfrc_applied[:] = 0
+        if mass:
+            frame = data.xmat[kr500.plant.tool].reshape(3, 3)
+            where = data.xpos[kr500.plant.tool] + frame @ point[0]
+            mujoco.mj_applyFT(
+                model, data, wrench[0, :3], np.zeros(3), where, kr500.plant.tool, data.qfrc_applied
+            )
+        mujoco.mj_step2(model, data)
+    assert np.abs(data.qvel).max() < 1e-8  # at rest
+    assert np.abs(data.qpos[kr500.plant.joints] - q[0]).max() < 1e-9  # the brakes hold
+    np.testing.assert_allclose(data.qpos[kr500.plant.theta], rest.theta[0], rtol=0, atol=2e-9)
+
+
+def test_wrench_at_the_load_point_is_the_weight_of_a_mass_hung_there(kr500, rng):
+    """The payload as a force (plant), and as a body with mass in MuJoCo: one equilibrium."""
+    mass = 460.3
+    text = elastic_mjcf(kr500.arm).replace(
+        '<body name="load"',
+        f'<body name="hung" pos="{" ".join(map(repr, kr500.vjm.load.tolist()))}">'
+        f'<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body><body name="load"',
+    )
+    heavy = mujoco.MjModel.from_xml_string(text)
+    q = random_q(kr500, rng, 3)
+    wrench, point = hung(kr500, 3, mass)
+    as_force = settle(kr500.plant, q, wrench, point)
+    as_mass = settle(replace(kr500.plant, model=heavy), q)
+    np.testing.assert_allclose(as_mass.theta, as_force.theta, rtol=0, atol=1e-10)
+
+
+def test_linear_truth_is_the_limit_of_small_loads_and_its_error_is_of_second_order(kr500, rng):
+    plant = weightless(kr500)
+    q = random_q(kr500, rng, 20)
+    errors = []
+    for mass in (200.0, 100.0, 50.0):
+        wrench, point = hung(kr500, 20, mass)
+        true = settle(plant, q, wrench, point).markers - settle(plant, q).markers
+        linear = settle_linear(plant, q, wrench, point).markers
+        linear -= settle_linear(plant, q, 0 * wrench, point).markers
+        errors.append(np.sqrt(np.mean((true - linear) ** 2)))
+    # halving the load divides a second-order error by four, up to third-order terms
+    assert 3.9 < errors[0] / errors[1] < 4.1
+    assert 3.9 < errors[1] / errors[2] < 4.1
+
+
+def test_a_pose_settles_alike_alone_and_among_others(kr500, rng):
+    q = random_q(kr500, rng, 4)
+    wrench, point = hung(kr500, 4)
+    together = settle(kr500.plant, q, wrench, point)
+    alone = settle(kr500.plant, q[2:3], wrench[2:3], point[2:3])
+    np.testing.assert_array_equal(alone.theta[0], together.theta[2])
+
+
+def test_work_of_the_load_is_twice_the_energy_in_the_springs_of_a_linear_arm(kr500, rng):
+    """Clapeyron's theorem, weightless arm, small load: w . dX = theta^T K theta."""
+    plant = weightless(kr500)
+    q = random_q(kr500, rng, 5)
+    wrench = np.hstack([rng.standard_normal((5, 3)), rng.standard_normal((5, 3))])
+    rest, start = settle(plant, q, wrench), settle(plant, q)
+    turn = rest.rotation @ start.rotation.transpose(0, 2, 1)
+    rotation = np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0]], axis=1) / 2
+    rotation = np.c_[rotation, (turn[:, 1, 0] - turn[:, 0, 1]) / 2]
+    work = (wrench[:, :3] * (rest.tool - start.tool)).sum(1) + (wrench[:, 3:] * rotation).sum(1)
+    energy = np.einsum("rt,tk,rk->r", rest.theta, np.linalg.inv(kr500.arm.C_theta), rest.theta)
+    np.testing.assert_allclose(work, energy, rtol=1e-3)  # a newton bends it by microns: nearly linear
+
+
+def test_a_softer_arm_needs_the_tangent_and_still_settles(kr500):
+    """Forty times softer: theta <- C Q(theta) gains a factor of three a step and would need 15 steps."""
+    plant = softer(kr500, 40.0)
+    q = np.deg2rad([[0.0, -60, 70, 0, 30, 0]])
+    rest = settle(plant, q)
+    assert rest.step[0] < 1e-9
+    assert rest.iterations[0] < 12
+    assert rest.residual[0] < 0.05
+    assert np.abs(rest.theta).max() > 0.02
+
+
+def test_an_arm_too_soft_for_its_load_is_an_error_that_names_the_pose(kr500):
+    plant = softer(kr500, 1000.0)
+    q = np.deg2rad([[0.0, -90, 90, 0, 0, 0]])
+    wrench, point = hung(kr500, 1)
+    with pytest.raises(NoEquilibrium, match=r"-90\.0, 90\.0.*too soft for its load, or buckled"):
+        settle(plant, q, wrench, point)
+
+
+def test_elastic_arm_written_out_is_plain_mjcf_that_stands_still(kr500, tmp_path):
+    write_elastic(kr500.arm, tmp_path / "elastic.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "elastic.xml"))
+    assert (model.nv, model.ntendon) == (54, 42)
+    data = mujoco.MjData(model)
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qvel).max() < 1e-6
+    expected = settle(kr500.plant, np.zeros((1, 6))).tool[0]
+    np.testing.assert_allclose(data.body("tool").xpos, expected, rtol=0, atol=1e-7)
+
+
+def test_base_load_of_joint_one_does_not_twist_it_under_gravity(kr500, rng):
+    """Gravity is parallel to axis 1: its virtual joint stays at rest, loaded or not."""
+    q = random_q(kr500, rng, 10)
+    wrench, point = hung(kr500, 10)
+    first = settle_linear(kr500.plant, q, wrench, point).theta[:, 6 * 7]
+    assert np.abs(first).max() == 0.0

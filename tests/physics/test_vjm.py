@@ -1,0 +1,197 @@
+"""The model side against MuJoCo's kinematics, against Eq. 6, and against the known ranks."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from testbench.errors import BenchError
+from testbench.identify.reduction import non_redundant
+from testbench.identify.regression import rank
+from testbench.plant import settle_linear
+from testbench.structure import (
+    Structure,
+    all153,
+    mgco47,
+    mgco68,
+    mgco69,
+    mgco147,
+    template56,
+)
+from testbench.vjm import cartesian_compliance, chain, jacobian, observation
+
+AGREE = 1e-10  # the bar; both libraries come within 1e-14
+
+
+def random_q(cell, rng, runs):
+    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
+
+
+def random_load(rng, runs):
+    return 1000 * rng.standard_normal((runs, 6)), 0.3 * rng.standard_normal((runs, 3))
+
+
+def hung(cell, runs):
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -4515.543
+    return wrench, np.tile(cell.vjm.load, (runs, 1))
+
+
+@pytest.fixture(params=["kr500", "arm_6r"])
+def cell(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_mujoco_and_pinocchio_agree_on_forward_kinematics(cell, rng):
+    q = random_q(cell, rng, 20)
+    where = chain(cell.vjm, q)
+    data = mujoco.MjData(cell.room.model)
+    for i in range(20):
+        data.qpos[cell.room.joints] = q[i]
+        mujoco.mj_kinematics(cell.room.model, data)
+        np.testing.assert_allclose(where.position[i], data.body(cell.arm.tool).xpos, rtol=0, atol=AGREE)
+        frame = data.body(cell.arm.tool).xmat.reshape(3, 3)
+        np.testing.assert_allclose(where.rotation[i], frame, rtol=0, atol=AGREE)
+        for name, marker in zip(cell.arm.markers, cell.vjm.markers, strict=True):
+            world = where.position[i] + where.rotation[i] @ marker
+            np.testing.assert_allclose(world, data.body(name).xpos, rtol=0, atol=AGREE)
+
+
+def test_mujoco_and_pinocchio_agree_on_the_jacobian_of_the_virtual_joints(cell, rng):
+    q, point = random_q(cell, rng, 20), np.array([0.3, -0.2, 0.1])
+    J = jacobian(cell.vjm, q, point)
+    plant, data = cell.plant, mujoco.MjData(cell.plant.model)
+    for i in range(20):
+        data.qpos[plant.joints] = q[i]
+        mujoco.mj_kinematics(plant.model, data)
+        mujoco.mj_comPos(plant.model, data)
+        at = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point
+        expected = np.zeros((6, plant.model.nv))
+        mujoco.mj_jac(plant.model, data, expected[:3], expected[3:], at, plant.tool)
+        np.testing.assert_allclose(J[i], expected[:, plant.theta], rtol=0, atol=AGREE)
+
+
+def test_model_load_is_mujocos_generalised_payload_force(cell, rng):
+    q = random_q(cell, rng, 5)
+    wrench, point = random_load(rng, 5)
+    plant, data = cell.plant, mujoco.MjData(cell.plant.model)
+    for i in range(5):
+        u = jacobian(cell.vjm, q[i : i + 1], point[i])[0].T @ wrench[i]
+        data.qpos[plant.joints] = q[i]
+        mujoco.mj_kinematics(plant.model, data)
+        mujoco.mj_comPos(plant.model, data)
+        at = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point[i]
+        Q = np.zeros(plant.model.nv)
+        mujoco.mj_applyFT(plant.model, data, wrench[i, :3], wrench[i, 3:], at, plant.tool, Q)
+        # N m of order 1000: absolute 1e-9 is 1e-12 of it
+        np.testing.assert_allclose(u, Q[plant.theta], rtol=0, atol=1e-9)
+
+
+def test_observation_matrix_times_parameters_is_the_congruence_of_eq_6(cell, rng):
+    """A pi = J C J^T w with the wrench moved to the target's point, Eq. (5), (6) and (12)."""
+    q = random_q(cell, rng, 10)
+    wrench, _ = random_load(rng, 10)
+    C_theta = cell.arm.C_theta
+    structure = all153(cell.arm)
+    at_tool = np.zeros((10, 3))
+    args = (cell.vjm, structure, q, wrench, at_tool)
+    moved = observation(*args, targets=np.zeros((1, 3))) @ structure.entries(C_theta)
+    turned = observation(*args, targets=np.zeros((1, 3)), rotation=True) @ structure.entries(C_theta)
+    C = cartesian_compliance(jacobian(cell.vjm, q), C_theta)
+    expected = np.einsum("rij,rj->ri", C, wrench)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(moved[:, 0], expected[:, :3], rtol=0, atol=1e-13 * scale)
+    np.testing.assert_allclose(turned[:, 0], expected[:, 3:], rtol=0, atol=1e-13 * scale)
+
+
+def test_cartesian_compliance_is_conservative(cell, rng):
+    C = cartesian_compliance(jacobian(cell.vjm, random_q(cell, rng, 20)), cell.arm.C_theta)
+    np.testing.assert_allclose(C, C.transpose(0, 2, 1), rtol=0, atol=1e-18)
+    assert np.linalg.eigvalsh(C).min() > 0
+
+
+def test_markers_move_as_in_the_first_order_truth(cell, rng):
+    """Partial pose: force at one point, markers at others, against MuJoCo's Jacobians."""
+    q = random_q(cell, rng, 10)
+    wrench, point = random_load(rng, 10)
+    structure = all153(cell.arm)
+    A = observation(cell.vjm, structure, q, wrench, point, targets=cell.vjm.markers)
+    start = settle_linear(cell.plant, q, 0 * wrench, point).markers
+    moved = settle_linear(cell.plant, q, wrench, point).markers - start
+    predicted = A @ structure.entries(cell.arm.C_theta)
+    np.testing.assert_allclose(predicted, moved, rtol=0, atol=1e-14)
+
+
+def test_parameter_counts_are_the_papers(kr500):
+    counts = [f(kr500.arm).n for f in (all153, mgco147, mgco69, mgco68, mgco47, template56)]
+    assert counts == [153, 147, 69, 68, 47, 56]
+
+
+FULL_RANKS = [(all153, 105), (mgco147, 105), (mgco69, 56), (template56, 32)]
+GRAVITY_RANKS = [(all153, 89), (mgco147, 89), (mgco69, 49), (mgco68, 49), (mgco47, 36)]
+
+
+@pytest.mark.parametrize(("structure", "expected"), FULL_RANKS)
+def test_rank_with_full_wrench_and_full_pose(cell, rng, structure, expected):
+    q = random_q(cell, rng, 60)
+    wrench, point = random_load(rng, 60)
+    s = structure(cell.arm)
+    rows = [
+        observation(cell.vjm, s, q, wrench, point, targets=np.zeros((1, 3)), rotation=turned)
+        for turned in (False, True)
+    ]
+    assert rank(np.concatenate(rows).reshape(-1, s.n)) == expected
+
+
+@pytest.mark.parametrize(("structure", "expected"), GRAVITY_RANKS)
+def test_rank_under_gravity_with_three_markers(kr500, rng, structure, expected):
+    q = random_q(kr500, rng, 100)
+    s = structure(kr500.arm)
+    A = observation(kr500.vjm, s, q, *hung(kr500, 100), targets=kr500.vjm.markers)
+    assert rank(A.reshape(-1, s.n)) == expected
+
+
+def test_template_under_gravity_has_rank_27_or_28(kr500, rng):
+    q = random_q(kr500, rng, 100)
+    s = template56(kr500.arm)
+    A = observation(kr500.vjm, s, q, *hung(kr500, 100), targets=kr500.vjm.markers)
+    assert rank(A.reshape(-1, s.n)) in (27, 28)
+
+
+def test_eight_poses_with_one_load_carry_at_most_48_equations(kr500, rng):
+    q = random_q(kr500, rng, 8)
+    s = mgco147(kr500.arm)
+    A = observation(kr500.vjm, s, q, *hung(kr500, 8), targets=kr500.vjm.markers)
+    assert A.reshape(-1, s.n).shape == (72, 147)
+    assert rank(A.reshape(-1, s.n)) == 48
+
+
+def test_joint_one_is_exactly_invisible_to_gravity(kr500, rng):
+    s = Structure.of(kr500.arm, joints=["joint_1"])
+    A = observation(kr500.vjm, s, random_q(kr500, rng, 50), *hung(kr500, 50), targets=kr500.vjm.markers)
+    assert np.abs(A).max() == 0.0
+
+
+def test_algebraic_reduction_finds_the_32_parameters_of_mls32(cell, rng):
+    full = template56(cell.arm)
+    reduced = non_redundant(cell.vjm, full, name="MLS32")
+    assert (reduced.name, reduced.n) == ("MLS32", 32)
+    q = random_q(cell, rng, 30)
+    wrench, point = random_load(rng, 30)
+    A, B = (
+        observation(cell.vjm, s, q, wrench, point, targets=cell.vjm.markers).reshape(-1, s.n)
+        for s in (full, reduced)
+    )
+    assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32
+    assert rank(np.hstack([A, B])) == rank(B)
+
+
+def test_a_fixed_arm_without_joints_is_a_single_link(single_link):
+    J = jacobian(single_link.vjm, np.zeros((2, 0)))
+    np.testing.assert_allclose(J, np.tile(np.eye(6), (2, 1, 1)), rtol=0, atol=1e-15)
+
+
+def test_wrong_shapes_say_what_was_expected(kr500):
+    with pytest.raises(BenchError, match=r"q \[rad\]: expected shape \(any, 6\), got \(2, 5\)"):
+        jacobian(kr500.vjm, np.zeros((2, 5)))
+    with pytest.raises(BenchError, match="finite"):
+        jacobian(kr500.vjm, np.full((2, 6), np.nan))
