@@ -25,7 +25,7 @@ from testbench.bench import (
 )
 from testbench.dataset import write_csv
 from testbench.paper import SECTION_6
-# from testbench.record import write_recording
+from testbench.record import write_recording
 from testbench.report import Report, report, summarise
 
 NAME = "gravity_calibration"
@@ -84,7 +84,7 @@ def write_views(
     joints = tuple(j.name for j in cell.arm.joints)
     write_csv(campaign.measured, joints, folder / "dataset.csv")
     figures.residuals(campaign, results, folder / "residuals.png")
-    # write_recording(folder / "recording.rrd", first, cell, campaign, results)
+    write_recording(folder / "recording.rrd", first, cell, campaign, results)
 
 
 def write_numbers(

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm import Arm, load_arm
-from testbench.dataset import Dataset, Ids, split
+from testbench.dataset import Dataset, Ids, Mask, split
 from testbench.errors import Array, BenchError
 from testbench.evaluate import Normality, Score, normality, predict, score
 from testbench.identify import Estimate, Estimator, gco, least_squares
@@ -173,7 +173,7 @@ def simulate(cell: Cell, scenario: Scenario, seed: int) -> Campaign:
     """
     poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
 
-    def clear(q: Array) -> Array:
+    def clear(q: Array) -> Mask:
         return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
 
     count = scenario.identification_poses + scenario.check_poses
@@ -298,11 +298,20 @@ def _judge(
     start = clock()
     estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
     seconds = clock() - start
-    scores = [
-        score(predict(cell.vjm, estimate, data), data.deflection)
-        for data in (campaign.identification, campaign.check, campaign.workspace)
-    ]
     residuals = campaign.measured.deflection - predict(cell.vjm, estimate, campaign.measured)
     used = np.isin(campaign.measured.pose, campaign.identification.pose)
-    normal = [normality(residuals[runs], rng) for runs in (used, ~used)]
-    return Result(model, estimate, *scores, residuals, *normal, seconds)
+
+    def judge(data: Dataset) -> Score:
+        return score(predict(cell.vjm, estimate, data), data.deflection)
+
+    return Result(
+        model=model,
+        estimate=estimate,
+        identification=judge(campaign.identification),
+        check=judge(campaign.check),
+        workspace=judge(campaign.workspace),
+        residuals=residuals,
+        fit_normality=normality(residuals[used], rng),
+        check_normality=normality(residuals[~used], rng),
+        seconds=seconds,
+    )

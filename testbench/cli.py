@@ -16,13 +16,14 @@ from testbench import command, files, tables
 from testbench.arm import load_arm
 from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
 from testbench.dataset import read_csv, read_poses, write_csv
-from testbench.errors import InputError
 from testbench.evaluate import predict, score
 from testbench.plant import check_poses, write_elastic
 from testbench.report import fit_report
 from testbench.tracker import Tracker
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, help="Virtual calibration cell for heavy robot arms.")
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, help="Virtual calibration cell for heavy robot arms."
+)
 console = Console(highlight=False)
 
 ArmFolder = Annotated[Path, typer.Argument(help="Folder with rigid.xml and elastic.toml.")]
@@ -42,7 +43,8 @@ def check(arm: ArmFolder) -> None:
             console.print(
                 f"  {joint.name}: {low:.0f} to {high:.0f} deg, {joint.compliance:.3g} rad/(N m)"
             )
-    console.print(f"  tool {cell.arm.tool}, load point {cell.arm.load}, markers {', '.join(cell.arm.markers)}")
+    markers = ", ".join(cell.arm.markers)
+    console.print(f"  tool {cell.arm.tool}, load point {cell.arm.load}, markers {markers}")
     console.print("MuJoCo and Pinocchio read it alike: ready to use")
 
 
@@ -71,7 +73,8 @@ def simulate(
     data, _, _ = measure(cell, scenario, q, ids, Tracker(scenario.sigma), stream(seed, 1))
     write_csv(data, tuple(j.name for j in cell.arm.joints), out)
     size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
-    console.print(f"{out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm", soft_wrap=True)
+    text = f"{out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
+    console.print(text, soft_wrap=True)
 
 
 @app.command()
@@ -93,7 +96,8 @@ def identify(
         error = score(predict(cell.vjm, estimate, data), data.deflection)
         fits.append(fit_report(entry.name, estimate, error, seconds, cell.arm))
     with files.whole_folder(out) as folder:
-        files.write_json({"dataset": dataset.name, "arm": cell.arm.name, "models": fits}, folder / "models.json")
+        whole = {"dataset": dataset.name, "arm": cell.arm.name, "models": fits}
+        files.write_json(whole, folder / "models.json")
     console.print(tables.fits(fits))
     for fit in fits:
         for sentence in fit["advice"]:

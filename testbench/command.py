@@ -37,6 +37,7 @@ def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> i
         fail(f"error: {'.'.join(map(str, first['loc']))}: {first['msg']}, got {first['input']!r}\n")
         return 2
     except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    if code == INTERRUPTED:  # typer itself turns Ctrl-C into this code
         fail("interrupted: earlier results stand as they were\n")
-        return INTERRUPTED
     return code if isinstance(code, int) else 0

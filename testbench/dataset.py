@@ -228,13 +228,16 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
     if not lines:
         raise InputError(path, "line 2", "expected at least one row")
     order = [header.index(name) for name in expected]
-    markers = tuple(dict.fromkeys(line[order[2]] for line in lines))
-    for name in markers:
+    lines = [[line[k] for k in order] for line in lines]
+    marker = [line[2] for line in lines]
+    for number, name in enumerate(marker, start=2):
         if name not in arm.markers:
             have = ", ".join(arm.markers)
-            raise InputError(path, "marker", f"no marker {name!r} in {arm.name}; markers are {have}")
-    ids, values = _numbers(path, expected, [[line[k] for k in order] for line in lines])
-    _check_runs(path, ids, [line[order[2]] for line in lines], markers)
+            problem = f"no marker {name[:80]!r} in {arm.name}; markers are {have}"
+            raise InputError(path, f"line {number}, column marker", problem)
+    markers = tuple(dict.fromkeys(marker))
+    ids, values = _numbers(path, expected, lines)
+    _check_runs(path, ids, marker, markers)
     _check_limits(path, arm, values[:, : len(joints)])
     return _assemble(path, expected, len(joints), markers, ids, values, rotation)
 
@@ -292,9 +295,10 @@ def _check_runs(path: Path, ids: Ids, marker: list[str], markers: tuple[str, ...
                 f"run {ids[i, 0]}: expected one line for each of {', '.join(markers)} in this order",
             )
     runs = ids[::m, 0]
-    if len(np.unique(runs)) != len(runs):
-        values, counts = np.unique(runs, return_counts=True)
-        raise InputError(path, "run", f"run {values[counts > 1][0]} stands in the file twice")
+    _, first = np.unique(runs, return_index=True)
+    again = np.setdiff1d(np.arange(len(runs)), first)
+    if len(again):
+        raise InputError(path, f"line {again[0] * m + 2}", f"run {runs[again[0]]} stands in the file twice")
 
 
 def _check_limits(path: Path, arm: Arm, q: Array) -> None:

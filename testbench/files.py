@@ -3,7 +3,6 @@
 import contextlib
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import tempfile
@@ -37,7 +36,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
     try:
         yield scratch
         for file in sorted(scratch.iterdir()):
-            os.replace(file, out / file.name)
+            file.replace(out / file.name)
     except OSError as err:
         raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
     finally:

@@ -1,100 +1,60 @@
-"""A calibration study as a Rerun recording: a view of the report, never an input. The only importer of rerun."""
+"""A calibration study as a Rerun recording: a view of the report, never an input.
+
+The only importer of rerun.
+"""
 
 import contextlib
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from scipy import stats
+from rerun.components import FillMode, MarkerShape
 from scipy.spatial.transform import Rotation
 
 from testbench import recording_text as text
 from testbench.bench import Campaign, Cell, Result
-from testbench.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.files import versions
-from testbench.plant.shapes import (
-    Frames,
-    Shape,
-    body_names,
-    elastic_frames,
-    rigid_frames,
-    visual_shapes,
+from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visual_shapes
+from testbench.recording_study import (
+    RESIDUAL_FACTOR,
+    Bars,
+    Study,
+    build_study,
+    camera,
+    histograms,
+    moves,
+    noise_limit,
 )
-from testbench.recording_text import MM, UM, Report
+from testbench.report import MM, Report
+
+Colour = tuple[int, ...]
 
 APPLICATION = "testbench_calibration_v1"
 TIMELINES = ("worst_first", "pose")
+SETS = ("identification", "check")
 
 NOMINAL, MEASURED, LOAD, NOISE = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 ORANGE, GREEN = (230, 159, 0), (0, 158, 115)
 """Roles, Okabe-Ito: sky blue, vermillion, purple, grey; least squares orange, GCO green."""
 GHOST = (*MEASURED, 70)
 
-MARKERS = ("circle", "diamond", "square", "up", "cross", "plus", "down", "asterisk")
-"""Tell models of one role apart; used again from the start beyond eight models."""
-
-RESIDUAL_FACTOR = 20
-"""Residuals are drawn that much larger than deflections: at 50 x an arrow of 1 m is 1 mm."""
+MARKERS = (
+    MarkerShape.Circle,
+    MarkerShape.Diamond,
+    MarkerShape.Square,
+    MarkerShape.Up,
+    MarkerShape.Cross,
+    MarkerShape.Plus,
+)
+"""Tell models of one colour apart; used again from the start beyond six models."""
 
 STEEL = 7850.0
 """Density [kg/m^3] of the drawn weight, a cube."""
-
-BINS = 25
-
-
-@dataclass(frozen=True)
-class _Study:
-    """What is drawn, computed once.
-
-    Attributes:
-        report: The numbers.
-        cell: The arm.
-        campaign: The data.
-        results: One a model.
-        best: Index of the model that the runs are sorted by.
-        shown: Indices of the models whose markers are visible at first: the best of each method.
-        residual: Worst marker residual of each run and model, (models, runs) [m].
-        checked: Which runs are of the check poses, (runs,).
-        rank: Place of each run in worst_first, (runs,).
-        rigid: The unloaded arm without any sag.
-        ghost: The arm under its load, deflection magnified.
-        magnification: Of the deflection [1].
-    """
-
-    report: Report
-    cell: Cell
-    campaign: Campaign
-    results: Sequence[Result]
-    best: int
-    shown: tuple[int, ...]
-    residual: Array
-    checked: Mask
-    rank: Ids
-    rigid: Frames
-    ghost: Frames
-    magnification: float
-
-    @property
-    def times(self) -> list[rr.TimeColumn]:
-        """Both timelines of data that are in dataset order."""
-        worst, pose = TIMELINES
-        index = np.arange(len(self.rank))
-        return [rr.TimeColumn(worst, sequence=self.rank), rr.TimeColumn(pose, sequence=index)]
-
-    @property
-    def size(self) -> float:
-        """Length that what is drawn scales with: the reach of the arm in these runs [m]."""
-        return float(np.linalg.norm(self.rigid.positions - self.rigid.positions[:, :1], axis=-1).max())
-
-    def bodies(self, names: Sequence[str], frames: Frames) -> Array:
-        """Origins of named bodies, (runs, len(names), 3) [m]."""
-        known = body_names(self.cell.room)
-        return frames.positions[:, [known.index(name) for name in names]]
 
 
 def write_recording(
@@ -116,7 +76,7 @@ def write_recording(
         results: One a model, in the order of the report's.
         magnification: Of the drawn deflections [1]; residuals are drawn RESIDUAL_FACTOR times larger still.
     """
-    study = _study(report, cell, campaign, results, magnification)
+    study = build_study(report, cell, campaign, results, magnification)
     with _stream(path, study) as stream:
         _write_properties(stream, study)
         _write_texts(stream, study)
@@ -127,46 +87,16 @@ def write_recording(
         _write_histograms(stream, study)
 
 
-def _study(
-    report: Report,
-    cell: Cell,
-    campaign: Campaign,
-    results: Sequence[Result],
-    magnification: float,
-) -> _Study:
-    data = campaign.measured
-    rows = report["models"]
-    best = rows.index(text.best(rows, "check"))
-    methods = {id(text.best(group, "check")) for group in text.by_method(rows) if group}
-    residual = np.array([np.linalg.norm(r.residuals, axis=-1).max(axis=1) for r in results])
-    rank = np.empty(data.runs, dtype=int)
-    rank[np.argsort(-residual[best], kind="stable")] = np.arange(data.runs)
-    sag = campaign.after.theta - campaign.before.theta
-    return _Study(
-        report=report,
-        cell=cell,
-        campaign=campaign,
-        results=results,
-        best=best,
-        shown=tuple(k for k, row in enumerate(rows) if id(row) in methods),
-        residual=residual,
-        checked=np.isin(data.pose, campaign.check.pose),
-        rank=rank,
-        rigid=rigid_frames(cell.room, data.q),
-        ghost=elastic_frames(cell.plant, data.q, magnification * sag),
-        magnification=magnification,
-    )
-
-
 @contextlib.contextmanager
-def _stream(path: Path, study: _Study) -> Iterator[rr.RecordingStream]:
-    """A stream into a part file that becomes `path` when all has been written; its footer is always written."""
+def _stream(path: Path, study: Study) -> Iterator[rr.RecordingStream]:
+    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`."""
     part = path.with_name(path.name + ".part")
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
     scenario = study.campaign.scenario.model_dump_json()
     digest = hashlib.sha256(f"{scenario} {study.campaign.seed}".encode()).hexdigest()[:16]
     try:
+        # The stream's own properties would hold the time of writing: equal seeds would differ.
         stream = rr.RecordingStream(APPLICATION, recording_id=digest, send_properties=False)
         try:
             stream.set_log_time_enabled(False)
@@ -181,7 +111,18 @@ def _stream(path: Path, study: _Study) -> Iterator[rr.RecordingStream]:
         rr.set_strict_mode(strict)
 
 
-def _write_properties(stream: rr.RecordingStream, study: _Study) -> None:
+def _times(study: Study) -> list[rr.TimeColumn]:
+    """Both timelines of columns that are in the order of the dataset."""
+    rows = (study.rank, np.arange(len(study.rank)))
+    return [rr.TimeColumn(name, sequence=row) for name, row in zip(TIMELINES, rows, strict=True)]
+
+
+def _colour(study: Study, k: int) -> Colour:
+    """Role colour of a model."""
+    return GREEN if text.is_gco(study.report["models"][k]) else ORANGE
+
+
+def _write_properties(stream: rr.RecordingStream, study: Study) -> None:
     stream.send_recording_name(f"{study.report['scenario']}, seed {study.campaign.seed}")
     stream.send_property(
         "study",
@@ -193,277 +134,212 @@ def _write_properties(stream: rr.RecordingStream, study: _Study) -> None:
             residual_magnification=study.magnification * RESIDUAL_FACTOR,
         ),
     )
-    stream.send_property("versions", rr.AnyValues(**versions()))
+    stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
 
 
-def _write_texts(stream: rr.RecordingStream, study: _Study) -> None:
-    report, data = study.report, study.campaign.measured
-    names = [r.model.name for r in study.results]
-    worst = int(np.argmin(study.rank))
+def _write_texts(stream: rr.RecordingStream, study: Study) -> None:
+    runs = text.run_lines(study.campaign.measured, study.checked, study.rank)
     scales = study.magnification, study.magnification * RESIDUAL_FACTOR
-    where = text.where(data, worst, checked=bool(study.checked[worst]))
     documents = {
-        "summary": text.summary(report, study.cell.arm.title, study.campaign.scenario, where, scales),
-        "table": text.table(data, study.checked, study.rank, names, study.residual),
-        "log": text.notes(report),
+        "summary": text.summary(
+            study.report,
+            study.cell.arm.title,
+            study.campaign.scenario,
+            runs[study.worst].where,
+            scales,
+        ),
+        "table": text.table(runs, study.names, study.residual),
+        "log": text.notes(study.report),
     }
     for path, document in documents.items():
         stream.log(path, rr.TextDocument(document, media_type="text/markdown"), static=True)
-    captions = text.captions(data, study.checked, study.rank, names, study.residual)
-    stream.send_columns(
-        "this_run",
-        study.times,
-        rr.TextDocument.columns(text=captions, media_type=["text/markdown"] * len(captions)),
-    )
+    captions = text.captions(runs, study.names, study.residual)
+    kind = ["text/markdown"] * len(captions)
+    columns = rr.TextDocument.columns(text=captions, media_type=kind)
+    stream.send_columns("this_run", _times(study), columns)
 
 
-def _write_arm(stream: rr.RecordingStream, study: _Study) -> None:
+def _write_arm(stream: rr.RecordingStream, study: Study) -> None:
     """Rigid arm and magnified ghost, body by body; a body that stays where it is has no ghost."""
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    names, shapes = body_names(study.cell.room), visual_shapes(study.cell.room)
-    drawn_elsewhere = {study.cell.arm.load, *study.cell.arm.markers}
+    arm, names, shapes = study.cell.arm, body_names(study.cell.room), visual_shapes(study.cell.room)
     for body in sorted({shape.body for shape in shapes}):
-        if names[body] in drawn_elsewhere:
+        if names[body] in (arm.load, *arm.markers):  # drawn by their roles
             continue
         own = [shape for shape in shapes if shape.body == body]
-        for entity, frames, ghost in (("arm", study.rigid, False), ("arm_deflected", study.ghost, True)):
-            if ghost and not _moves(study, body):
-                continue
+        drawn: list[tuple[str, Frames, Colour | None]] = [("arm", study.rigid, None)]
+        drawn += [("arm_deflected", study.ghost, GHOST)] if moves(study, body) else []
+        for entity, frames, colour in drawn:
             path = rr.new_entity_path(["world", entity, names[body]])
-            stream.log(path, *_solids(own, ghost=ghost), static=True)
+            stream.log(path, *_solids(own, colour), static=True)
             turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
-            columns = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
-            stream.send_columns(path, study.times, columns)
+            at = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
+            stream.send_columns(path, _times(study), at)
 
 
-def _moves(study: _Study, body: int) -> bool:
-    """Whether a body's ghost stands off the body far enough not to flicker through its surface."""
-    a, b = study.rigid, study.ghost
-    shift = np.linalg.norm(b.positions[:, body] - a.positions[:, body], axis=1)
-    turn = np.linalg.norm(b.rotations[:, body] - a.rotations[:, body], axis=(1, 2)) / np.sqrt(2)
-    return bool((shift + 0.2 * study.size * turn).max() > 0.005 * study.size)
-
-
-def _solids(shapes: Sequence[Shape], *, ghost: bool) -> list[rr.AsComponents]:
-    """One archetype a kind of shape; the arm in shades of grey, for colours are roles."""
+def _solids(shapes: Sequence[Shape], colour: Colour | None) -> list[rr.AsComponents]:
+    """The shapes of a body, one archetype a kind; in shades of grey where no colour is given."""
     solids: list[rr.AsComponents] = []
-    for kinds in (("box",), ("cylinder",), ("capsule",), ("sphere", "ellipsoid"), ("mesh",)):
-        own = [shape for shape in shapes if shape.kind in kinds]
-        if not own:
-            continue
-        colours = np.array([GHOST if ghost else _grey(shape.rgba) for shape in own])
-        if kinds == ("mesh",):
-            solids.append(_mesh(own, colours))
-            continue
+    for kind in dict.fromkeys(shape.kind for shape in shapes):
+        own = [shape for shape in shapes if shape.kind == kind]
         size, centre = np.array([s.size for s in own]), np.array([s.position for s in own])
-        R = np.array([s.rotation for s in own])
-        turns, solid = Rotation.from_matrix(R).as_quat(), rr.components.FillMode.Solid
-        look = {"quaternions": turns, "colors": colours, "fill_mode": solid}
-        if kinds == ("box",):
+        R, radius, length = np.array([s.rotation for s in own]), size[:, 0], 2 * size[:, 2]
+        look: dict[str, Any] = {
+            "quaternions": Rotation.from_matrix(R).as_quat(),
+            "colors": [colour or _grey(s.rgba) for s in own],
+            "fill_mode": FillMode.Solid,
+        }
+        if kind == "mesh":
+            solids.append(_mesh(own, look["colors"]))
+        elif kind == "box":
             solids.append(rr.Boxes3D(half_sizes=size, centers=centre, **look))
-        elif kinds == ("cylinder",):
-            length, radius = 2 * size[:, 2], size[:, 0]
+        elif kind == "cylinder":
             solids.append(rr.Cylinders3D(lengths=length, radii=radius, centers=centre, **look))
-        elif kinds == ("capsule",):  # Rerun's capsule starts at its origin
-            length, radius, start = 2 * size[:, 2], size[:, 0], centre - R[:, :, 2] * size[:, 2:]
+        elif kind == "capsule":  # Rerun's begins at its origin
+            start = centre - R[:, :, 2] * size[:, 2:]
             solids.append(rr.Capsules3D(lengths=length, radii=radius, translations=start, **look))
         else:
             solids.append(rr.Ellipsoids3D(half_sizes=size, centers=centre, **look))
     return solids
 
 
-def _grey(rgba: Array) -> tuple[int, int, int, int]:
+def _grey(rgba: Array) -> Colour:
+    """Grey of about the brightness of a colour, neither black nor white: colours are roles."""
     level = round(255 * (0.35 + 0.45 * float(rgba[:3] @ [0.299, 0.587, 0.114])))
-    return level, level, level, 255
+    return level, level, level
 
 
-def _mesh(shapes: Sequence[Shape], colours: Array) -> rr.Mesh3D:
-    """All meshes of a body as one, in the body's axes."""
-    vertices, normals, faces, shades, count = [], [], [], [], 0
-    for shape, colour in zip(shapes, colours, strict=True):
-        mesh = shape.mesh
-        assert mesh is not None
-        vertices.append(shape.position + mesh.vertices @ shape.rotation.T)
-        normals.append(mesh.normals @ shape.rotation.T)
-        faces.append(mesh.faces + count)
-        shades.append(np.tile(colour, (len(mesh.vertices), 1)))
-        count += len(mesh.vertices)
+def _mesh(shapes: Sequence[Shape], colours: Sequence[Colour]) -> rr.Mesh3D:
+    """All meshes of a body as one."""
+    mesh, counts = join_meshes(shapes)
     return rr.Mesh3D(
-        vertex_positions=np.concatenate(vertices),
-        vertex_normals=np.concatenate(normals),
-        triangle_indices=np.concatenate(faces),
-        vertex_colors=np.concatenate(shades),
+        vertex_positions=mesh.vertices,
+        vertex_normals=mesh.normals,
+        triangle_indices=mesh.faces,
+        vertex_colors=np.repeat(np.array(colours, dtype=np.uint8), counts, axis=0),
     )
 
 
-def _colour(study: _Study, k: int) -> tuple[int, int, int]:
-    return GREEN if text.is_gco(study.report["models"][k]) else ORANGE
-
-
-def _write_markers(stream: rr.RecordingStream, study: _Study) -> None:
-    """Markers unloaded, as measured and as predicted, with arrows from measured to predicted."""
-    data, M, m = study.campaign.measured, study.magnification, len(study.cell.arm.markers)
-    nominal, deflection = study.bodies(study.cell.arm.markers, study.rigid), data.deflection
-    measured, radius = nominal + M * deflection, 0.012 * study.size
-    root = "world/markers"
-
-    def points(name: str, positions: Array, **look: object) -> None:
-        stream.log(f"{root}/{name}", rr.Points3D.from_fields(**look), static=True)
-        columns = rr.Points3D.columns(positions=positions.reshape(-1, 3))
-        stream.send_columns(f"{root}/{name}", study.times, columns.partition([m] * data.runs))
-
-    def arrows(name: str, origins: Array, vectors: Array, labels: Array, **look: object) -> None:
-        stream.log(f"{root}/{name}", rr.Arrows3D.from_fields(**look), static=True)
-        columns = rr.Arrows3D.columns(
-            origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3), labels=labels.ravel()
-        )
-        stream.send_columns(f"{root}/{name}", study.times, columns.partition([m] * data.runs))
-
-    points("nominal", nominal, colors=NOMINAL, radii=radius, labels=data.markers)
-    points("measured", measured, colors=MEASURED, radii=radius)
-    arrows(
-        "deflection",
-        nominal,
-        measured - nominal,
-        _millimetres(deflection),
-        colors=MEASURED,
-        radii=0.5 * radius,
-        show_labels=False,
-    )
+def _write_markers(stream: rr.RecordingStream, study: Study) -> None:
+    """Markers without load, as measured and as predicted; arrows from measured to predicted."""
+    data, M = study.campaign.measured, study.magnification
+    nominal = study.bodies(data.markers, study.rigid)
+    measured, radius = nominal + M * data.deflection, 0.012 * study.reach
+    sag = M * data.deflection, data.deflection
+    _points(stream, study, "nominal", nominal, colors=NOMINAL, radii=radius, labels=data.markers)
+    _points(stream, study, "measured", measured, colors=MEASURED, radii=radius)
+    thin: dict[str, Any] = {"colors": MEASURED, "radii": 0.5 * radius, "show_labels": False}
+    _arrows(stream, study, "deflection", nominal, *sag, **thin)
     for k, result in enumerate(study.results):
-        name = result.model.name.lower()
-        colour, slim = _colour(study, k), 0.5 if k == study.best else 0.8  # to see both
+        name, colour, best = study.paths[k], _colour(study, k), k == study.best
         predicted = measured - M * result.residuals
-        points(f"predicted_{name}", predicted, colors=colour, radii=0.8 * radius)
-        arrows(
-            f"residual_{name}",
-            measured,
-            -M * RESIDUAL_FACTOR * result.residuals,
-            _millimetres(result.residuals),
-            colors=colour,
-            radii=slim * radius,
-            show_labels=k == study.best,
-        )
+        _points(stream, study, f"predicted_{name}", predicted, colors=colour, radii=0.8 * radius)
+        slim = (0.5 if best else 0.8) * radius  # so that arrows on one line are both seen
+        error = -M * RESIDUAL_FACTOR * result.residuals, result.residuals
+        look: dict[str, Any] = {"colors": colour, "radii": slim, "show_labels": best}
+        _arrows(stream, study, f"residual_{name}", measured, *error, **look)
 
 
-def _millimetres(vectors: Array) -> Array:
-    lengths = MM * np.linalg.norm(vectors, axis=-1)
-    return np.array([f"{mm:.2f} mm" for mm in lengths.ravel()])
+def _points(stream: rr.RecordingStream, study: Study, name: str, positions: Array, **look: Any) -> None:
+    """A point a marker, positions (runs, m, 3) [m]."""
+    path = f"world/markers/{name}"
+    stream.log(path, rr.Points3D.from_fields(**look), static=True)
+    columns = rr.Points3D.columns(positions=positions.reshape(-1, 3))
+    stream.send_columns(path, _times(study), columns.partition([positions.shape[1]] * len(positions)))
 
 
-def _write_load(stream: rr.RecordingStream, study: _Study) -> None:
-    """The weight as an arrow at the load point of the loaded arm, and as a cube of steel."""
-    data, payload = study.campaign.measured, study.campaign.scenario.payload
+def _arrows(
+    stream: rr.RecordingStream,
+    study: Study,
+    name: str,
+    origins: Array,
+    drawn: Array,
+    true: Array,
+    **look: Any,
+) -> None:
+    """An arrow a marker: origins and drawn vectors (runs, m, 3) [m], labelled with the true length in mm."""
+    path = f"world/markers/{name}"
+    stream.log(path, rr.Arrows3D.from_fields(**look), static=True)
+    labels = [f"{mm:.2f} mm" for mm in MM * np.linalg.norm(true, axis=-1).ravel()]
+    columns = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=drawn.reshape(-1, 3), labels=labels)
+    stream.send_columns(path, _times(study), columns.partition([origins.shape[1]] * len(origins)))
+
+
+def _write_load(stream: rr.RecordingStream, study: Study) -> None:
+    """The weight as an arrow at the load point of the ghost, and as a cube of steel below."""
+    payload, force = study.campaign.scenario.payload, study.campaign.measured.wrench[:, :3]
     hook = study.bodies([study.cell.arm.load], study.ghost)[:, 0]
-    force = data.wrench[:, :3]
-    along = 0.2 * study.size * force / np.linalg.norm(force, axis=1, keepdims=True)
-    half = (payload / STEEL) ** (1 / 3) / 2
-    look = rr.Arrows3D.from_fields(
-        colors=LOAD, radii=0.01 * study.size, labels=f"{payload:g} kg", show_labels=True
-    )
-    stream.log("world/load", look, static=True)
-    stream.send_columns("world/load", study.times, rr.Arrows3D.columns(origins=hook, vectors=along))
-    cube = rr.Boxes3D.from_fields(
-        half_sizes=[half] * 3, colors=(*LOAD, 255), fill_mode=rr.components.FillMode.Solid
-    )
+    direction = force / np.linalg.norm(force, axis=1, keepdims=True)
+    length, half = 0.2 * study.reach, (payload / STEEL) ** (1 / 3) / 2
+    label = f"{payload:g} kg"
+    arrow = rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * study.reach, labels=label)
+    stream.log("world/load", arrow, static=True)
+    vectors = rr.Arrows3D.columns(origins=hook, vectors=length * direction)
+    stream.send_columns("world/load", _times(study), vectors)
+    cube = rr.Boxes3D.from_fields(half_sizes=[half] * 3, colors=LOAD, fill_mode=FillMode.Solid)
     stream.log("world/load/weight", cube, static=True)
-    below = hook + along * (1 + half / np.linalg.norm(along, axis=1, keepdims=True))
-    stream.send_columns("world/load/weight", study.times, rr.Boxes3D.columns(centers=below))
+    centres = rr.Boxes3D.columns(centers=hook + (length + half) * direction)
+    stream.send_columns("world/load/weight", _times(study), centres)
 
 
-def _write_residuals(stream: rr.RecordingStream, study: _Study) -> None:
+def _write_residuals(stream: rr.RecordingStream, study: Study) -> None:
     """Worst marker residual of every run and model, and what noise alone stays below in 95 % of runs."""
-    runs = len(study.rank)
-    for k, result in enumerate(study.results):
-        path, colour = f"residual_mm/{result.model.name.lower()}", _colour(study, k)
-        name = f"{result.model.name} (mm)"
-        width = 3.0 if k == study.best else 1.5
+    for k, model in enumerate(study.names):
+        path, name, colour = f"residual_mm/{study.paths[k]}", f"{model} (mm)", _colour(study, k)
+        width, shape = 3.0 if k == study.best else 1.5, MARKERS[k % len(MARKERS)]
         stream.log(path, rr.SeriesLines(colors=colour, widths=width, names=name), static=True)
-        stream.log(
-            path, rr.SeriesPoints(colors=colour, markers=MARKERS[k % len(MARKERS)], names=name), static=True
-        )
-        sizes = np.where(study.checked, 5.0, 0.0)
-        columns = [
-            *rr.Scalars.columns(scalars=MM * study.residual[k]),
-            *rr.SeriesPoints.columns(marker_sizes=sizes),
-        ]
-        stream.send_columns(path, study.times, columns)
-    path, limit = "residual_mm/noise_p95", MM * _noise_limit(study)
-    name = "95 % of pure noise (mm)"
+        stream.log(path, rr.SeriesPoints(colors=colour, markers=shape, names=name), static=True)
+        sizes = rr.SeriesPoints.columns(marker_sizes=np.where(study.checked, 5.0, 0.0))
+        values = rr.Scalars.columns(scalars=MM * study.residual[k])
+        # In one chunk: of two the viewer pairs the rows wrongly on a timeline that is not sorted.
+        stream.send_columns(path, _times(study), [*values, *sizes])
+    path, name = "residual_mm/noise_p95", "95 % of pure noise (mm)"
     stream.log(path, rr.SeriesLines(colors=NOISE, widths=1.5, names=name), static=True)
-    stream.send_columns(path, study.times, rr.Scalars.columns(scalars=np.full(runs, limit)))
+    limit = np.full(len(study.rank), MM * noise_limit(study))
+    stream.send_columns(path, _times(study), rr.Scalars.columns(scalars=limit))
 
 
-def _noise_limit(study: _Study) -> float:
-    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
-    data = study.campaign.measured
-    share = 0.95 ** (1 / len(data.markers))
-    return float(data.sigma * np.sqrt(2 * stats.chi2.ppf(share, 3)))
+def _write_histograms(stream: rr.RecordingStream, study: Study) -> None:
+    """Residual components of the best models before the normal curve of noise, for each set of runs."""
+    for group, runs in zip(SETS, (~study.checked, study.checked), strict=True):
+        curve, bars = histograms(study, runs)
+        path = f"histogram_um/{group}"
+        stream.log(f"{path}/expected_noise", _chart(curve, (*NOISE, 90)), static=True)
+        for k, model in zip(study.shown, bars, strict=True):
+            stream.log(f"{path}/{study.paths[k]}", _chart(model, _colour(study, k)), static=True)
 
 
-def _write_histograms(stream: rr.RecordingStream, study: _Study) -> None:
-    """Residual components of the best models, side by side in each bin, before the normal curve of noise."""
-    pooled = UM * np.array([study.results[k].residuals for k in study.shown])
-    edge = 50 * max(1.0, np.ceil(np.abs(pooled).max() / 50))
-    bins, wide = np.linspace(-edge, edge, BINS + 1, retstep=True)
-    slot = 0.8 * wide / len(pooled)
-    fine, narrow = np.linspace(-edge, edge, 8 * BINS + 1, retstep=True)
-    density = stats.norm.pdf(fine, scale=UM * study.campaign.measured.sigma * np.sqrt(2))
-    for group, runs in (("identification", ~study.checked), ("check", study.checked)):
-        root, components = f"histogram_um/{group}", pooled[:, runs].reshape(len(pooled), -1)
-        curve = density * components.shape[1] * wide
-        chart = rr.BarChart(curve, color=(*NOISE, 90), abscissa=fine, widths=np.full(len(fine), narrow))
-        stream.log(f"{root}/expected_noise", chart, static=True)
-        for i, (k, values) in enumerate(zip(study.shown, components, strict=True)):
-            counts = np.histogram(values, bins)[0].astype(float)
-            at = (bins[:-1] + bins[1:]) / 2 + slot * (i - (len(pooled) - 1) / 2)
-            chart = rr.BarChart(counts, color=_colour(study, k), abscissa=at, widths=np.full(BINS, slot))
-            stream.log(f"{root}/{study.results[k].model.name.lower()}", chart, static=True)
+def _chart(bars: Bars, colour: Colour) -> rr.BarChart:
+    widths = np.full(len(bars.at), bars.width)
+    return rr.BarChart(bars.counts, color=colour, abscissa=bars.at, widths=widths)
 
 
-def _blueprint(study: _Study) -> rrb.Blueprint:
-    """Overview, table, histogram and notes; the reviewer lands on the worst run."""
-    M = study.magnification
-    hidden = {
-        f"/world/markers/{what}_{result.model.name.lower()}": rrb.EntityBehavior(visible=False)
-        for k, result in enumerate(study.results)
-        if k not in study.shown
-        for what in ("predicted", "residual")
-    }
-    world = rrb.Spatial3DView(
-        origin="world",
-        name=f"Arm (m): deflection x {M:g}, residual arrows x {M * RESIDUAL_FACTOR:g}",
-        eye_controls=_camera(study),
-        overrides=hidden,
-    )
-    top, largest = 2 * MM * study.residual[list(study.shown)].max(), MM * study.residual.max()
-    beyond = f"; others leave the picture, up to {largest:.1f} mm" if largest > top else ""
-    plot = rrb.TimeSeriesView(
-        origin="residual_mm",
-        name=f"Worst marker residual of each run (mm), markers: check runs{beyond}",
-        axis_y=rrb.ScalarAxis(range=(0.0, top)),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
-    )
+def _blueprint(study: Study) -> rrb.Blueprint:
+    """Overview, table, histograms and notes; the reviewer lands on the worst run."""
     overview = rrb.Horizontal(
-        rrb.Vertical(world, rrb.TextDocumentView(origin="this_run", name="This run"), row_shares=[5, 1]),
-        rrb.Vertical(rrb.TextDocumentView(origin="summary", name="Summary"), plot, row_shares=[13, 8]),
+        rrb.Vertical(
+            _world_view(study),
+            rrb.TextDocumentView(origin="this_run", name="This run"),
+            row_shares=[5, 1],
+        ),
+        rrb.Vertical(
+            rrb.TextDocumentView(origin="summary", name="Summary"),
+            _residual_view(study),
+            row_shares=[13, 8],
+        ),
         column_shares=[11, 10],
         name="Overview",
     )
+    what = "residual components (um); grey: noise alone"
+    charts = [
+        rrb.BarChartView(origin=f"histogram_um/{group}", name=f"{group.capitalize()} runs, {what}")
+        for group in SETS
+    ]
     return rrb.Blueprint(
         rrb.Tabs(
             overview,
             rrb.TextDocumentView(origin="table", name="Table"),
-            rrb.Horizontal(
-                *(
-                    rrb.BarChartView(
-                        origin=f"histogram_um/{group}",
-                        name=f"{group.capitalize()} runs: residual components (um); grey: noise alone",
-                    )
-                    for group in ("identification", "check")
-                ),
-                name="Histogram",
-            ),
+            rrb.Horizontal(*charts, name="Histogram"),
             rrb.TextDocumentView(origin="log", name="Notes"),
             active_tab=0,
         ),
@@ -473,19 +349,34 @@ def _blueprint(study: _Study) -> rrb.Blueprint:
     )
 
 
-def _camera(study: _Study) -> rrb.EyeControls3D:
-    """From the side of the arm and a little ahead, so that arm and ghost of all runs fill the view."""
-    corners = np.concatenate([study.rigid.positions, study.ghost.positions]).reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    target = (low + high) / 2
-    forward = study.bodies([study.cell.arm.tool], study.rigid)[:, 0, :2].mean(axis=0)
-    forward /= max(float(np.linalg.norm(forward)), 1e-9)
-    side = np.array([forward[1], -forward[0]])
-    eye = np.append(0.9 * side + 0.35 * forward, 0.25)
-    distance = 0.72 * float(np.linalg.norm(high - low))
-    return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=target + distance * eye / np.linalg.norm(eye),
-        look_target=target,
-        eye_up=(0, 0, 1),
+def _world_view(study: Study) -> rrb.Spatial3DView:
+    """The arm; of the markers, only the best model of each method is visible at first."""
+    M, (eye, target) = study.magnification, camera(study)
+    hidden: dict[str | rr.datatypes.EntityPath, Any] = {
+        f"/world/markers/{what}_{name}": rrb.EntityBehavior(visible=False)
+        for k, name in enumerate(study.paths)
+        if k not in study.shown
+        for what in ("predicted", "residual")
+    }
+    return rrb.Spatial3DView(
+        origin="world",
+        name=f"Arm (m): deflection x {M:g}, residual arrows x {M * RESIDUAL_FACTOR:g}",
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
+        ),
+        overrides=hidden,
+    )
+
+
+def _residual_view(study: Study) -> rrb.TimeSeriesView:
+    """Zoomed on the best model of each method; the title says how far the others go."""
+    top = MM * max(2 * study.residual[list(study.shown)].max(), 1.2 * noise_limit(study))
+    largest = MM * study.residual.max(axis=1)
+    names = [name for name, mm in zip(study.names, largest, strict=True) if mm > top]
+    beyond = f"; {', '.join(names)} beyond, up to {largest.max():.1f} mm" if names else ""
+    return rrb.TimeSeriesView(
+        origin="residual_mm",
+        name=f"Worst marker residual of each run (mm), markers: check runs{beyond}",
+        axis_y=rrb.ScalarAxis(range=(0.0, float(top))),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )

@@ -1,6 +1,7 @@
-"""The words of a recording, as markdown: its summary and notes from the report alone, its tables from the runs."""
+"""The words of a recording, in markdown: summary and notes from the report alone, tables from the runs."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,7 @@ import numpy as np
 from testbench.bench import Scenario
 from testbench.dataset import Dataset, Ids, Mask
 from testbench.errors import Array
-from testbench.report import MM, UM, Report, middle, show, show_truth
-
-__all__ = ["MM", "UM", "Report"]
+from testbench.report import MM, Report, middle, show, show_truth
 
 Row = dict[str, Any]
 
@@ -40,9 +39,42 @@ def best(rows: Sequence[Row], group: str) -> Row:
     return min(conservative or rows, key=lambda m: middle(m[group]["rms_mm"]))
 
 
-def where(data: Dataset, run: int, *, checked: bool) -> str:
-    """A run in words."""
-    return f"run {data.run[run]}, {'check' if checked else 'identification'} pose {data.pose[run]}"
+@dataclass(frozen=True)
+class RunLine:
+    """What is said of one run.
+
+    Attributes:
+        run: Its identifier.
+        pose: Identifier of its pose.
+        group: "identification" or "check".
+        place: Its place in worst_first.
+        sag_mm: Deflection of the marker that moves most.
+    """
+
+    run: int
+    pose: int
+    group: str
+    place: int
+    sag_mm: float
+
+    @property
+    def where(self) -> str:
+        """The run in words."""
+        return f"run {self.run}, {self.group} pose {self.pose}"
+
+
+def run_lines(data: Dataset, checked: Mask, rank: Ids) -> list[RunLine]:
+    """One line a run, in dataset order.
+
+    Args:
+        data: The runs.
+        checked: Which of them check, (runs,).
+        rank: Their places in worst_first, (runs,).
+    """
+    sag = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
+    groups = np.where(checked, "check", "identification")
+    columns = (data.run, data.pose, groups, rank, sag)
+    return [RunLine(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
 
 
 def summary(report: Report, arm: str, scenario: Scenario, worst: str, scales: tuple[float, float]) -> str:
@@ -55,41 +87,33 @@ def summary(report: Report, arm: str, scenario: Scenario, worst: str, scales: tu
         worst: The run with the largest residual of the best model, in words.
         scales: Magnification of deflections and of residuals [1].
     """
-    noise = np.sqrt(6) * MM * scenario.sigma
-    data = report["dataset"]
-    return "\n".join(
-        [
-            f"### Which stiffness model predicts the sag of the {arm} arm under {scenario.payload:g} kg best?",
-            "",
-            f"#### **{answer(report, worst)}**",
-            "",
-            *model_table(report["models"]),
-            "",
-            f"In brackets: the paper. Seen: directions of the unknowns that the data determine. "
-            f"{data['runs']} runs sag {show(data['deflection_min_mm'], '.2f')} to "
-            f"{show(data['deflection_max_mm'], '.2f')} mm. Noise of the readings alone makes {noise:.3f} mm RMS "
-            f"at check poses; over the workspace errors are against the truth.",
-            "",
-            f"**Colours** Grey: arm without its load. Vermillion: measured, and the ghost; sag x {scales[0]:g}. "
-            f"Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. Arrows from measured "
-            f"to predicted: x {scales[1]:g}.",
-            "",
-            "**Scrub** the time bar below: `worst_first` 0 is the worst run; `pose` is the order of the dataset.",
-        ]
-    )
+    data, noise = report["dataset"], np.sqrt(6) * MM * scenario.sigma * scenario.noise
+    sag = f"{show(data['deflection_min_mm'], '.2f')} to {show(data['deflection_max_mm'], '.2f')} mm"
+    paragraphs = [
+        f"### {arm} under {scenario.payload:g} kg: which stiffness model predicts its sag best?",
+        f"#### **{answer(report, worst)}**",
+        "\n".join(model_table(report["models"])),
+        "In brackets: the paper. Seen: directions of the unknowns that the data determine. "
+        f"{data['runs']} runs sag {sag}. Noise alone makes {noise:.3f} mm RMS at check poses; "
+        "over the workspace errors are against the truth.",
+        f"**Colours** Grey: arm without its load. Vermillion: measured, and the ghost; sag x {scales[0]:g}. "
+        "Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. "
+        f"Arrows from measured to predicted: x {scales[1]:g}.",
+        "**Scrub** the time bar below: `worst_first` 0 is the worst run, `pose` the order of the dataset.",
+    ]
+    return "\n\n".join(paragraphs)
 
 
 def answer(report: Report, worst: str) -> str:
     """Which model is best, by how much, and where it is worst; one line."""
     rows = report["models"]
     first, area = best(rows, "check"), best(rows, "workspace")
-    rivals = by_method(rows)[0 if is_gco(first) else 1]
-    rival = min(rivals, key=lambda m: middle(m["check"]["rms_mm"])) if rivals else first
-    check, workspace = (
-        f"{show(first[group]['rms_mm'])} mm"
-        + ("" if rival is first else f" ({rival['name']} {show(rival[group]['rms_mm'])})")
-        for group in ("check", "workspace")
-    )
+    rivals, method = by_method(rows)[0 if is_gco(first) else 1], "LS" if is_gco(first) else "GCO"
+    check, workspace = (f"{show(first[group]['rms_mm'])} mm" for group in ("check", "workspace"))
+    if rivals:
+        rival = min(rivals, key=lambda m: middle(m["check"]["rms_mm"]))
+        check += f" (best {method} {rival['name']} {show(rival['check']['rms_mm'])})"
+        workspace += f" ({rival['name']} {show(rival['workspace']['rms_mm'])})"
     kind = "Best conservative model" if first["conservative"] is True else "No model is conservative; best"
     largest = max(middle(first[group]["max_mm"]) for group in ("identification", "check"))
     text = f"{kind}: {first['name']}, RMS {check} at check poses, {workspace} over the workspace"
@@ -124,50 +148,38 @@ def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def table(data: Dataset, checked: Mask, rank: Ids, names: Sequence[str], residual: Array) -> str:
-    """A line a run, in dataset order.
+def table(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> str:
+    """All runs, in dataset order.
 
     Args:
-        data: The runs.
-        checked: Which of them check, (runs,).
-        rank: Their place in worst_first, (runs,).
+        runs: Their lines.
         names: Of the models.
-        residual: Worst marker residual, (models, runs) [m].
+        residual: Residual of the worst marker, (models, runs) [m].
     """
     head = ["run", "pose", "set", "worst_first", "deflection, mm", *(f"{n}, mm" for n in names)]
     lines = [head, ["---:"] * len(head)]
-    size = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
-    for i in range(data.runs):
-        kind = "check" if checked[i] else "identification"
-        known = [str(data.run[i]), str(data.pose[i]), kind, str(rank[i]), f"{size[i]:.3f}"]
-        lines.append([*known, *(f"{mm:.3f}" for mm in MM * residual[:, i])])
-    text = (
-        "Per run: deflection of the marker that moves most, and residual of the worst marker for each model."
-    )
-    return "\n".join(["## Every run", "", text, "", *map(_line, lines)])
+    for run, column in zip(runs, MM * residual.T, strict=True):
+        known = [str(run.run), str(run.pose), run.group, str(run.place), f"{run.sag_mm:.3f}"]
+        lines.append([*known, *(f"{mm:.3f}" for mm in column)])
+    head_line = "Deflection of the marker that moves most; residual of the worst marker, for each model."
+    return "\n".join(["### Every run", "", head_line, "", *map(_line, lines)])
 
 
-def captions(data: Dataset, checked: Mask, rank: Ids, names: Sequence[str], residual: Array) -> list[str]:
+def captions(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> list[str]:
     """What is on screen, for every run; arguments as for `table`."""
-    size = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
     head = [_line(["worst marker", *names]), _line(["---", *["---:"] * len(names)])]
-    return [
-        "\n".join(
-            [
-                f"**{where(data, i, checked=bool(checked[i])).capitalize()}** sags {size[i]:.2f} mm; "
-                f"number {rank[i] + 1} of {data.runs} from the worst.",
-                "",
-                *head,
-                _line(["residual, mm", *(f"{mm:.3f}" for mm in MM * residual[:, i])]),
-            ]
-        )
-        for i in range(data.runs)
-    ]
+    texts = []
+    for run, column in zip(runs, MM * residual.T, strict=True):
+        title = f"**{run.where.capitalize()}** sags {run.sag_mm:.2f} mm; "
+        title += f"number {run.place + 1} of {len(runs)} from the worst."
+        numbers = _line(["residual, mm", *(f"{mm:.3f}" for mm in column)])
+        texts.append("\n".join([title, "", *head, numbers]))
+    return texts
 
 
 def notes(report: Report) -> str:
     """Status and advice of every model."""
-    lines = ["## What the models say of themselves", ""]
+    lines = ["### What the models say of themselves", ""]
     for m in report["models"]:
         gap = "" if m["duality_gap"] is None else f", duality gap {show(m['duality_gap'], '.1e')}"
         lines += [
@@ -182,7 +194,6 @@ def notes(report: Report) -> str:
 
 
 def _words(residuals: Row) -> str:
-    return (
-        f"mean {show(residuals['mean_um'], '.1f')} um, standard deviation {show(residuals['std_um'], '.1f')} um, "
-        f"Lilliefors p = {show(residuals['lilliefors_p'], '.3f')}"
-    )
+    mean, std = show(residuals["mean_um"], ".1f"), show(residuals["std_um"], ".1f")
+    p = show(residuals["lilliefors_p"], ".3f")
+    return f"mean {mean} um, standard deviation {std} um, Lilliefors p = {p}"

@@ -20,7 +20,7 @@ COLUMNS: tuple[tuple[str, str, str, str], ...] = (
 
 
 def models(report: Report) -> Table:
-    """The table of section 6 for a terminal of 80 columns; below each model its spread and the paper's row."""
+    """The table of section 6 for a terminal of 80 columns; below a model its spread, the paper's row."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, heading in enumerate(("model", "un-\nknowns", "seen", "conser-\nvative", "F_M", "floor")):
         table.add_column(heading, justify="left" if k == 0 else "right", no_wrap=True)
@@ -60,7 +60,8 @@ def fits(rows: list[Report]) -> Table:
     """Models identified from a user's own runs."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     table.add_column("model", no_wrap=True)
-    for heading in ("un-\nknowns", "seen", "conser-\nvative", "F_M", "floor", "RMS\nmm", "max\nmm", "max\nrel. %"):
+    headings = ["un-\nknowns", "seen", "conser-\nvative", "F_M", "floor", "RMS\nmm", "max\nmm", "max\nrel. %"]
+    for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("status")
     for row in rows:
@@ -111,8 +112,9 @@ def verdict(report: Report) -> str:
     free = [f"{m['name']} {m['parameters']} / {show(m['rank'], '.0f')}" for m in rows if not m["unique"]]
     if free:
         lines.append(
-            f"Not unique (unknowns / directions seen): {', '.join(free)}. Minimum norm (LS) or least trace "
-            "(GCO) fills the rest: single entries mean nothing, nor do predictions far from the measured poses."
+            f"Not unique (unknowns / directions seen): {', '.join(free)}. Minimum norm (LS) or least "
+            "trace (GCO) fills the rest: single entries mean nothing, nor do predictions far from the measured "
+            "poses."
         )
     same = _twins(rows)
     if same:
@@ -189,14 +191,15 @@ def markdown(report: Report) -> str:
             *_grid(head, rows),
             "",
             "The paper's number stands in square brackets where it is known. Errors are distances at the "
-            "markers: against readings for identification and check (noise included, as in the paper), against "
-            "the true deflection for the workspace. The floor of F_M is what noise alone leaves, "
+            "markers: against readings for identification and check (noise included, as in the paper), "
+            "against the true deflection for the workspace. The floor of F_M is what noise alone leaves, "
             "sqrt(3 (1 - seen / equations)).",
             "",
             *_fits(report),
             "",
-            "The duality gap bounds F_M minus the least F_M of any conservative model whose blocks have at most "
-            "the traces in report.json. Residuals are components along one axis; a p below 0.05 rejects normality.",
+            "The duality gap bounds F_M minus the least F_M of any conservative model whose blocks have at "
+            "most the traces in report.json. Residuals are components along one axis; a p below 0.05 rejects "
+            "normality.",
             "",
             *(f"- {text}" for m in report["models"] for text in m["advice"]),
             "",

@@ -6,7 +6,9 @@ over all runs at once. Virtual joints are at zero: the model is linear (Eq. 5-6,
 
 import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -43,19 +45,16 @@ class Vjm:
 
 @dataclass(frozen=True)
 class Chain:
-    """Where the virtual joints of every run are, in world axes.
+    """Where the tool of every run is, and how the virtual joints move it, in world axes.
 
     Attributes:
-        origins: Origin of every link's virtual joint, then of every joint, (runs, 2 n + 1, 3) [m].
-        translations: Translation per unit of each virtual joint about its own origin, (runs, 3, n_theta).
-        rotations: Rotation per unit of each virtual joint, (runs, 3, n_theta).
+        J_theta: Jacobian of the virtual joints at the tool's origin, Eq. (3), (6, n_theta, runs) [1, m].
+            Runs are last in all arrays of the hot path: every product is one long loop.
         position: Tool position, (runs, 3) [m].
         rotation: Tool orientation, world from tool, (runs, 3, 3).
     """
 
-    origins: Array
-    translations: Array
-    rotations: Array
+    J_theta: Array
     position: Array
     rotation: Array
 
@@ -92,7 +91,7 @@ def build_vjm(arm: Arm) -> Vjm:
         arm=arm,
         base=bodies[0].homogeneous,
         placements=np.array(
-            [a.actInv(b).homogeneous for a, b in zip(bodies, bodies[1:], strict=False)]
+            [a.actInv(b).homogeneous for a, b in pairwise(bodies)]
         ).reshape(-1, 4, 4),
         axes=np.array(axes).reshape(-1, 3),
         tool=bodies[-1].actInv(tool).homogeneous,
@@ -124,21 +123,8 @@ def _read_kinematics(arm: Arm) -> pin.Model:
             raise InputError(arm.rigid, "", f"Pinocchio refuses it: {problem}") from err
 
 
-def rotate(axis: Array, angle: Array) -> Array:
-    """Rotation matrices about a fixed unit axis (Rodrigues), (runs, 3, 3).
-
-    Args:
-        axis: Unit axis, (3,).
-        angle: Angles, (runs,) [rad].
-    """
-    x, y, z = axis
-    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.eye(3) + s * W + (1 - c) * (W @ W)
-
-
 def chain(vjm: Vjm, q: Array) -> Chain:
-    """Virtual joints of every run, Eq. (1) at theta = 0.
+    """Tool and virtual joints of every run, Eq. (1) and (3) at theta = 0.
 
     Args:
         vjm: The model.
@@ -147,46 +133,42 @@ def chain(vjm: Vjm, q: Array) -> Chain:
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
-    origins = np.empty((runs, 2 * n + 1, 3))
-    translations = np.zeros((runs, 3, vjm.arm.n_theta))
-    rotations = np.zeros((runs, 3, vjm.arm.n_theta))
-    R = np.broadcast_to(vjm.base[:3, :3], (runs, 3, 3))
-    p = np.broadcast_to(vjm.base[:3, 3], (runs, 3))
+    J = np.zeros((6, vjm.arm.n_theta, runs))
+    origins = np.empty((3, vjm.arm.n_theta, runs))
+    R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
+    p = np.tile(vjm.base[:3, 3:], runs)
     for i, link in enumerate(vjm.arm.links):
         placement = vjm.placements[i] if i < n else vjm.tool
-        p = p + R @ placement[:3, 3]
-        beam = R @ link.frame
-        origins[:, i] = p
-        translations[:, :, 6 * i : 6 * i + 3] = beam
-        rotations[:, :, 6 * i + 3 : 6 * i + 6] = beam
+        p = p + placement[:3, 3] @ R
+        beam = link.frame.T @ R
+        J[:3, 6 * i : 6 * i + 3] = beam
+        J[3:, 6 * i + 3 : 6 * i + 6] = beam
+        origins[:, 6 * i : 6 * i + 6] = p[:, None]
+        R = placement[:3, :3].T @ R
         if i < n:
-            R = R @ placement[:3, :3]
-            rotations[:, :, links + i] = R @ vjm.axes[i]
-            R = R @ rotate(vjm.axes[i], q[:, i])
-            origins[:, n + 1 + i] = p
-    return Chain(origins, translations, rotations, p, R @ vjm.tool[:3, :3])
+            J[3:, links + i] = vjm.axes[i] @ R
+            origins[:, links + i] = p
+            R = turn(R, vjm.axes[i], q[:, i])
+    J[:3] += cross(J[3:], p[:, None] - origins)
+    return Chain(J, p.T, R.transpose(2, 0, 1))
 
 
-def owners(n_joints: int) -> Array:
-    """Which origin of a Chain each virtual joint turns about, (n_theta,)."""
-    return np.concatenate([np.repeat(np.arange(n_joints + 1), 6), n_joints + 1 + np.arange(n_joints)])
-
-
-def translation_rows(where: Chain, n_joints: int, point: Array) -> Array:
-    """Translational rows of J_theta at points fixed in the tool.
+def turn(R: Array, axis: Array, angle: Array) -> Array:
+    """Frames turned about an axis of their own (Rodrigues), (3, 3, runs).
 
     Args:
-        where: The chain of every run.
-        n_joints: Number of actuated joints.
-        point: Points in the tool's frame, (p, 3), or one for every run, (runs, 1, 3) [m].
-
-    Returns:
-        (runs, p, 3, n_theta) [1, m].
+        R: World from body, (3, 3, runs).
+        axis: Unit axis in the body, (3,).
+        angle: Angles, (runs,) [rad].
     """
-    world = where.position[:, None] + point @ where.rotation.transpose(0, 2, 1)
-    arms = (world[:, :, None] - where.origins[:, None])[:, :, owners(n_joints)]
-    turn = np.cross(where.rotations.transpose(0, 2, 1)[:, None], arms)
-    return where.translations[:, None] + turn.swapaxes(2, 3)
+    x, y, z = axis
+    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(R + np.sin(angle) * (W.T @ R) + (1 - np.cos(angle)) * ((W @ W).T @ R))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector products along the first axis; np.cross is four times slower there."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def jacobian(vjm: Vjm, q: Array, point: Array | None = None) -> Array:
@@ -202,8 +184,29 @@ def jacobian(vjm: Vjm, q: Array, point: Array | None = None) -> Array:
     """
     at = np.zeros(3) if point is None else check_array(point, (3,), "point [m]")
     where = chain(vjm, q)
-    moved = translation_rows(where, vjm.arm.n_joints, at[None])[:, 0]
-    return np.concatenate([moved, where.rotations], axis=1)
+    J = np.concatenate([translation_rows(where, at[None]), where.J_theta[3:]])
+    return J.transpose(2, 0, 1)
+
+
+def translation_rows(where: Chain, points: Array) -> Array:
+    """Translational rows of J_theta at points fixed in the tool.
+
+    Args:
+        where: The chain of every run.
+        points: Points in the tool's frame, (p, 3) [m].
+
+    Returns:
+        World axes, (3 p, n_theta, runs) [1, m].
+    """
+    v, omega = where.J_theta[:3], where.J_theta[3:]
+    arms = [(where.rotation @ point).T[:, None] for point in points]
+    return np.concatenate([v + cross(omega, arm) for arm in arms])
+
+
+def twist_rows(where: Chain) -> Array:
+    """J_theta at the tool's origin in the tool's own axes, (6, n_theta, runs) [1, m]."""
+    parts = where.J_theta[:3], where.J_theta[3:]
+    return np.concatenate([np.einsum("rxy,xtr->ytr", where.rotation, part) for part in parts])
 
 
 def cartesian_compliance(J_theta: Array, C_theta: Array) -> Array:
@@ -219,21 +222,23 @@ def cartesian_compliance(J_theta: Array, C_theta: Array) -> Array:
     return np.asarray(J_theta @ C_theta @ J_theta.swapaxes(-1, -2))
 
 
-def generalised_load(vjm: Vjm, where: Chain, wrench: Array, point: Array) -> Array:
+def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     """Load J_F^T w of every virtual joint.
 
     Args:
-        vjm: The model.
         where: The chain of every run.
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where it acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
-        (runs, n_theta) [N, N m].
+        (n_theta, runs) [N, N m].
     """
-    moved = translation_rows(where, vjm.arm.n_joints, point[:, None])[:, 0]
-    force = np.einsum("rx,rxt->rt", wrench[:, :3], moved)
-    return force + np.einsum("rx,rxt->rt", wrench[:, 3:], where.rotations)
+    runs = len(where.position)
+    wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
+    point = check_array(point, (runs, 3), "point [m]")
+    force, arm = wrench[:, :3], np.einsum("rxy,ry->rx", where.rotation, point)
+    at_tool = np.hstack([force, wrench[:, 3:] + np.cross(arm, force)])
+    return np.einsum("xtr,rx->tr", where.J_theta, at_tool)
 
 
 def observation(
@@ -247,9 +252,6 @@ def observation(
     rotation: bool = False,
 ) -> Array:
     """Observation matrix A of Eq. (12), so that deflection = A @ pi.
-
-    A row is linear in the load u = J_F^T w: the parameter C_theta[a, b] moves the target by
-    J[:, a] u[b] + J[:, b] u[a] (once on the diagonal).
 
     Args:
         vjm: The model.
@@ -266,44 +268,35 @@ def observation(
     Raises:
         BenchError: When an argument has the wrong shape or is not finite.
     """
-    A = parameter_rows(vjm, structure, q, wrench, point, targets=targets, rotation=rotation)
-    return A.transpose(3, 1, 2, 0)
-
-
-def parameter_rows(
-    vjm: Vjm,
-    structure: Structure,
-    q: Array,
-    wrench: Array,
-    point: Array,
-    *,
-    targets: Array,
-    rotation: bool = False,
-) -> Array:
-    """The observation matrix of `observation` with runs innermost: (n_par, m, 3, runs).
-
-    Contiguous over runs, and so the transpose that LAPACK wants: this is the hot path of large datasets.
-    """
     where = chain(vjm, q)
-    runs = len(where.position)
-    wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
-    point = check_array(point, (runs, 3), "point [m]")
-    if structure.n_theta != vjm.arm.n_theta:
+    targets = check_array(targets, (None, 3), "targets [m]")
+    J = where.J_theta[3:] if rotation else translation_rows(where, targets)
+    A = np.stack([*parameter_rows(structure, J, generalised_load(where, wrench, point))])
+    return A.reshape(-1, 3, structure.n, len(q)).transpose(3, 0, 1, 2)
+
+
+def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
+    """Observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
+
+    A row is linear in the load u = J_F^T w: the parameter C_theta[a, b] moves the reading by
+    J[a] u[b] + J[b] u[a] (once on the diagonal).
+
+    Args:
+        structure: The unknown entries, n_par of them.
+        J: Readings per unit of each virtual joint, (rows, n_theta, runs).
+        u: Load of each virtual joint, (n_theta, runs) [N, N m].
+
+    Yields:
+        One row of every run, (n_par, runs): the transpose of what LAPACK wants.
+
+    Raises:
+        BenchError: When the structure is of another arm.
+    """
+    if structure.n_theta != len(u):
         raise BenchError(
-            f"structure {structure.name}: expected {vjm.arm.n_theta} virtual joints, "
-            f"got {structure.n_theta}"
+            f"structure {structure.name}: expected {len(u)} virtual joints, got {structure.n_theta}"
         )
-    u = np.ascontiguousarray(generalised_load(vjm, where, wrench, point).T)
-    if rotation:
-        J = where.rotations[:, None]
-    else:
-        J = translation_rows(where, vjm.arm.n_joints, check_array(targets, (None, 3), "targets [m]"))
-    J = np.ascontiguousarray(J.transpose(3, 1, 2, 0))
-    A = np.empty((structure.n, *J.shape[1:]))
-    other = np.empty(J.shape[1:])
-    for k, (a, b) in enumerate(zip(structure.a, structure.b, strict=True)):
-        np.multiply(J[a], u[b], out=A[k])
-        if a != b:
-            np.multiply(J[b], u[a], out=other)
-            A[k] += other
-    return A
+    a, b = structure.a, structure.b
+    u_b, u_a = u[b], u[a] * (a != b)[:, None]
+    for row in J:
+        yield row[a] * u_b + row[b] * u_a

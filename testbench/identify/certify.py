@@ -20,7 +20,7 @@ from testbench.identify.regression import Regression, f_m
 from testbench.structure import Structure
 
 LENGTH = 0.5
-"""Length that turns a translation into a rotation in scaled units [m]: a link of 0.9 m has it, L / sqrt(3)."""
+"""Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def default_trace_bounds(structure: Structure, pi: Array) -> Array:
     unit = scaled_units(structure)
     diagonal = np.diag(structure.matrix(pi)) / unit**2
     own = np.array([diagonal[i].sum() for i in structure.blocks])
-    return np.maximum(2 * own, own.sum() / 100)
+    return np.asarray(np.maximum(2 * own, own.sum() / 100))
 
 
 def total_trace(structure: Structure, pi: Array) -> float:

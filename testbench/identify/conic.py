@@ -76,9 +76,11 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     pi[program.columns] = program.scale * _project(program.structure, np.array(solution.x)[terms:])
     z = np.array(solution.z)[: terms * (structure.n + 2)].reshape(terms, -1)
     dual = Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0])
-    reached = bound_gap(regression, pi, dual, trace_weight=program.trace_weight).gap
+    certificate = bound_gap(regression, pi, dual)
+    t = certificate.trace_bounds
+    reached = bound_gap(regression, pi, dual, t, trace_weight=program.trace_weight).gap
     allowed = GAP_TOLERANCE * f_m(regression, pi) + DATA_TOLERANCE * program.unit
-    advice = ()
+    advice: tuple[str, ...] = ()
     if regression.rank < structure.n:
         advice = ("GCO filled the free directions with the least trace in scaled units",)
     return make_estimate(
@@ -86,7 +88,7 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         pi,
         method="GCO (conic program)",
         status="solved" if reached <= allowed else f"not solved: Clarabel says {solution.status}",
-        certificate=bound_gap(regression, pi, dual),
+        certificate=certificate,
         solver_seconds=solution.solve_time,
         advice=advice,
     )
@@ -115,26 +117,27 @@ def scale_program(regression: Regression) -> Program:
 def _solve(regression: Regression, program: Program) -> clarabel.DefaultSolution:
     """Minimise sum t + trace term, |(R x - z, sqrt(rest))| <= t, every block positive semi-definite."""
     s, terms = program.structure, regression.terms
-    A: list[sparse.sparray] = []
+    A: list[Array] = []
     b: list[Array] = []
     cones: list[object] = []
     for k, term in enumerate(terms):
-        bound = sparse.csc_array(([-1.0], ([0], [k])), shape=(1, len(terms)))
-        R = sparse.csc_array(term.R[:, program.columns] * (program.scale / program.unit))
-        A.append(sparse.block_array([[bound, None], [None, R], [None, sparse.csc_array((1, s.n))]]))
+        rows = np.zeros((len(term.z) + 2, len(terms) + s.n))
+        rows[0, k] = -1
+        rows[1:-1, len(terms) :] = term.R[:, program.columns] * (program.scale / program.unit)
+        A.append(rows)
         b.append(np.r_[0.0, term.z, math.sqrt(term.rest)] / program.unit)
-        cones.append(clarabel.SecondOrderConeT(len(term.z) + 2))
+        cones.append(clarabel.SecondOrderConeT(len(rows)))
     for block in s.blocks:
         rows = _svec_rows(s, block)
-        A.append(sparse.hstack([sparse.csc_array((rows.shape[0], len(terms))), -rows]))
-        b.append(np.zeros(rows.shape[0]))
+        A.append(np.hstack([np.zeros((len(rows), len(terms))), -rows]))
+        b.append(np.zeros(len(rows)))
         cones.append(clarabel.PSDTriangleConeT(len(block)))
     trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
     cost = np.r_[np.ones(len(terms)), program.trace_weight * trace / program.unit]
     solver = clarabel.DefaultSolver(
         sparse.csc_matrix((len(cost), len(cost))),
         cost,
-        sparse.csc_matrix(sparse.vstack(A)),
+        sparse.csc_matrix(np.vstack(A)),
         np.concatenate(b),
         cones,
         _settings(),
@@ -150,15 +153,17 @@ def _settings() -> clarabel.DefaultSettings:
     return settings
 
 
-def _svec_rows(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csc_array:
-    """Rows that take parameters to the upper triangle of a block, column by column, off-diagonals * sqrt 2."""
+def _svec_rows(s: Structure, block: npt.NDArray[np.int_]) -> Array:
+    """Rows that take parameters to the upper triangle of a block, by column, off-diagonals * sqrt 2."""
     position = np.full(s.n_theta, -1)
     position[block] = np.arange(len(block))
     k = np.flatnonzero(position[s.a] >= 0)
     i, j = np.sort([position[s.a[k]], position[s.b[k]]], axis=0)
     value = np.where(i == j, 1.0, math.sqrt(2))
     size = len(block) * (len(block) + 1) // 2
-    return sparse.csc_array((value, (j * (j + 1) // 2 + i, k)), shape=(size, s.n))
+    rows = np.zeros((size, s.n))
+    rows[j * (j + 1) // 2 + i, k] = value
+    return rows
 
 
 def _project(s: Structure, x: Array) -> Array:

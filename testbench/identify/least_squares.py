@@ -25,7 +25,7 @@ def least_squares(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
     """
     regression = reduce(vjm, structure, data)
-    advice = ()
+    advice: tuple[str, ...] = ()
     if regression.rank < structure.n:
         advice = ("least squares filled the free directions with the solution of minimum norm",)
     return make_estimate(regression, solve(regression), method="least squares", advice=advice)

@@ -8,15 +8,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg.lapack import dtpqrt
 
 from testbench.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.structure import Structure
-from testbench.vjm import Vjm, parameter_rows
+from testbench.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
 
-BLOCK_RUNS = 512
+BLOCK_RUNS = 384
 """Runs reduced at a time: long enough for LAPACK, short enough for the cache."""
+PANEL = 8
+"""Columns that LAPACK eliminates at a time: few, as the blocks are short."""
+ROUNDING = 1e-12
+"""A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
 RANK_TOLERANCE = 1e-9
 """A singular value below this share of the largest is zero; structural zeros come out at 1e-16."""
 
@@ -104,32 +108,45 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
 
 
 def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: bool) -> Term:
-    """Fold block after block into the triangular factor of [A | y]."""
+    """Fold block after block of runs into the triangular factor of [A | y].
+
+    In the tool's axes the readings of a run are a constant matrix times the twist of the tool. Its QR leaves
+    at most six equations a run, however many markers there are; what no rigid tool can do goes to the rest.
+    """
     n = structure.n
     sigma = data.sigma_rotation if rotation else data.sigma
     assert sigma is not None
-    y = data.rotation[:, None] if rotation else data.deflection
-    targets = marker_points(vjm, data.markers)
-    equations = y.size
+    turned = data.rotation[:, None] if rotation else None
+    motion = np.eye(6)[3:] if rotation else marker_motion(marker_points(vjm, data.markers))
+    equations = data.runs * len(motion)
     weight = 1 / (math.sqrt(2) * sigma * math.sqrt(equations / 3))
-    T = np.zeros((n + 1, n + 1))
+    Q, G = np.linalg.qr(motion, mode="complete")
+    G = G[:6]
+    T, rest = np.zeros((n + 1, n + 1), order="F"), 0.0
     for first in range(0, data.runs, BLOCK_RUNS):
         block = slice(first, first + BLOCK_RUNS)
-        A = parameter_rows(
-            vjm,
-            structure,
-            data.q[block],
-            data.wrench[block],
-            data.point[block],
-            targets=targets,
-            rotation=rotation,
-        )
-        rows = np.empty((n + 1, A[0].size + n + 1))
-        rows[:, : n + 1] = T.T
-        np.multiply(A.reshape(n, -1), weight, out=rows[:n, n + 1 :])
-        rows[n, n + 1 :] = weight * y[block].transpose(1, 2, 0).ravel()
-        T = qr(rows.T, overwrite_a=True, mode="r", check_finite=False)[0][: n + 1]
-    return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2), equations=equations)
+        where = chain(vjm, data.q[block])
+        u = generalised_load(where, data.wrench[block], data.point[block])
+        J = np.tensordot(weight * G, twist_rows(where), axes=1)
+        y = data.after[block] - data.before[block] if turned is None else turned[block]
+        z = weight * Q.T @ (y @ where.rotation).reshape(len(y), -1).T
+        rest += float((z[len(G) :] ** 2).sum())
+        for A, z_k in zip(parameter_rows(structure, J, u), z, strict=False):
+            rows = np.vstack([A, z_k]).T
+            T = dtpqrt(0, min(PANEL, n + 1), T, rows, overwrite_a=True, overwrite_b=True)[0]
+    return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2) + rest, equations=equations)
+
+
+def marker_motion(points: Array) -> Array:
+    """How markers move per unit twist of the tool, all in the tool's frame.
+
+    Args:
+        points: Positions of the markers, (m, 3) [m].
+
+    Returns:
+        (3 m, 6) [1, m].
+    """
+    return np.vstack([np.hstack([np.eye(3), np.cross(np.eye(3), point).T]) for point in points])
 
 
 def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
@@ -148,9 +165,10 @@ def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
 def rank(A: Array) -> int:
     """Rank of a matrix whose columns have unlike units: each is scaled to norm one first."""
     norm = np.linalg.norm(A, axis=0)
-    if not norm.any():
+    seen = norm > ROUNDING * norm.max(initial=0)
+    if not seen.any():
         return 0
-    s = np.linalg.svd(A[:, norm > 0] / norm[norm > 0], compute_uv=False)
+    s = np.linalg.svd(A[:, seen] / norm[seen], compute_uv=False)
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
 

@@ -192,7 +192,7 @@ def _newton(
         if not size < MAX_SAG:
             break
         if size > last / 4:
-            inverse = np.linalg.inv(_tangent(C, qpos, force))
+            inverse = np.asarray(np.linalg.inv(_tangent(C, qpos, force)), dtype=float)
         last = size
     raise NoEquilibrium(f"no static equilibrium in {k} Newton steps, the last one {size:.3g} m or rad")
 

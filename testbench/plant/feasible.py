@@ -1,4 +1,4 @@
-"""Which poses the rigid arm can take: inside its joint limits, free of collision with itself and the floor."""
+"""Which poses the rigid arm can take: within its limits, free of collision with itself and the floor."""
 
 from dataclasses import dataclass
 

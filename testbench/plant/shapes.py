@@ -1,5 +1,6 @@
 """What the arm looks like: the visual geoms of its rigid MJCF, and where every body is, rigid or elastic."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -123,7 +124,7 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
 def _rgba(model: mujoco.MjModel, g: int) -> Array:
     """The geom's own colour, or its material's where the geom has MuJoCo's default."""
     material, rgba = int(model.geom_matid[g]), model.geom_rgba[g]
-    own = material < 0 or not np.array_equal(rgba, np.float32([0.5, 0.5, 0.5, 1]))
+    own = material < 0 or not np.array_equal(rgba, [0.5, 0.5, 0.5, 1])
     return np.asarray(rgba if own else model.mat_rgba[material], dtype=float)
 
 
@@ -140,6 +141,23 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
         normals=np.asarray(model.mesh_normal[model.mesh_normaladr[k] + pairs[:, 1]], dtype=float),
         faces=np.asarray(inverse, dtype=int).reshape(-1, 3),
     )
+
+
+def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
+    """Meshes of one body as one mesh in the body's axes, and the number of vertices of each.
+
+    Args:
+        shapes: Of kind "mesh".
+    """
+    pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
+    counts = [len(mesh.vertices) for _, mesh in pairs]
+    first = np.cumsum([0, *counts])
+    joined = Mesh(
+        vertices=np.concatenate([s.position + mesh.vertices @ s.rotation.T for s, mesh in pairs]),
+        normals=np.concatenate([mesh.normals @ s.rotation.T for s, mesh in pairs]),
+        faces=np.concatenate([mesh.faces + first[k] for k, (_, mesh) in enumerate(pairs)]),
+    )
+    return joined, counts
 
 
 def _sticks(model: mujoco.MjModel) -> list[Shape]:

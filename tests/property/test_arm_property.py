@@ -1,0 +1,289 @@
+"""Whatever rigid.xml and elastic.toml hold: a sound arm, or one line of InputError; nothing else escapes."""
+
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from testbench.arm import load_arm
+from testbench.errors import InputError
+from testbench.mjcf import MAX_DEPTH, read_mjcf
+
+MODELS = Path(__file__).parents[2] / "models"
+FUZZ = settings(
+    deadline=None,
+    derandomize=True,
+    database=None,
+    max_examples=250,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # every example rewrites the whole folder
+)
+TOML = {name: (MODELS / name / "elastic.toml").read_bytes() for name in ("arm_6r", "single_link")}
+XML = {name: (MODELS / name / "rigid.xml").read_bytes() for name in ("arm_6r", "single_link")}
+
+NUMBERS = [
+    *(
+        b"nan",
+        b"-inf",
+        b"inf",
+        b"1e999",
+        b"1e-320",
+        b"1e200",
+        b"-1",
+        b"0",
+        b"-0.0",
+        b"1",
+        b"1_0",
+        b"1e",
+        b".",
+    ),
+    *(
+        b"9" * 400,
+        b"9" * 5000,
+        b"0x" + b"f" * 9000,
+        b"0b1",
+        b"1979-05-27",
+        b"12:00:00",
+        b"true",
+        b"1 2 3",
+        b"",
+    ),
+]
+MARKS = [
+    *(b"\0", b"\xff", b"\xc3", b"\n", b"\r", b"\t", b" ", b"\\", b"\\u0000", b"&#10;", b"&#0;", b"&a;", b"&"),
+    *("\ufeff".encode(), "é".encode(), "\u2028".encode(), b"'", b'"', b'"""', b"'''", b"#", b"=", b".", b","),
+    *(
+        b"[",
+        b"]",
+        b"[[",
+        b"]]",
+        b"{",
+        b"}",
+        b"{}",
+        b"[]",
+        b"[" * 3000,
+        b"{a=" * 3000,
+        b"a." * 3000,
+        b"x" * 5000,
+    ),
+    *(b"<", b">", b"/>", b"</body>", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?x?>", b"<!DOCTYPE m>"),
+    *(b"<include file='/etc/passwd'/>", b"<replicate count='999'/>", b"<body/>", b"<body name='link_1'/>"),
+    *(
+        b"<joint/>",
+        b"<default><joint/></default>",
+        b"<compiler angle='degree'/>",
+        b"<compiler meshdir='..'/>",
+    ),
+    *(b"<mesh file='../x.stl'/>", b"<mesh file='" + b"x" * 5000 + b"'/>", b"<body>" * 100, b"xmlns='a'"),
+    *(
+        b"link_1",
+        b"joint_1",
+        b"tool",
+        b"probe",
+        b"name",
+        b"tube",
+        b"compliance",
+        b"m",
+        b"/",
+        b"../..",
+        b"link",
+    ),
+]
+
+
+@st.composite
+def mutated(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
+    """A model's name, and its file with up to three tokens, bytes or lines replaced, doubled or dropped."""
+    name = draw(st.sampled_from(sorted(files)))
+    content = files[name]
+    for _ in range(draw(st.integers(1, 3))):
+        pattern = draw(
+            st.sampled_from(
+                [rb"[-+.\d][-+.\de]*", rb"\w+", rb'"[^"\n]*"', rb"<[^>]*>", rb"[^\n]*\n", rb"[\s\S]"]
+            )
+        )
+        spans = [m.span() for m in re.finditer(pattern, content)]
+        if not spans:
+            continue
+        a, b = draw(st.sampled_from(spans))
+        c, d = draw(st.sampled_from(spans))
+        own = st.sampled_from([b"", content[a:b] * 2, content[c:d]])
+        content = content[:a] + draw(st.one_of(own, st.sampled_from(NUMBERS + MARKS))) + content[b:]
+    return name, content
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as parent:
+        yield Path(parent) / "arm"
+
+
+def check_message(err: InputError, folder: Path) -> None:
+    message = str(err)
+    assert message.startswith(str(folder))
+    assert len(message.splitlines()) == 1
+    assert len(message) <= 2000
+
+
+def check_loading(folder: Path, name: str, file: str, content: bytes) -> None:
+    """Either an arm in which everything is sound, or an InputError of one line."""
+    folder.mkdir(exist_ok=True)
+    for other in ("rigid.xml", "elastic.toml"):
+        shutil.copyfile(MODELS / name / other, folder / other)
+    (folder / file).write_bytes(content)
+    try:
+        arm = load_arm(folder)
+    except InputError as err:
+        check_message(err, folder)
+        return
+    assert len(arm.links) == arm.n_joints + 1
+    assert len(set(arm.markers)) == len(arm.markers) >= 1
+    lower, upper = arm.limits
+    assert np.isfinite(arm.limits).all()
+    assert (lower < upper).all()
+    for link in arm.links:
+        np.testing.assert_allclose(link.frame.T @ link.frame, np.eye(3), rtol=0, atol=1e-14)
+        d = np.sqrt(np.diag(link.compliance))
+        assert np.linalg.eigvalsh(link.compliance / np.outer(d, d))[0] > 0
+        assert np.isfinite(np.linalg.inv(link.compliance)).all()
+    assert all(np.isfinite(1 / joint.compliance) for joint in arm.joints)
+
+
+@FUZZ
+@given(case=mutated(TOML))
+def test_no_mutation_of_elastic_toml_crashes_the_reader(folder: Path, case: tuple[str, bytes]) -> None:
+    name, content = case
+    check_loading(folder, name, "elastic.toml", content)
+
+
+@FUZZ
+@given(case=mutated(XML))
+def test_no_mutation_of_rigid_xml_crashes_the_reader(folder: Path, case: tuple[str, bytes]) -> None:
+    name, content = case
+    check_loading(folder, name, "rigid.xml", content)
+
+
+BYTES = st.one_of(st.binary(max_size=200), st.text(max_size=200).map(lambda s: s.encode("utf-8", "replace")))
+
+
+@FUZZ
+@given(content=BYTES)
+def test_no_bytes_crash_the_reader_of_elastic_toml(folder: Path, content: bytes) -> None:
+    check_loading(folder, "single_link", "elastic.toml", content)
+
+
+VALUES = st.recursive(
+    st.one_of(
+        st.sampled_from(["nan", "inf", "1e999", "''", "true", "1979-05-27", "0x" + "f" * 5000, "9" * 5000]),
+        st.floats().map(repr),
+        st.integers().map(str),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4).map(lambda x: f"[{', '.join(x)}]"),
+        st.dictionaries(st.sampled_from(["value", "unit", "origin", "a"]), inner, max_size=3).map(
+            lambda x: "{" + ", ".join(f"{k} = {v}" for k, v in x.items()) + "}"
+        ),
+    ),
+    max_leaves=8,
+)
+
+
+@FUZZ
+@given(
+    key=st.sampled_from(
+        ["format", "title", "tool", "load", "markers", "link", "joint", "name", "axis", "unit", "x"]
+    ),
+    value=VALUES,
+)
+def test_no_value_of_any_key_crashes_the_reader(folder: Path, key: str, value: str) -> None:
+    lines = TOML["single_link"].decode().splitlines()
+    kept = [line for line in lines if not line.startswith(f"{key} = ")]
+    place = (
+        0
+        if key not in ("name", "axis", "unit")
+        else next(
+            i
+            for i, line in enumerate(kept)
+            if line.startswith("[link.compliance]" if key == "unit" else "[[link]]")
+        )
+        + 1
+    )
+    kept.insert(place, f"{key} = {value}")
+    check_loading(folder, "single_link", "elastic.toml", "\n".join(kept).encode())
+
+
+@FUZZ
+@given(content=st.one_of(BYTES, BYTES.map(lambda b: b"<mujoco>" + b + b"</mujoco>")))
+def test_no_bytes_crash_the_reader_of_rigid_xml(folder: Path, content: bytes) -> None:
+    check_loading(folder, "single_link", "rigid.xml", content)
+
+
+TAGS = [
+    "body",
+    "joint",
+    "inertial",
+    "geom",
+    "compiler",
+    "option",
+    "default",
+    "mesh",
+    "asset",
+    "include",
+    "plugin",
+]
+KEYS = ["name", "pos", "mass", "range", "axis", "file", "meshdir", "angle", "gravity", "class", "type"]
+TEXT = st.one_of(
+    st.sampled_from(["nan", "1 2 3", "1e999", "../x", "/etc", "-1", "degree", "a", "0 0 -9.81", "1_0", "\n"]),
+    st.text(alphabet=st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=6),
+)
+
+
+def element(tag: str, attributes: dict[str, str], children: list[str]) -> str:
+    quoted = " ".join(f"{k}={quoteattr(v)}" for k, v in attributes.items())
+    return f"<{tag} {quoted}>{''.join(children)}</{tag}>"
+
+
+ELEMENTS = st.recursive(
+    st.builds(
+        element, st.sampled_from(TAGS), st.dictionaries(st.sampled_from(KEYS), TEXT, max_size=3), st.just([])
+    ),
+    lambda inner: st.builds(
+        element,
+        st.sampled_from(TAGS),
+        st.dictionaries(st.sampled_from(KEYS), TEXT, max_size=2),
+        st.lists(inner, max_size=4),
+    ),
+    max_leaves=12,
+)
+
+
+@FUZZ
+@given(children=st.lists(ELEMENTS, max_size=4))
+def test_no_tree_of_elements_crashes_the_reader(folder: Path, children: list[str]) -> None:
+    folder.mkdir(exist_ok=True)
+    file = folder / "rigid.xml"
+    file.write_text(element("mujoco", {}, children), "utf-8")
+    try:
+        root = read_mjcf(file)
+    except InputError as err:
+        check_message(err, folder)
+    else:
+        assert not {"include", "plugin"} & {e.tag for e in root.iter()}
+
+
+@FUZZ
+@given(depth=st.integers(1, 2 * MAX_DEPTH))
+def test_nesting_is_refused_exactly_above_its_limit(folder: Path, depth: int) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / "rigid.xml").write_text(f"<mujoco>{'<body>' * depth}{'</body>' * depth}</mujoco>")
+    if depth <= MAX_DEPTH:
+        read_mjcf(folder / "rigid.xml")
+    else:
+        with pytest.raises(InputError, match=f"at most {MAX_DEPTH} nested"):
+            read_mjcf(folder / "rigid.xml")

@@ -1,0 +1,182 @@
+"""Whatever a dataset holds comes back bit by bit; whatever a file holds, only InputError may escape."""
+
+import re
+import tempfile
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from testbench.arm import load_arm
+from testbench.dataset import Dataset, columns, read_csv, select, split, write_csv
+from testbench.errors import InputError
+
+ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
+JOINTS = tuple(j.name for j in ARM.joints)
+LOWER, UPPER = ARM.limits
+REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=60)
+FUZZ = settings(REPEATABLE, max_examples=400)
+
+ANY = st.floats(allow_nan=False, allow_infinity=False)
+POSITIVE = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+ID = st.integers(-(2**63), 2**63 - 1)
+
+
+@st.composite
+def datasets(draw: st.DrawFn) -> Dataset:
+    """One to four runs of any finite numbers, subnormal and extreme, with or without orientations."""
+    runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
+
+    def numbers(*shape: int) -> np.ndarray:
+        return draw(arrays(float, shape, elements=ANY))
+
+    turned = draw(st.booleans())
+    return Dataset(
+        markers=tuple(draw(st.permutations(ARM.markers))[:m]),
+        run=np.array(draw(st.lists(ID, min_size=runs, max_size=runs, unique=True))),
+        pose=np.array(draw(st.lists(ID, min_size=runs, max_size=runs))),
+        q=LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=st.floats(0, 1))),
+        wrench=numbers(runs, 6),
+        point=numbers(runs, 3),
+        before=numbers(runs, m, 3),
+        after=numbers(runs, m, 3),
+        sigma=draw(POSITIVE),
+        rotation_before=numbers(runs, 3) if turned else None,
+        rotation_after=numbers(runs, 3) if turned else None,
+        sigma_rotation=draw(POSITIVE) if turned else None,
+    )
+
+
+def bits(data: Dataset) -> list[object]:
+    values = [getattr(data, f.name) for f in fields(Dataset)]
+    return [(x.dtype, x.shape, x.tobytes()) if isinstance(x, np.ndarray) else x for x in values]
+
+
+@REPEATABLE
+@given(datasets())
+def test_any_dataset_survives_its_file_bit_by_bit(data: Dataset) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "dataset.csv"
+        write_csv(data, JOINTS, file)
+        assert bits(read_csv(file, ARM)) == bits(data)
+        assert len(list(Path(folder).iterdir())) == 1
+
+
+@REPEATABLE
+@given(datasets(), st.randoms(use_true_random=False))
+def test_order_of_columns_means_nothing(data: Dataset, random: "np.random.Generator") -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "dataset.csv"
+        write_csv(data, JOINTS, file)
+        rows = [line.split(",") for line in file.read_text().splitlines()]
+        order = list(range(len(rows[0])))
+        random.shuffle(order)
+        file.write_text("\n".join(",".join(row[k] for k in order) for row in rows))
+        assert bits(read_csv(file, ARM)) == bits(data)
+
+
+@REPEATABLE
+@given(datasets(), st.data())
+def test_split_parts_the_poses_and_keeps_every_run(data: Dataset, choose: st.DataObject) -> None:
+    poses = np.unique(data.pose)
+    chosen = choose.draw(st.sets(st.sampled_from(poses.tolist()), max_size=len(poses) - 1))
+    if not chosen:
+        return
+    inside, outside = split(data, np.array(sorted(chosen)))
+    assert set(inside.pose.tolist()) == chosen
+    assert set(outside.pose.tolist()) == set(poses.tolist()) - chosen
+    mask = np.isin(data.pose, sorted(chosen))
+    assert bits(select(data, mask)) == bits(inside)
+    assert bits(select(data, ~mask)) == bits(outside)
+
+
+def valid_file(*, rotation: bool) -> bytes:
+    """Two runs of three markers."""
+    rng = np.random.default_rng(1)
+    turned = rng.uniform(-1, 1, (2, 2, 3))
+    data = Dataset(
+        markers=ARM.markers,
+        run=np.array([1, 2]),
+        pose=np.array([1, 2]),
+        q=rng.uniform(LOWER, UPPER, (2, 6)).round(2),
+        wrench=rng.uniform(-1e3, 1e3, (2, 6)).round(1),
+        point=rng.uniform(-1, 1, (2, 3)).round(2),
+        before=rng.uniform(-3, 3, (2, 3, 3)).round(6),
+        after=rng.uniform(-3, 3, (2, 3, 3)).round(6),
+        sigma=3e-5,
+        rotation_before=turned[0] if rotation else None,
+        rotation_after=turned[1] if rotation else None,
+        sigma_rotation=1e-5 if rotation else None,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        write_csv(data, JOINTS, Path(folder) / "dataset.csv")
+        return (Path(folder) / "dataset.csv").read_bytes()
+
+
+VALID = [valid_file(rotation=False), valid_file(rotation=True)]
+NASTY = [
+    *(b"", b"nan", b"inf", b"-1e999", b"1e-400", b"1_0", b"0x1", b"9" * 400, b"9" * 5000, b"-0.0", b"1e308"),
+    *(b'"', b'""', b'"\n', b"'", b",", b",,", b";", b"\t", b"\n", b"\r", b"\r\n", b"\0", b"\xff", b"\xc3"),
+    *("\ufeff".encode(), "é".encode(), "\u2028".encode(), "１".encode(), "-∞".encode()),
+    *(b"P1", b"P4", b"run", b"sigma_rad", b"marker", b"=1+1", b"#", b"True", b"None", b" ", b"x" * 140_000),
+]
+
+
+@st.composite
+def mutated(draw: st.DrawFn) -> bytes:
+    """A valid file of which up to three tokens, bytes or lines are replaced, doubled, swapped or dropped."""
+    content = draw(st.sampled_from(VALID))
+    for _ in range(draw(st.integers(1, 3))):
+        pattern = draw(st.sampled_from([rb"[^,\n]+", rb"[^,\n]*[,\n]", rb"[^\n]*\n", rb"[\s\S]"]))
+        spans = [m.span() for m in re.finditer(pattern, content)]
+        if not spans:
+            break
+        a, b = draw(st.sampled_from(spans))
+        c, d = draw(st.sampled_from(spans))
+        new = draw(st.one_of(st.sampled_from([b"", content[a:b] * 2, content[c:d]]), st.sampled_from(NASTY)))
+        content = content[:a] + new + content[b:]
+    return content
+
+
+def check_reading(content: bytes) -> None:
+    """Either a sound dataset or an InputError of one line that names the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "dataset.csv"
+        file.write_bytes(content)
+        try:
+            data = read_csv(file, ARM)
+        except InputError as err:
+            message = str(err)
+            assert message.startswith(f"{file}: ")
+            assert len(message.splitlines()) == 1
+            assert len(message) <= 2000
+            return
+        assert data.runs >= 1
+        assert set(data.markers) <= set(ARM.markers)
+        assert len(set(data.run.tolist())) == data.runs
+        assert (data.q >= LOWER - 1e-6).all()
+        assert (data.q <= UPPER + 1e-6).all()
+        write_csv(data, JOINTS, file)  # what was read can be written and read again
+        assert bits(read_csv(file, ARM)) == bits(data)
+
+
+@FUZZ
+@given(mutated())
+def test_no_mutation_of_a_dataset_crashes_the_reader(content: bytes) -> None:
+    check_reading(content)
+
+
+@FUZZ
+@given(st.one_of(st.binary(max_size=300), st.text(max_size=300).map(lambda s: s.encode("utf-8", "replace"))))
+def test_no_bytes_crash_the_reader(content: bytes) -> None:
+    check_reading(content)
+
+
+@FUZZ
+@given(st.text(alphabet='0123456789.-e,\n"P', max_size=300))
+def test_nothing_below_a_right_header_crashes_the_reader(body: str) -> None:
+    header = ",".join(columns(JOINTS, rotation=False))
+    check_reading(f"{header}\n{body}".encode())

@@ -1,0 +1,180 @@
+"""The main job as a stranger runs it: its files, its contract, its manners."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.arm import load_arm
+from testbench.dataset import read_csv
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
+SCORES = {"rms_mm", "p95_mm", "max_mm", "max_relative_percent"}
+KEYS = {
+    "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
+    "duality_gap", "solve_seconds", "identification", "check", "workspace", "paper",
+}  # fmt: skip
+FILES = {
+    "dataset.csv", "report.json", "report.md", "recording.rrd", "manifest.json", "models.png",
+    "residuals.png",
+}  # fmt: skip
+
+
+def run(*args, **kwargs):
+    command = [sys.executable, str(SCRIPT), *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, **kwargs)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick")
+    done = run("--seed", 3, "--out", out, "--quick")
+    assert done.returncode == 0, done.stderr
+    return out, done
+
+
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
+    out, done = quick
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stderr == ""
+    for name in FILES - {"manifest.json"}:
+        assert str(out / name) in done.stdout
+
+
+def test_report_has_the_contracts_keys(quick):
+    report = json.loads((quick[0] / "report.json").read_text())
+    assert (report["scenario"], report["seed"]) == ("gravity_calibration", 3)
+    assert {"runs", "points", "deflection_min_mm", "deflection_max_mm", "sigma_um"} <= set(report["dataset"])
+    assert [m["name"] for m in report["models"]] == ["MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68"]
+    assert [m["parameters"] for m in report["models"]] == [32, 56, 47, 56, 68]
+    for model in report["models"]:
+        assert set(model) >= KEYS
+        for name in ("identification", "check", "workspace"):
+            assert set(model[name]) == SCORES
+            assert 0 < model[name]["rms_mm"] <= model[name]["max_mm"]
+        assert model["status"] == "solved"
+        assert model["conservative"] == model["name"].startswith("MGCO")
+        assert model["paper"]["identification_rms_mm"] > 0
+
+
+def test_campaign_is_that_of_section_6(quick):
+    report = json.loads((quick[0] / "report.json").read_text())["dataset"]
+    assert (report["runs"], report["points"]) == (21, 63)
+    assert (report["identification_points"], report["check_points"]) == (45, 18)
+    data = read_csv(quick[0] / "dataset.csv", load_arm(ROOT / "models" / "kr500_l480"))
+    assert len(np.unique(data.pose)) == 11
+    assert data.sigma == 50e-6
+    assert (data.wrench[:, 2] == -460.3 * 9.81).all()
+    size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    assert report["deflection_min_mm"] == pytest.approx(size.min(), rel=1e-12)
+    assert 1.5 < size.min() < size.max() < 10
+
+
+def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
+    manifest = json.loads((quick[0] / "manifest.json").read_text())
+    assert manifest["scenario"]["payload"] == 460.3
+    assert manifest["seed"] == 3
+    assert set(manifest["versions"]) >= {"testbench", "mujoco", "pin", "clarabel"}
+    assert set(manifest["models"]["kr500_l480"]) >= {"rigid.xml", "elastic.toml"}
+    assert manifest["git"]
+
+
+def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
+    run("--seed", 3, "--out", tmp_path, "--quick")
+    assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
+    ours, theirs = (json.loads((p / "report.json").read_text()) for p in (tmp_path, quick[0]))
+    for a, b in zip(ours["models"], theirs["models"], strict=True):
+        a.pop("solve_seconds")
+        b.pop("solve_seconds")
+        assert a == b
+
+
+def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
+    done = run("--seed", 3, "--seeds", 2, "--out", tmp_path, "--quick")
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["seed"] == [3, 4]
+    one = json.loads((quick[0] / "report.json").read_text())
+    for several, single in zip(report["models"], one["models"], strict=True):
+        f_m = several["f_m"]
+        assert set(f_m) == {"median", "p05", "p95"}
+        assert f_m["p05"] < f_m["median"] < f_m["p95"]
+        assert f_m["p05"] <= single["f_m"] <= f_m["p95"] or f_m["p05"] == pytest.approx(single["f_m"], rel=0.1)
+        assert several["paper"] == single["paper"]
+
+
+def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
+    done = run("--seed", 1, "--out", tmp_path, "--quick", "--truth", "linear", "--no-noise")
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "report.json").read_text())
+    rms = {m["name"]: m["check"]["rms_mm"] for m in report["models"]}
+    # the templates contain the truth; MGCO47 and MGCO68 leave links out
+    assert max(rms["MLS32"], rms["MLS56"], rms["MGCO56"]) < 1e-5
+    assert min(rms["MGCO47"], rms["MGCO68"]) > 1e-4
+
+
+BAD_FLAGS = [
+    (["--nonsense"], "No such option: --nonsense"),
+    (["--seed", "-1"], "--seed"),
+    (["--seed", "x"], "--seed"),
+    (["--truth", "cubic"], "--truth"),
+    (["--payload-kg", "-5"], "payload"),
+    (["--payload-kg", "nan"], "payload"),
+    (["--sigma-um", "0"], "sigma"),
+    (["--arm", "no/such/arm"], "no/such/arm: expected a folder"),
+    (["--payload-kg", "20000"], "payload"),
+]
+
+
+@pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
+def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
+    (tmp_path / "report.json").write_text("earlier")
+    done = run("--out", tmp_path, "--quick", *flags)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: ")
+    assert text in done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
+    assert (tmp_path / "report.json").read_text() == "earlier"
+
+
+def test_a_broken_arm_is_one_line_that_names_the_file(tmp_path):
+    arm = shutil.copytree(ROOT / "models" / "kr500_l480", tmp_path / "broken")
+    text = (arm / "rigid.xml").read_text()
+    (arm / "rigid.xml").write_text(text.replace('mass="850.6"', 'mass="-850.6"'))
+    done = run("--arm", arm, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "rigid.xml" in done.stderr
+    assert "mass: expected more than 0 kg, got -850.6" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
+    out = shutil.copytree(quick[0], tmp_path / "out")
+    before = {p.name: p.read_bytes() for p in out.iterdir()}
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPT), "--seeds", "200", "--out", str(out)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    deadline = time.monotonic() + 60
+    while not any(p.name.startswith(".new-") for p in out.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.strip().endswith("interrupted: earlier results stand as they were")
+    assert {p.name: p.read_bytes() for p in out.iterdir()} == before

@@ -1,0 +1,524 @@
+"""A dataset's file gives back every bit, or is refused in one line: which file and line, what was expected."""
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testbench.arm import Arm, load_arm
+from testbench.dataset import Dataset, columns, read_csv, select, split, write_csv
+from testbench.errors import BenchError, InputError
+
+MODELS = Path(__file__).parents[2] / "models"
+ARM = load_arm(MODELS / "kr500_l480")
+JOINTS = tuple(j.name for j in ARM.joints)
+Rows = list[list[str]]
+
+
+def dataset(*, rotation: bool = False, arm: Arm = ARM, poses: tuple[int, ...] = (7, 7, 9, 4)) -> Dataset:
+    """Runs in these poses, with readings like those of a heavy arm."""
+    rng = np.random.default_rng(1)
+    runs, m = len(poses), len(arm.markers)
+    q = {pose: rng.uniform(*arm.limits) for pose in dict.fromkeys(poses)}
+    before = rng.uniform(-3, 3, (runs, m, 3))
+    turned = rng.uniform(-1, 1, (runs, 3)) if rotation else None
+    return Dataset(
+        markers=arm.markers,
+        run=np.arange(runs) + 11,
+        pose=np.array(poses),
+        q=np.array([q[pose] for pose in poses]),
+        wrench=rng.uniform(-5e3, 5e3, (runs, 6)),
+        point=rng.uniform(-0.5, 0.5, (runs, 3)),
+        before=before,
+        after=before + 1e-3 * rng.standard_normal((runs, m, 3)),
+        sigma=3e-5,
+        rotation_before=turned,
+        rotation_after=None if turned is None else turned + 1e-3 * rng.standard_normal((runs, 3)),
+        sigma_rotation=2e-5 if rotation else None,
+    )
+
+
+def check_same(one: Dataset, other: Dataset) -> None:
+    """Equal bit by bit."""
+    for f in fields(Dataset):
+        a, b = getattr(one, f.name), getattr(other, f.name)
+        assert type(a) is type(b), f.name
+        if isinstance(a, np.ndarray):
+            assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), f.name
+        else:
+            assert a == b, f.name
+
+
+def written(tmp_path: Path, *, rotation: bool = False) -> Path:
+    file = tmp_path / "dataset.csv"
+    write_csv(dataset(rotation=rotation), JOINTS, file)
+    return file
+
+
+def refusal(file: Path) -> str:
+    """What read_csv says of a wrong file."""
+    with pytest.raises(InputError) as info:
+        read_csv(file, ARM)
+    message = str(info.value)
+    assert message.startswith(f"{file}: ")
+    assert len(message.splitlines()) == 1
+    assert len(message) <= 2000
+    return message
+
+
+def edited(tmp_path: Path, edit: Callable[[Rows], Rows], *, rotation: bool = False) -> Path:
+    """A file of 4 runs and 3 markers, its 13 rows edited."""
+    file = written(tmp_path, rotation=rotation)
+    rows = list(csv.reader(io.StringIO(file.read_text())))
+    changed = edit([list(row) for row in rows])
+    assert changed != rows
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(changed)
+    file.write_text(text.getvalue())
+    return file
+
+
+def with_cell(line: int, column: str, value: str) -> Callable[[Rows], Rows]:
+    """Another value in a line, counted from 1, the header."""
+
+    def edit(rows: Rows) -> Rows:
+        rows[line - 1][rows[0].index(column)] = value
+        return rows
+
+    return edit
+
+
+def in_run(run: int, column: str, value: str) -> Callable[[Rows], Rows]:
+    """Another value in all three rows of a run, counted from 0."""
+
+    def edit(rows: Rows) -> Rows:
+        for row in rows[1 + 3 * run : 4 + 3 * run]:
+            row[rows[0].index(column)] = value
+        return rows
+
+    return edit
+
+
+def everywhere(column: str, value: str) -> Callable[[Rows], Rows]:
+    """One value in a whole column."""
+
+    def edit(rows: Rows) -> Rows:
+        k = rows[0].index(column)
+        return [rows[0], *([*row[:k], value, *row[k + 1 :]] for row in rows[1:])]
+
+    return edit
+
+
+def without_column(column: str) -> Callable[[Rows], Rows]:
+    def edit(rows: Rows) -> Rows:
+        k = rows[0].index(column)
+        return [row[:k] + row[k + 1 :] for row in rows]
+
+    return edit
+
+
+# Round trip
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_reading_gives_back_what_was_written_bit_by_bit(tmp_path: Path, rotation: bool) -> None:
+    check_same(read_csv(written(tmp_path, rotation=rotation), ARM), dataset(rotation=rotation))
+
+
+@pytest.mark.parametrize("name", ["arm_6r", "single_link"])
+def test_every_arm_has_a_round_trip(tmp_path: Path, name: str) -> None:
+    arm = load_arm(MODELS / name)
+    data = dataset(arm=arm)
+    write_csv(data, tuple(j.name for j in arm.joints), tmp_path / "dataset.csv")
+    check_same(read_csv(tmp_path / "dataset.csv", arm), data)
+
+
+def test_same_dataset_gives_the_same_bytes(tmp_path: Path) -> None:
+    first = written(tmp_path).read_bytes()
+    assert written(tmp_path).read_bytes() == first
+    assert b"\r" not in first
+    assert first.endswith(b"\n")
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_header_is_the_documented_one_and_a_row_is_a_marker_of_a_run(tmp_path: Path, rotation: bool) -> None:
+    lines = written(tmp_path, rotation=rotation).read_text().splitlines()
+    assert lines[0].split(",") == columns(JOINTS, rotation=rotation)
+    assert len(lines) == 1 + 4 * 3
+    assert [line.split(",")[:3] for line in lines[1:4]] == [["11", "7", f"P{k}"] for k in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_permuted_columns_are_accepted(tmp_path: Path, rotation: bool) -> None:
+    file = edited(tmp_path, lambda rows: [row[::-1] for row in rows], rotation=rotation)
+    check_same(read_csv(file, ARM), dataset(rotation=rotation))
+
+
+@pytest.mark.parametrize("markers", [["P1", "P2"], ["P3"], ["P3", "P1"]])
+def test_subset_of_the_markers_in_every_run_is_accepted(tmp_path: Path, markers: list[str]) -> None:
+    def edit(rows: Rows) -> Rows:
+        runs = [rows[k : k + 3] for k in range(1, 13, 3)]
+        by_name = [{row[2]: row for row in run} for run in runs]
+        return [rows[0], *(run[name] for run in by_name for name in markers)]
+
+    read, full = read_csv(edited(tmp_path, edit), ARM), dataset()
+    assert read.markers == tuple(markers)
+    k = [full.markers.index(name) for name in markers]
+    np.testing.assert_array_equal(read.before, full.before[:, k])
+    np.testing.assert_array_equal(read.after, full.after[:, k])
+    np.testing.assert_array_equal(read.q, full.q)
+
+
+def test_byte_order_mark_windows_lines_and_blank_lines_at_the_end_are_accepted(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    plain = file.read_bytes()
+    for content in (
+        b"\xef\xbb\xbf" + plain,
+        plain.replace(b"\n", b"\r\n"),
+        plain.rstrip(b"\n"),
+        plain + b"\n\r\n\n",
+    ):
+        file.write_bytes(content)
+        check_same(read_csv(file, ARM), dataset())
+
+
+def test_numbers_may_be_quoted_and_surrounded_by_blanks(tmp_path: Path) -> None:
+    file = edited(
+        tmp_path, lambda rows: [rows[0], *([*row[:3], *(f" {x} " for x in row[3:])] for row in rows[1:])]
+    )
+    check_same(read_csv(file, ARM), dataset())
+    file.write_text(file.read_text().replace("11,7,P1", '"11","7","P1"'))
+    check_same(read_csv(file, ARM), dataset())
+
+
+# Writing
+
+
+def test_writer_that_fails_half_way_leaves_the_earlier_file_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = written(tmp_path)
+    earlier = file.read_bytes()
+
+    def fill_the_disk(path: Path, content: bytes) -> None:
+        with path.open("wb") as f:
+            f.write(content[:100])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fill_the_disk)
+    with pytest.raises(InputError, match=r"dataset\.csv: cannot be written: No space left on device"):
+        write_csv(dataset(rotation=True), JOINTS, file)
+    assert file.read_bytes() == earlier
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_writing_into_a_missing_folder_or_over_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written: No such file or directory"):
+        write_csv(dataset(), JOINTS, tmp_path / "missing" / "dataset.csv")
+    with pytest.raises(InputError, match="cannot be written: Is a directory"):
+        write_csv(dataset(), JOINTS, tmp_path)
+    assert not list(tmp_path.parent.glob("*.part"))
+
+
+def test_header_needs_a_name_for_every_joint(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"joints: expected 6 names, got \['joint_1'\]"):
+        write_csv(dataset(), ("joint_1",), tmp_path / "dataset.csv")
+    assert not list(tmp_path.iterdir())
+
+
+# The file as such
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    assert "cannot be read: No such file or directory" in refusal(tmp_path / "dataset.csv")
+
+
+def test_folder_in_place_of_the_file_is_refused(tmp_path: Path) -> None:
+    assert "expected a file, got a folder or a device" in refusal(tmp_path)
+
+
+def test_endless_device_is_refused() -> None:
+    assert "expected a file, got a folder or a device" in refusal(Path("/dev/zero"))
+
+
+def test_file_name_that_no_disk_has_is_refused(tmp_path: Path) -> None:
+    assert "cannot be read: " in refusal(tmp_path / ("x" * 300))
+
+
+def test_too_large_file_is_not_read(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    with file.open("r+b") as f:
+        f.truncate(100_000_001)  # sparse: takes no disk
+    assert "expected at most 100000000 bytes" in refusal(file)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"", "line 1: expected a header, the file is empty"),
+        (b"\n\n\n", "line 1: expected a header, the file is empty"),
+        (b"\xef\xbb\xbf", "line 1: expected a header, the file is empty"),
+        (b"\xff\xfe1\x002\x00", "byte 1: expected UTF-8"),
+        (b"run,pose\n1,\xe4\n", "byte 12: expected UTF-8"),
+        (b'run,pose\n"1,2\n', "line 2: not CSV: "),
+        (b'run,"po"se"\n1,2\n', "line 1: not CSV: "),
+        (b"run," + b"x" * 200_000, "line 1: not CSV: field larger than field limit"),
+        (b"\0" * 10, "line 1: missing columns"),
+        (
+            b"run;pose;marker\n1;2;P1\n",
+            "unknown columns ['run;pose;marker']; expected run,pose,marker,joint_1_rad",
+        ),
+    ],
+)
+def test_file_that_is_no_dataset_is_refused(tmp_path: Path, content: bytes, expected: str) -> None:
+    file = tmp_path / "dataset.csv"
+    file.write_bytes(content)
+    assert expected in refusal(file)
+
+
+def test_header_alone_is_refused(tmp_path: Path) -> None:
+    assert "line 2: expected at least one row" in refusal(edited(tmp_path, lambda rows: rows[:1]))
+
+
+# The header
+
+
+def test_missing_column_is_named(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, without_column("force_z_N")))
+    assert "line 1: missing columns ['force_z_N'], unknown columns []; expected run,pose,marker," in message
+
+
+def test_unknown_column_is_named(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, with_cell(1, "force_z_N", "force_z_kN")))
+    assert "missing columns ['force_z_N'], unknown columns ['force_z_kN']" in message
+
+
+def test_duplicated_column_is_named(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, lambda rows: [[*row, row[3]] for row in rows]))
+    assert "line 1: expected every column once, got ['joint_1_rad'] more than once" in message
+
+
+def test_joint_of_another_arm_is_an_unknown_column(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, with_cell(1, "joint_2_rad", "A2_rad")))
+    assert "missing columns ['joint_2_rad'], unknown columns ['A2_rad']" in message
+
+
+@pytest.mark.parametrize("column", ["sigma_rad", "rotation_before_x_rad", "rotation_after_z_rad"])
+def test_missing_column_of_the_orientations_is_named(tmp_path: Path, column: str) -> None:
+    message = refusal(edited(tmp_path, without_column(column), rotation=True))
+    assert f"missing columns ['{column}'], unknown columns []" in message
+
+
+# The rows
+
+
+@pytest.mark.parametrize("fields", [[], ["1"], ["1"] * 40])
+def test_wrong_number_of_fields_names_the_line(tmp_path: Path, fields: list[str]) -> None:
+    message = refusal(edited(tmp_path, lambda rows: [*rows[:5], fields, *rows[5:]]))
+    assert f"line 6: expected 25 fields, got {len(fields)}" in message
+
+
+@pytest.mark.parametrize("value", ["nan", "NaN", "inf", "-Infinity", "1e999"])
+def test_number_that_is_not_finite_names_line_and_column(tmp_path: Path, value: str) -> None:
+    message = refusal(edited(tmp_path, with_cell(5, "after_y_m", value)))
+    assert f"line 5, column after_y_m: expected a finite number, got {float(value)}" in message
+
+
+@pytest.mark.parametrize("value", ["", "broken", "1,5", "1.5 m", "1_0", "0x10", "1.0\0", "--1"])
+def test_text_for_a_number_names_line_and_column(tmp_path: Path, value: str) -> None:
+    message = refusal(edited(tmp_path, with_cell(5, "after_y_m", value)))
+    assert f"line 5, column after_y_m: expected a number, got {value!r}" in message
+
+
+@pytest.mark.parametrize("column", ["run", "pose"])
+@pytest.mark.parametrize(
+    "value", ["", "1.0", "one", "1_0", "9223372036854775808", "-" + "9" * 30, "9" * 5000]
+)
+def test_identifier_that_is_no_integer_of_64_bits_is_refused(tmp_path: Path, column: str, value: str) -> None:
+    message = refusal(edited(tmp_path, with_cell(5, column, value)))
+    assert f"line 5, column {column}: expected an integer of 64 bits, got {value[:80]!r}" in message
+
+
+def test_extreme_identifiers_are_read(tmp_path: Path) -> None:
+    limits = np.iinfo(np.int64)
+    data = replace(dataset(), run=np.array([limits.min, -1, 0, limits.max]))
+    write_csv(data, JOINTS, tmp_path / "dataset.csv")
+    check_same(read_csv(tmp_path / "dataset.csv", ARM), data)
+
+
+def test_degrees_where_radians_belong_are_suspected(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, in_run(1, "joint_2_rad", "-90.0")))
+    assert (
+        "line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got -90; are these degrees?" in message
+    )
+
+
+def test_angle_just_outside_its_limits_is_not_taken_for_degrees(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, in_run(1, "joint_2_rad", "0.5")))
+    assert message.endswith("line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got 0.5")
+
+
+@pytest.mark.parametrize("column", ["joint_3_rad", "force_z_N", "moment_x_Nm", "point_y_m"])
+def test_value_that_differs_between_rows_of_a_run_is_located(tmp_path: Path, column: str) -> None:
+    message = refusal(edited(tmp_path, with_cell(7, column, "0.125")))  # third row of the second run
+    assert f"line 7, column {column}: expected the same value in every row of the run" in message
+
+
+def test_orientation_that_differs_between_rows_of_a_run_is_located(tmp_path: Path) -> None:
+    edit = with_cell(3, "rotation_after_y_rad", "0.5")
+    message = refusal(edited(tmp_path, edit, rotation=True))
+    assert "line 3, column rotation_after_y_rad: expected the same value" in message
+
+
+@pytest.mark.parametrize("column", ["sigma_m", "sigma_rad"])
+def test_sigma_must_be_one_positive_number(tmp_path: Path, column: str) -> None:
+    message = refusal(edited(tmp_path, in_run(2, column, "1e-3"), rotation=True))
+    assert f"line 8, column {column}: expected one value in the whole file" in message
+    for value in ("0.0", "-3e-05"):
+        message = refusal(edited(tmp_path, everywhere(column, value), rotation=True))
+        assert f"line 2, column {column}: expected more than 0, got {float(value)}" in message
+
+
+# Runs and markers
+
+
+def test_unknown_marker_lists_the_arms_markers(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, with_cell(5, "marker", "P4")))
+    assert "line 5, column marker: no marker 'P4' in kr500_l480; markers are P1, P2, P3" in message
+
+
+EACH = "expected one line for each of P1, P2, P3 in this order"
+
+
+def test_missing_marker_in_a_run_names_the_run(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, lambda rows: rows[:5] + rows[6:]))  # P2 of the second run
+    assert f"line 5: run 12: {EACH}" in message
+
+
+def test_missing_marker_in_the_last_run_names_the_run(tmp_path: Path) -> None:
+    assert f"line 11: run 14: {EACH}" in refusal(edited(tmp_path, lambda rows: rows[:-1]))
+
+
+def test_marker_twice_in_a_run_names_the_run(tmp_path: Path) -> None:
+    assert f"line 5: run 12: {EACH}" in refusal(edited(tmp_path, with_cell(6, "marker", "P1")))
+
+
+def test_markers_in_another_order_within_a_run_are_refused(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, lambda rows: [*rows[:4], rows[5], rows[4], *rows[6:]]))
+    assert f"line 5: run 12: {EACH}" in message
+
+
+@pytest.mark.parametrize("column", ["run", "pose"])
+def test_rows_of_one_run_share_run_and_pose(tmp_path: Path, column: str) -> None:
+    assert f"line 5: run 12: {EACH}" in refusal(edited(tmp_path, with_cell(6, column, "99")))
+
+
+def test_run_listed_twice_is_named(tmp_path: Path) -> None:
+    message = refusal(edited(tmp_path, lambda rows: rows + rows[4:7]))
+    assert "line 14: run 12 stands in the file twice" in message
+
+
+# The dataset in memory
+
+
+def test_counts_deflection_and_rotation_follow_from_the_readings() -> None:
+    data = dataset(rotation=True)
+    assert (data.runs, data.points) == (4, 12)
+    np.testing.assert_array_equal(data.deflection, data.after - data.before)
+    assert data.rotation_before is not None
+    turn = Rotation.from_rotvec(data.rotation) * Rotation.from_rotvec(data.rotation_before)
+    error = (turn * Rotation.from_rotvec(data.rotation_after).inv()).magnitude()
+    np.testing.assert_allclose(error, 0, atol=1e-14)  # rounding
+
+
+def test_positions_alone_have_no_rotation() -> None:
+    with pytest.raises(BenchError, match="expected orientations, it has positions only"):
+        _ = dataset().rotation
+
+
+@pytest.mark.parametrize(
+    ("wrong", "expected"),
+    [
+        ({"run": np.array([1, 2, 3])}, r"pose: expected 3 integers, got int64 \(4,\)"),
+        ({"pose": np.array([1, 2, 3])}, r"pose: expected 4 integers, got int64 \(3,\)"),
+        ({"pose": np.ones(4)}, r"pose: expected 4 integers, got float64 \(4,\)"),
+        ({"run": np.ones((4, 1), dtype=int)}, r"run: expected 4 integers, got int64 \(4, 1\)"),
+        ({"markers": ()}, r"markers: expected different names, got \(\)"),
+        ({"markers": ("P1", "P1", "P2")}, "markers: expected different names"),
+        ({"markers": ("P1", "P2")}, r"before \[m\]: expected shape \(4, 2, 3\), got \(4, 3, 3\)"),
+        ({"q": np.zeros(4)}, r"q \[rad\]: expected shape \(4, any\), got \(4,\)"),
+        ({"q": np.full((4, 6), np.nan)}, r"q \[rad\]: expected finite numbers"),
+        ({"wrench": np.zeros((4, 3))}, r"wrench \[N, N m\]: expected shape \(4, 6\), got \(4, 3\)"),
+        ({"point": np.zeros(3)}, r"point \[m\]: expected shape \(4, 3\), got \(3,\)"),
+        ({"after": np.zeros((4, 3))}, r"after \[m\]: expected shape \(4, 3, 3\), got \(4, 3\)"),
+        ({"after": np.full((4, 3, 3), np.inf)}, r"after \[m\]: expected finite numbers"),
+        ({"sigma": 0.0}, r"sigma \[m\]: expected more than 0, got 0.0"),
+        ({"sigma": -1e-5}, r"sigma \[m\]: expected more than 0, got -1e-05"),
+        ({"sigma": np.nan}, r"sigma \[m\]: expected more than 0, got nan"),
+        ({"sigma": np.inf}, r"sigma \[m\]: expected more than 0, got inf"),
+        ({"sigma_rotation": None}, "orientations: expected before, after and sigma together, or none"),
+        ({"rotation_before": None}, "orientations: expected before, after and sigma together"),
+        ({"rotation_after": None}, "orientations: expected before, after and sigma together"),
+        ({"rotation_after": np.zeros((4, 3, 3))}, r"rotation_after \[rad\]: expected shape \(4, 3\)"),
+        ({"sigma_rotation": 0.0}, r"sigma \[rad\]: expected more than 0, got 0.0"),
+    ],
+)
+def test_wrong_array_is_refused_at_the_door(wrong: dict, expected: str) -> None:
+    with pytest.raises(BenchError, match=expected):
+        replace(dataset(rotation=True), **wrong)
+
+
+# Splits
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_select_takes_whole_runs_with_all_their_arrays(rotation: bool) -> None:
+    data = dataset(rotation=rotation)
+    mask = np.array([True, False, False, True])
+    part = select(data, mask)
+    assert (part.runs, part.markers, part.sigma) == (2, data.markers, data.sigma)
+    for name in ("run", "pose", "q", "wrench", "point", "before", "after"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(data, name)[[0, 3]])
+    if rotation:
+        assert data.rotation_before is not None
+        np.testing.assert_array_equal(part.rotation_before, data.rotation_before[[0, 3]])
+    else:
+        assert part.rotation_before is None
+
+
+def test_split_goes_by_pose_and_never_by_point() -> None:
+    inside, outside = split(dataset(), np.array([7]))
+    assert inside.run.tolist() == [11, 12]
+    assert outside.run.tolist() == [13, 14]
+    assert inside.before.shape[1] == outside.before.shape[1] == 3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_pose_is_never_on_both_sides_and_no_run_is_lost(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    data = dataset(poses=tuple(rng.integers(0, 8, 40).tolist()))
+    poses = np.unique(data.pose)
+    inside, outside = split(data, rng.choice(poses, size=3, replace=False))
+    assert not set(inside.pose.tolist()) & set(outside.pose.tolist())
+    assert sorted([*inside.run.tolist(), *outside.run.tolist()]) == sorted(data.run.tolist())
+
+
+def test_split_by_a_missing_pose_lists_the_poses() -> None:
+    with pytest.raises(BenchError, match=r"no pose 5 in the dataset; poses are \[4, 7, 9\]"):
+        split(dataset(), np.array([7, 5]))
+
+
+@pytest.mark.parametrize(("poses", "got"), [([4, 7, 9], 4), ([], 0)])
+def test_split_with_an_empty_side_is_refused(poses: list[int], got: int) -> None:
+    with pytest.raises(BenchError, match=f"split: expected runs on both sides, got {got} of 4"):
+        split(dataset(), np.array(poses, dtype=int))
+
+
+def test_select_with_a_mask_of_another_length_is_refused() -> None:
+    with pytest.raises(BenchError, match=r"select: expected a mask of 4 runs, got shape \(3,\)"):
+        select(dataset(), np.array([True, False, True]))

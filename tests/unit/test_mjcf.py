@@ -1,0 +1,235 @@
+"""A stranger's MJCF passes the allow-list or is refused in one line, whatever it holds."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from testbench.errors import InputError
+from testbench.mjcf import angle_unit, find_body, numbers, read_mjcf
+
+MODELS = Path(__file__).parents[2] / "models"
+BODY = '<worldbody><body name="a"><inertial pos="0 0 0" mass="1"/></body></worldbody>'
+
+
+def write(tmp_path: Path, text: str | bytes) -> Path:
+    folder = tmp_path / "arm"
+    folder.mkdir(exist_ok=True)
+    file = folder / "rigid.xml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def refusal(file: Path) -> str:
+    """What read_mjcf says of a wrong file."""
+    with pytest.raises(InputError) as info:
+        read_mjcf(file)
+    message = str(info.value)
+    assert message.startswith(f"{file}: ")
+    assert len(message.splitlines()) == 1
+    assert len(message) <= 2000
+    return message
+
+
+@pytest.mark.parametrize("name", ["arm_6r", "kr500_l480", "single_link"])
+def test_own_models_pass_the_allow_list(name: str) -> None:
+    assert read_mjcf(MODELS / name / "rigid.xml").tag == "mujoco"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "<mujoco>", "<mujoco></worldbody>", "<mujoco/><mujoco/>", "\0", "pos=1"]
+)
+def test_malformed_xml_is_located(tmp_path: Path, text: str) -> None:
+    message = refusal(write(tmp_path, text))
+    assert "not well-formed XML" in message
+    assert "line 1" in message
+
+
+def test_wrong_root_is_named(tmp_path: Path) -> None:
+    assert "expected <mujoco> at the top, got <robot>" in refusal(write(tmp_path, "<robot/>"))
+
+
+BOMB = '<!DOCTYPE m [<!ENTITY a "b"><!ENTITY c "&a;&a;">]><mujoco model="&c;"/>'
+
+
+def test_document_type_and_entities_are_refused(tmp_path: Path) -> None:
+    assert "document types and entities are not allowed" in refusal(write(tmp_path, BOMB))
+
+
+def test_entities_do_not_hide_in_another_encoding(tmp_path: Path) -> None:
+    text = '<?xml version="1.0" encoding="utf-16"?>' + BOMB
+    assert "expected UTF-8" in refusal(write(tmp_path, text.encode("utf-16")))
+
+
+def test_declared_encoding_does_not_excuse_bytes_that_are_not_utf8(tmp_path: Path) -> None:
+    text = '<?xml version="1.0" encoding="latin-1"?><!-- Stahlträger --><mujoco/>'
+    assert "expected UTF-8" in refusal(write(tmp_path, text.encode("latin-1")))
+
+
+@pytest.mark.parametrize(
+    "tag",
+    ["include", "replicate", "plugin", "extension", "frame", "attach", "composite", "freejoint", "size"],
+)
+@pytest.mark.parametrize(
+    "place", ["<mujoco>{}</mujoco>", "<mujoco><worldbody><body>{}</body></worldbody></mujoco>"]
+)
+def test_elements_that_an_arm_may_not_hold_are_named(tmp_path: Path, tag: str, place: str) -> None:
+    message = refusal(write(tmp_path, place.format(f'<{tag} file="/etc/passwd" count="1000000000"/>')))
+    assert f"<{tag}>: not allowed in an arm; allowed are ['asset', 'body'" in message
+
+
+def test_namespace_with_a_line_break_stays_one_line(tmp_path: Path) -> None:
+    text = '<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>'
+    assert "<{a b}body>: not allowed" in refusal(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("depth", [70, 200_000])
+def test_too_deep_nesting_is_refused(tmp_path: Path, depth: int) -> None:
+    text = f"<mujoco>{'<body>' * depth}{'</body>' * depth}</mujoco>"
+    assert "expected at most 64 nested elements" in refusal(write(tmp_path, text))
+
+
+def test_too_large_file_is_not_parsed(tmp_path: Path) -> None:
+    text = f"<mujoco><!--{'x' * 4_000_000}--></mujoco>"
+    assert "expected at most 4000000 bytes, got 4000" in refusal(write(tmp_path, text))
+
+
+def test_missing_file_and_folder_are_refused(tmp_path: Path) -> None:
+    assert "No such file" in refusal(tmp_path / "rigid.xml")
+    assert "expected a file, got a folder" in refusal(tmp_path)
+    assert "File name too long" in refusal(tmp_path / ("x" * 300))
+
+
+@pytest.mark.parametrize("number", ["nan", "NaN", "inf", "-inf", "+INF", "Infinity", "-nan", "1e999"])
+@pytest.mark.parametrize("element", ['<geom name="g" size="{} 1"/>', '<body name="g" pos="0 {} 0"/>'])
+def test_numbers_that_are_not_finite_are_refused(tmp_path: Path, number: str, element: str) -> None:
+    text = f"<mujoco><worldbody>{element.format(number)}</worldbody></mujoco>"
+    message = refusal(write(tmp_path, text))
+    assert "name='g'>" in message
+    assert "expected finite numbers" in message
+    assert number in message
+
+
+WRONG = {
+    "a zero mass": ('<inertial pos="0 0 0" mass="0"/>', "<inertial>: mass: expected more than 0 kg, got 0.0"),
+    "a negative mass": (
+        '<inertial pos="0 0 0" mass="-3"/>',
+        "<inertial>: mass: expected more than 0 kg, got -3.0",
+    ),
+    "a missing mass": ('<inertial pos="0 0 0"/>', "<inertial>: expected an attribute mass of 1 number(s)"),
+    "a mass in words": ('<inertial pos="0 0 0" mass="heavy"/>', "mass: expected 1 number(s)"),
+    "a mass that only Python reads": ('<inertial pos="0 0 0" mass="8_0"/>', "mass: expected 1 number(s)"),
+    "a mass beyond any arm": (
+        '<inertial pos="0 0 0" mass="1e300"/>',
+        "mass: expected 1 number(s) up to 1e+06",
+    ),
+    "a missing centre of mass": (
+        '<inertial mass="1"/>',
+        "<inertial>: expected an attribute pos of 3 number(s)",
+    ),
+    "an inertia of two numbers": (
+        '<inertial pos="0 0 0" mass="1" diaginertia="1 1"/>',
+        "diaginertia: expected 3",
+    ),
+    "a body at two numbers": ('<body pos="0 0"/>', "<body>: pos: expected 3 number(s)"),
+    "a body beyond any arm": ('<body pos="0 0 1e300"/>', "<body>: pos: expected 3 number(s) up to 1e+06"),
+    "a body turned by three of four": ('<body quat="1 0 0"/>', "<body>: quat: expected 4 number(s)"),
+    "a weightless body": ('<body gravcomp="1"/>', "<body>: not allowed: ['gravcomp']; allowed are"),
+    "a spring in the rigid arm": (
+        '<joint stiffness="1"/>',
+        "<joint>: not allowed: ['stiffness']; allowed are",
+    ),
+    "a default joint": ("<default><joint/></default>", "<default>: no defaults for joints"),
+    "gravity on the moon": ('<option gravity="0 0 -1.62"/>', "<option>: gravity: expected '0 0 -9.81'"),
+    "gravity switched off": (
+        '<option><flag gravity="disable"/></option>',
+        "<flag>: not allowed: ['gravity']",
+    ),
+    "springs switched off": ('<option><flag spring="disable"/></option>', "<flag>: not allowed: ['spring']"),
+    "wind": ('<option wind="9 0 0" density="1.2"/>', "<option>: not allowed: ['density', 'wind']"),
+    "angles in gon": (
+        '<compiler angle="gon"/>',
+        "<compiler>: angle: expected 'degree' or 'radian', got 'gon'",
+    ),
+    "another order of Euler angles": ('<compiler eulerseq="zyx"/>', "<compiler>: not allowed: ['eulerseq']"),
+}
+
+
+@pytest.mark.parametrize(("element", "expected"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_attribute_names_the_element_and_what_was_expected(
+    tmp_path: Path, element: str, expected: str
+) -> None:
+    assert expected in refusal(write(tmp_path, f"<mujoco>{element}</mujoco>"))
+
+
+def mesh(file: str, compiler: str = "") -> str:
+    return f'<mujoco>{compiler}<asset><mesh name="m" file="{file}"/></asset>{BODY}</mujoco>'
+
+
+def test_mesh_inside_the_folder_is_accepted(tmp_path: Path) -> None:
+    file = write(tmp_path, mesh("a.stl", '<compiler meshdir="meshes"/>'))
+    (file.parent / "meshes").mkdir()
+    (file.parent / "meshes" / "a.stl").touch()
+    assert read_mjcf(file).find("asset/mesh") is not None
+
+
+@pytest.mark.parametrize(
+    "name", ["../secret.stl", "/etc/passwd", "meshes/../../secret.stl", "../armada/a.stl"]
+)
+def test_mesh_outside_the_folder_is_refused(tmp_path: Path, name: str) -> None:
+    message = refusal(write(tmp_path, mesh(name)))
+    assert "<mesh name='m'>: file: expected a file inside the arm's folder" in message
+
+
+@pytest.mark.parametrize("meshdir", ["..", "/etc", "meshes/../.."])
+def test_mesh_folder_outside_the_folder_is_refused(tmp_path: Path, meshdir: str) -> None:
+    message = refusal(write(tmp_path, mesh("a.stl", f'<compiler meshdir="{meshdir}"/>')))
+    assert "<compiler>: meshdir: expected a file inside the arm's folder" in message
+
+
+@pytest.mark.parametrize("meshdir", ["", "meshes"])
+def test_symbolic_link_out_of_the_folder_is_refused(tmp_path: Path, meshdir: str) -> None:
+    file = write(tmp_path, mesh("a.stl", f'<compiler meshdir="{meshdir}"/>'))
+    (file.parent / "meshes").mkdir()
+    (file.parent / meshdir / "a.stl").symlink_to("/etc/passwd")
+    assert "file: expected a file inside the arm's folder" in refusal(file)
+
+
+def test_symbolic_link_to_itself_does_not_crash_the_reader(tmp_path: Path) -> None:
+    file = write(tmp_path, mesh("loop.stl"))
+    (file.parent / "loop.stl").symlink_to("loop.stl")
+    assert read_mjcf(file).find("asset/mesh") is not None  # it leads nowhere, so not out of the folder
+
+
+@pytest.mark.parametrize(
+    ("compiler", "unit"),
+    [
+        ("", math.pi / 180),
+        ("<compiler/>", math.pi / 180),
+        ('<compiler angle="degree"/>', math.pi / 180),
+        ('<compiler angle="radian"/>', 1.0),
+        ('<compiler angle="radian"/><compiler meshdir="."/>', 1.0),
+    ],
+)
+def test_angles_are_degrees_unless_the_compiler_says_radian(
+    tmp_path: Path, compiler: str, unit: float
+) -> None:
+    assert angle_unit(read_mjcf(write(tmp_path, f"<mujoco>{compiler}</mujoco>"))) == unit
+
+
+def test_numbers_are_read_as_written(tmp_path: Path) -> None:
+    file = write(tmp_path, '<mujoco><worldbody><body pos=" 1 -2.5e-3\n7 "/></worldbody></mujoco>')
+    body = next(read_mjcf(file).iter("body"))
+    assert numbers(file, body, "pos", 3) == [1.0, -2.5e-3, 7.0]
+
+
+def test_body_is_found_by_its_only_name(tmp_path: Path) -> None:
+    file = write(
+        tmp_path, '<mujoco><worldbody><body name="a"/><body name="b"/><body name="b"/></worldbody></mujoco>'
+    )
+    root = read_mjcf(file)
+    assert find_body(file, root, "a").get("name") == "a"
+    with pytest.raises(InputError, match=r"no body 'c'; bodies are \['a', 'b', 'b'\]"):
+        find_body(file, root, "c")
+    with pytest.raises(InputError, match=r"2 bodies 'b'"):
+        find_body(file, root, "b")

@@ -1,0 +1,222 @@
+"""Beam formulas against integrated curvature; compliances are conservative or refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from testbench.errors import Array, BenchError
+from testbench.stiffness import (
+    SYMMETRY_TOLERANCE,
+    Tube,
+    check_compliance,
+    eigenvalue_scale,
+    gramian,
+    tube_compliance,
+)
+
+STEEL = Tube(length=0.9, outer_diameter=0.2, inner_diameter=0.16, youngs_modulus=2.1e11, poissons_ratio=0.3)
+REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=100)
+
+
+@st.composite
+def tubes(draw: st.DrawFn) -> Tube:
+    """Any tube of an arm's proportions, its wall no thinner than a hundredth of its diameter."""
+    L = draw(st.floats(0.1, 10))
+    D = L * draw(st.floats(0.05, 5))
+    return Tube(
+        length=L,
+        outer_diameter=D,
+        inner_diameter=D * draw(st.floats(0, 0.98)),
+        youngs_modulus=draw(st.floats(1e9, 1e12)),
+        poissons_ratio=draw(st.floats(-0.9, 0.49)),
+    )
+
+
+def section(tube: Tube) -> tuple[float, float, float]:
+    """Area, second moment and polar moment of the ring, integrated over the ring [m^2, m^4, m^4]."""
+    x, w = np.polynomial.legendre.leggauss(4)  # exact to degree 7 in r; the integrands have degree 3
+    inner, outer = tube.inner_diameter / 2, tube.outer_diameter / 2
+    r, wr = (outer + inner) / 2 + (outer - inner) / 2 * x, (outer - inner) / 2 * w
+    angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # the trapezium is exact for cos^2
+    y = np.outer(r, np.cos(angle))
+    dA = np.outer(r * wr, np.full(16, 2 * np.pi / 16))
+    return float(dA.sum()), float((y**2 * dA).sum()), float((r[:, None] ** 2 * dA).sum())
+
+
+def tip_of_clamped_beam(tube: Tube, wrench: Array) -> Array:
+    """Displacement and rotation of the free end, from curvature integrated along the beam, (6,).
+
+    Internal moment M(s) = M_tip + (L - s) e_x x F; rotation phi' = M / (GJ, EI, EI);
+    displacement u' = (F_x / EA) e_x + phi x e_x; clamped at s = 0.
+    """
+    A, second, polar = section(tube)
+    E, L = tube.youngs_modulus, tube.length
+    G = E / (2 * (1 + tube.poissons_ratio))
+    rigidity = np.array([G * polar, E * second, E * second])
+    force, moment = wrench[:3], wrench[3:]
+    x, w = np.polynomial.legendre.leggauss(4)  # exact: phi is quadratic, u cubic in s
+
+    def rotation(s: float) -> Array:
+        t, wt = s / 2 * (x + 1), s / 2 * w
+        lever = np.stack([L - t, 0 * t, 0 * t], axis=1)
+        return wt @ ((moment + np.cross(lever, force)) / rigidity)
+
+    e_x = np.array([1.0, 0.0, 0.0])
+    s, ws = L / 2 * (x + 1), L / 2 * w
+    slope = np.array([force[0] / (E * A) * e_x + np.cross(rotation(k), e_x) for k in s])
+    return np.concatenate([ws @ slope, rotation(L)])
+
+
+@pytest.mark.parametrize("tube", [STEEL, replace(STEEL, inner_diameter=0.0)], ids=["tube", "rod"])
+@pytest.mark.parametrize("axis", range(6), ids=["Fx", "Fy", "Fz", "Mx", "My", "Mz"])
+def test_every_column_of_the_compliance_is_the_integrated_curvature(tube: Tube, axis: int) -> None:
+    truth = tip_of_clamped_beam(tube, np.eye(6)[axis])
+    C = tube_compliance(tube)
+    scale = eigenvalue_scale(C)  # entries that must vanish are judged against the diagonal
+    # both sides are exact but for rounding
+    np.testing.assert_allclose(C[:, axis] / scale, truth / scale, rtol=0, atol=1e-13 * scale[axis])
+
+
+@REPEATABLE
+@given(tube=tubes(), wrench=arrays(float, 6, elements=st.integers(-10_000, 10_000)))
+def test_any_tube_under_any_load_follows_the_integrated_curvature(tube: Tube, wrench: Array) -> None:
+    C = tube_compliance(tube)
+    bound = np.abs(C) @ np.abs(wrench)  # terms may cancel
+    # 1e-12 covers D^4 - d^4 of a wall of a hundredth: it cancels two digits
+    assert (np.abs(C @ wrench - tip_of_clamped_beam(tube, wrench)) <= 1e-12 * bound).all()
+
+
+def test_stretch_bending_and_torsion_are_the_textbook_formulas() -> None:
+    C = tube_compliance(STEEL)
+    L, E, G = 0.9, 2.1e11, 2.1e11 / 2.6
+    A, second, polar = section(STEEL)
+    expected = [L / (E * A), L**3 / (3 * E * second), L / (G * polar), L / (E * second)]
+    np.testing.assert_allclose(C[[0, 1, 3, 5], [0, 1, 3, 5]], expected, rtol=1e-13)
+    np.testing.assert_allclose([C[1, 5], C[2, 4]], L**2 / (2 * E * second) * np.array([1, -1]), rtol=1e-13)
+
+
+@REPEATABLE
+@given(tubes())
+def test_compliance_of_any_tube_is_symmetric_positive_definite(tube: Tube) -> None:
+    C = tube_compliance(tube)
+    np.testing.assert_array_equal(C, C.T)
+    scale = eigenvalue_scale(C)
+    # scaled to unit diagonal the smallest eigenvalue of a beam is 1 - sqrt(3)/2, whatever the beam
+    smallest = np.linalg.eigvalsh(C / np.outer(scale, scale))[0]
+    np.testing.assert_allclose(smallest, 1 - np.sqrt(3) / 2, rtol=1e-12)
+
+
+@REPEATABLE
+@given(tubes())
+def test_compliance_of_any_tube_passes_the_door_unchanged(tube: Tube) -> None:
+    C = tube_compliance(tube)
+    np.testing.assert_array_equal(check_compliance(C, "compliance"), C)
+
+
+def test_two_tubes_in_a_row_are_one_long_tube() -> None:
+    half = tube_compliance(replace(STEEL, length=STEEL.length / 2))
+    carry = np.eye(6)  # twist of the first half's end, carried to the far end: u + phi x (L/2) e_x
+    carry[1, 5], carry[2, 4] = STEEL.length / 2, -STEEL.length / 2
+    both = carry @ half @ carry.T + half
+    np.testing.assert_allclose(both, tube_compliance(STEEL), rtol=1e-13, atol=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("length", 0.0, "length: expected 0.001 to 100 m, got 0.0"),
+        ("length", -1.0, "length: expected 0.001 to 100 m, got -1.0"),
+        ("length", np.nan, "length: expected 0.001 to 100 m, got nan"),
+        ("length", np.inf, "length: expected 0.001 to 100 m, got inf"),
+        ("outer_diameter", 200.0, "outer_diameter: expected 0.001 to 100 m, got 200.0"),
+        ("inner_diameter", 0.2, "inner_diameter: expected 0 to below outer_diameter 0.2 m, got 0.2"),
+        ("inner_diameter", np.nan, "inner_diameter: expected 0 to below outer_diameter 0.2 m, got nan"),
+        ("youngs_modulus", 210.0, r"youngs_modulus: expected 1e\+06 to 1e\+13 Pa, got 210.0"),
+        ("poissons_ratio", 0.5, "poissons_ratio: expected between -1 and 0.5, got 0.5"),
+        ("poissons_ratio", -1.0, "poissons_ratio: expected between -1 and 0.5, got -1.0"),
+        ("poissons_ratio", np.nan, "poissons_ratio: expected between -1 and 0.5, got nan"),
+    ],
+)
+def test_tube_that_cannot_exist_is_refused(name: str, value: float, expected: str) -> None:
+    with pytest.raises(BenchError, match=expected):
+        replace(STEEL, **{name: value})
+
+
+@REPEATABLE
+@given(V=arrays(float, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.floats(-1e3, 1e3)))
+def test_gramian_is_symmetric_positive_semidefinite(V: Array) -> None:
+    C = gramian(V)
+    assert C.shape == (V.shape[1], V.shape[1])
+    np.testing.assert_array_equal(C, C.T)
+    # eigenvalues are exact to rounding of the largest
+    assert np.linalg.eigvalsh(C)[0] >= -1e-13 * max(np.trace(C), 1e-300)
+
+
+def test_gramian_entries_are_inner_products_of_columns() -> None:
+    V = np.random.default_rng(1).standard_normal((4, 3))
+    truth = [[sum(V[k, i] * V[k, j] for k in range(4)) for j in range(3)] for i in range(3)]
+    np.testing.assert_allclose(gramian(V), truth, rtol=0, atol=1e-14)
+
+
+def test_scaled_eigenvalues_do_not_depend_on_the_unit_of_length() -> None:
+    C = tube_compliance(STEEL)
+    to_mm = np.diag([1e3, 1e3, 1e3, 1, 1, 1])
+    scaled = []
+    for matrix in (C, to_mm @ C @ to_mm):
+        d = eigenvalue_scale(matrix)
+        scaled.append(np.linalg.eigvalsh(matrix / np.outer(d, d)))
+    np.testing.assert_allclose(scaled[0], scaled[1], rtol=1e-13)
+
+
+def test_scale_of_a_zero_axis_is_one() -> None:
+    np.testing.assert_array_equal(eigenvalue_scale(np.diag([4.0, 0.0, -9.0])), [2, 1, 3])
+
+
+def test_asymmetry_of_rounding_is_forgiven_and_removed() -> None:
+    C = tube_compliance(STEEL)
+    C[1, 5] *= 1 + SYMMETRY_TOLERANCE / 10
+    read = check_compliance(C, "compliance")
+    np.testing.assert_array_equal(read, read.T)
+    np.testing.assert_allclose(read, C, rtol=SYMMETRY_TOLERANCE)
+
+
+def test_asymmetric_compliance_names_both_entries() -> None:
+    C = tube_compliance(STEEL)
+    C[1, 5] *= 1.01
+    expected = (
+        rf"link: expected a symmetric matrix, got {C[1, 5]:.6g} at row 2, column 6 against {C[5, 1]:.6g}"
+    )
+    with pytest.raises(BenchError, match=expected):
+        check_compliance(C, "link")
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_coupling_stronger_than_its_diagonal_is_indefinite(sign: int) -> None:
+    C = tube_compliance(STEEL)
+    C[1, 5] = C[5, 1] = sign * 1.01 * np.sqrt(C[1, 1] * C[5, 5])
+    with pytest.raises(BenchError, match=r"positive definite matrix, got smallest eigenvalue -0\.01"):
+        check_compliance(C, "link")
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (np.eye(5), r"link: expected shape \(6, 6\), got \(5, 5\)"),
+        (np.eye(6).tolist()[:5], r"link: expected shape \(6, 6\), got \(5, 6\)"),
+        ([[1.0], [1.0, 2.0]], "link: expected numbers, got list"),
+        ("stiff", "link: expected numbers, got str"),
+        (None, r"link: expected"),
+        (np.diag([1, 1, 1, 1, 1, np.nan]), "link: expected finite numbers"),
+        (np.diag([1, 1, 1, 1, 1, np.inf]), "link: expected finite numbers"),
+        (np.diag([1, 1, -1, 1, 1, 1]), r"link: expected 1e-18 to 1000 on the diagonal, got -1 in row 3"),
+        (np.zeros((6, 6)), r"link: expected 1e-18 to 1000 on the diagonal, got 0 in row 1"),
+        (np.eye(6) + 1e308, "link: expected 1e-18 to 1000 on the diagonal"),
+    ],
+)
+def test_what_is_no_compliance_is_refused(value: object, expected: str) -> None:
+    with pytest.raises(BenchError, match=expected):
+        check_compliance(value, "link")

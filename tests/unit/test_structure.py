@@ -1,0 +1,173 @@
+"""Model structures: how many parameters, which entries, and the algebra between parameters and C_theta."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.arm import Arm, load_arm
+from testbench.errors import BenchError
+from testbench.structure import (
+    FULL,
+    TEMPLATE,
+    Structure,
+    all153,
+    mgco47,
+    mgco68,
+    mgco69,
+    mgco147,
+    template56,
+)
+
+MODELS = Path(__file__).parents[2] / "models"
+MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]
+
+
+@pytest.fixture(params=["kr500_l480", "arm_6r"])
+def arm(request: pytest.FixtureRequest) -> Arm:
+    return load_arm(MODELS / request.param)
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "n"),
+    [
+        (mgco147, "MGCO147", 147),
+        (all153, "ALL153", 153),
+        (mgco69, "MGCO69", 69),
+        (mgco68, "MGCO68", 68),
+        (mgco47, "MGCO47", 47),
+        (template56, "MGCO56", 56),
+    ],
+)
+def test_structures_of_the_paper_have_as_many_parameters_as_their_names_say(
+    arm: Arm, make: Callable[[Arm], Structure], name: str, n: int
+) -> None:
+    structure = make(arm)
+    assert (structure.name, structure.n, structure.n_theta) == (name, n, 48)
+    assert len({frozenset(pair) for pair in zip(structure.a, structure.b, strict=True)}) == n
+    assert len(structure.labels) == 48
+
+
+def test_template_of_least_squares_has_the_same_parameters_under_another_name(arm: Arm) -> None:
+    one, other = template56(arm), template56(arm, name="MLS56")
+    assert other.name == "MLS56"
+    np.testing.assert_array_equal([one.a, one.b], [other.a, other.b])
+
+
+def test_full_link_has_21_entries_and_the_template_8() -> None:
+    assert len(set(FULL)) == 21
+    assert len(set(TEMPLATE)) == 8
+    assert set(TEMPLATE) < set(FULL)
+
+
+def test_blocks_of_full_links_are_six_by_six_and_joints_are_scalars(arm: Arm) -> None:
+    blocks = [block.tolist() for block in all153(arm).blocks]
+    links = [list(range(6 * i, 6 * i + 6)) for i in range(7)]
+    assert sorted(blocks) == sorted(links + [[k] for k in range(42, 48)])
+
+
+def test_blocks_of_the_template_are_two_scalars_and_two_2x2_a_link(arm: Arm) -> None:
+    blocks = [block.tolist() for block in template56(arm).blocks]
+    expected = [[6 * i + k for k in rows] for i in range(7) for rows in ([0], [3], [1, 5], [2, 4])]
+    assert sorted(blocks) == sorted(expected)
+
+
+def test_joint_aggregated_into_its_link_is_no_parameter(arm: Arm) -> None:
+    assert max(mgco147(arm).a.max(), mgco147(arm).b.max()) < 42
+
+
+def test_mgco68_lacks_only_joint_1_of_mgco69(arm: Arm) -> None:
+    pairs = [set(zip(s.a.tolist(), s.b.tolist(), strict=True)) for s in (mgco69(arm), mgco68(arm))]
+    assert pairs[0] - pairs[1] == {(42, 42)}
+    assert pairs[1] < pairs[0]
+
+
+def test_labels_name_link_and_axis_then_joints(arm: Arm) -> None:
+    labels = mgco47(arm).labels
+    assert labels[:6] == tuple(f"link_0.{k}" for k in ("x", "y", "z", "phi_x", "phi_y", "phi_z"))
+    assert labels[42:] == tuple(f"joint_{i}" for i in range(1, 7))
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_matrix_is_symmetric_and_entries_give_the_parameters_back(
+    arm: Arm, make: Callable[[Arm], Structure]
+) -> None:
+    structure = make(arm)
+    pi = np.random.default_rng(2).standard_normal(structure.n)
+    C = structure.matrix(pi)
+    np.testing.assert_array_equal(C, C.T)
+    np.testing.assert_array_equal(structure.entries(C), pi)
+    off_diagonal = structure.a != structure.b
+    assert np.count_nonzero(C) == structure.n + off_diagonal.sum()
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_gradient_is_the_adjoint_of_matrix(arm: Arm, make: Callable[[Arm], Structure]) -> None:
+    structure, rng = make(arm), np.random.default_rng(3)
+    g, pi = rng.standard_normal((2, structure.n))
+    S = structure.gradient(g)
+    np.testing.assert_array_equal(S, S.T)
+    # sums of some 100 products of order one: rounding
+    np.testing.assert_allclose(np.sum(S * structure.matrix(pi)), g @ pi, rtol=0, atol=1e-12)
+    X = rng.standard_normal((48, 48))
+    np.testing.assert_allclose(np.sum(S * (X + X.T)), g @ structure.entries(X + X.T), rtol=0, atol=1e-12)
+
+
+def test_true_compliance_of_tubes_lies_in_the_template_with_joints(arm: Arm) -> None:
+    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints]
+    structure = Structure.of(arm, links=links, joints=joints, entries=TEMPLATE)
+    assert structure.n == 62
+    np.testing.assert_array_equal(structure.matrix(structure.entries(arm.C_theta)), arm.C_theta)
+
+
+def test_keep_leaves_these_parameters_and_drops_the_rest(arm: Arm) -> None:
+    full = template56(arm)
+    kept = full.keep(np.array([0, 7, 55]), "OWN3")
+    assert (kept.name, kept.n, kept.n_theta, kept.labels) == ("OWN3", 3, 48, full.labels)
+    pi = np.arange(1.0, 57.0)
+    np.testing.assert_array_equal(kept.entries(full.matrix(pi)), [1, 8, 56])
+    assert np.count_nonzero(kept.matrix(np.ones(3))) == 5  # a diagonal entry, c35 of link 0, c35 of link 6
+
+
+def test_own_structure_takes_links_joints_and_entries(arm: Arm) -> None:
+    own = Structure.of(arm, links=["link_2"], joints=["joint_3"], entries=((0, 0), (1, 5)), name="OWN3")
+    assert own.name == "OWN3"
+    assert list(zip(own.a.tolist(), own.b.tolist(), strict=True)) == [(12, 12), (13, 17), (44, 44)]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "expected"),
+    [
+        ({"links": ["link_9"]}, r"no link 'link_9' in \w+; links are link_0, link_1, .*, link_6$"),
+        ({"joints": ["a1"]}, r"no joint 'a1' in \w+; joints are joint_1, joint_2, .*, joint_6$"),
+        ({"links": ["link_1", "link_1"]}, r"links: expected different names, got \['link_1', 'link_1'\]"),
+        ({"joints": ["joint_1"] * 2}, r"joints: expected different names, got"),
+        ({}, "expected at least one elastic link or joint"),
+        ({"links": ["link_1"], "entries": ()}, "expected at least one elastic link or joint"),
+        (
+            {"links": ["link_1"], "entries": ((0, 6),)},
+            "entries: expected different pairs a <= b out of 0 to 5",
+        ),
+        ({"links": ["link_1"], "entries": ((1, 0),)}, "entries: expected different pairs"),
+        ({"links": ["link_1"], "entries": ((-1, 0),)}, "entries: expected different pairs"),
+        ({"links": ["link_1"], "entries": ((0, 0), (0, 0))}, "entries: expected different pairs"),
+    ],
+)
+def test_unknown_name_or_entry_lists_what_exists(arm: Arm, wanted: dict, expected: str) -> None:
+    with pytest.raises(BenchError, match=expected) as info:
+        Structure.of(arm, **wanted)
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(("make", "links"), [(mgco69, 4), (mgco68, 4), (mgco47, 4)])
+def test_structure_of_a_longer_arm_says_how_many_links_it_needs(
+    make: Callable[[Arm], Structure], links: int
+) -> None:
+    with pytest.raises(BenchError, match=f"expected an arm of at least {links} links, single_link has 1"):
+        make(load_arm(MODELS / "single_link"))
+
+
+def test_single_link_has_21_parameters_in_full_and_8_in_the_template() -> None:
+    arm = load_arm(MODELS / "single_link")
+    assert [make(arm).n for make in (mgco147, all153, template56)] == [21, 21, 8]
