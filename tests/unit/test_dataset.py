@@ -1,4 +1,4 @@
-"""A dataset's file gives back every bit, or is refused in one line: which file and line, what was expected."""
+"""A dataset's file gives back every bit, or is refused in one line: which line, what was expected."""
 
 import csv
 import io

@@ -1,0 +1,121 @@
+"""What a benchmark measures: seconds, ratios of seconds measured side by side, and one row of the table."""
+
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.bench import Cell, build_cell
+from testbench.errors import Array
+from testbench.plant import collisions
+from testbench.poses import WorkArea, random_poses
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+PAYLOAD = 460.3 * 9.80665
+"""Weight hung on the arm [N]."""
+ABOVE_FLOOR = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes:
+        benchmark: What was measured.
+        value: The figure.
+        unit: Its unit, "x" for a ratio.
+        bar: What it has to reach; None for a line that only informs.
+        at_least: Whether the bar is a lower one.
+        behind: The medians behind it, with their spread.
+    """
+
+    benchmark: str
+    value: float
+    unit: str
+    bar: float | None
+    at_least: bool
+    behind: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the bar is reached."""
+        if self.bar is None:
+            return True
+        return self.value >= self.bar if self.at_least else self.value <= self.bar
+
+
+def at_most(benchmark: str, value: float, unit: str, bar: float, behind: str) -> Row:
+    """A row with an upper bar."""
+    return Row(benchmark, value, unit, bar, False, behind)
+
+
+def at_least(benchmark: str, value: float, unit: str, bar: float, behind: str) -> Row:
+    """A row with a lower bar."""
+    return Row(benchmark, value, unit, bar, True, behind)
+
+
+def note(benchmark: str, value: float, unit: str, behind: str) -> Row:
+    """A row without a bar."""
+    return Row(benchmark, value, unit, None, True, behind)
+
+
+def seconds(run: Callable[[], object]) -> float:
+    """Wall time of one call [s]."""
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
+
+
+def interleave(repeats: int, *runs: Callable[[], object]) -> Array:
+    """Wall times of several calls, in turns: a slow spell of the machine falls on all of them.
+
+    Args:
+        repeats: Times each is measured, after one call that is not.
+        runs: The calls.
+
+    Returns:
+        (len(runs), repeats) [s].
+    """
+    for run in runs:
+        run()
+    return np.array([[seconds(run) for run in runs] for _ in range(repeats)]).T
+
+
+def spread(values: Array | Sequence[float], scale: float = 1.0, digits: int = 1) -> str:
+    """Median and range, such as "1.2 (1.1-1.4)"."""
+    low, middle, high = (scale * x for x in (np.min(values), np.median(values), np.max(values)))
+    return f"{middle:.{digits}f} ({low:.{digits}f}-{high:.{digits}f})"
+
+
+def cell(name: str) -> Cell:
+    """An arm of models/ with truth, model and room."""
+    return build_cell(MODELS / name)
+
+
+def feasible_poses(arm: Cell, count: int, seed: int, area: WorkArea = ABOVE_FLOOR) -> Array:
+    """Random poses inside the joint limits that collide with nothing, (count, n) [rad]."""
+
+    def clear(q: Array) -> Array:
+        return np.array([pair is None for pair in collisions(arm.room, q)], dtype=bool)
+
+    return random_poses(arm.vjm, area, count, clear, np.random.default_rng(seed))
+
+
+def hung(arm: Cell, runs: int) -> tuple[Array, Array]:
+    """The payload at the arm's load point: wrench (runs, 6) [N, N m] and point (runs, 3) [m]."""
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -PAYLOAD
+    return wrench, np.tile(arm.vjm.load, (runs, 1))
+
+
+def processor() -> str:
+    """Name of the processor, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
