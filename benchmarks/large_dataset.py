@@ -18,7 +18,6 @@ from threadpoolctl import threadpool_limits
 
 from testbench.bench import Cell
 from testbench.dataset import Dataset, select
-from testbench.errors import Array
 from testbench.identify import conic, gco, reduce
 from testbench.structure import mgco147
 from testbench.vjm import observation

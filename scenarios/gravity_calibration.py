@@ -23,7 +23,7 @@ from testbench.bench import (
     named_models,
     simulate,
 )
-from testbench.dataset import write_csv
+from testbench.csvfile import write_csv
 from testbench.paper import SECTION_6
 from testbench.record import write_recording
 from testbench.report import Report, report, summarise

@@ -15,7 +15,7 @@ from rich.console import Console
 from testbench import command, files, tables
 from testbench.arm import load_arm
 from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
-from testbench.dataset import read_csv, read_poses, write_csv
+from testbench.csvfile import read_csv, read_poses, write_csv
 from testbench.evaluate import predict, score
 from testbench.plant import check_poses, write_elastic
 from testbench.report import fit_report

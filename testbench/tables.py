@@ -113,8 +113,8 @@ def verdict(report: Report) -> str:
     if free:
         lines.append(
             f"Not unique (unknowns / directions seen): {', '.join(free)}. Minimum norm (LS) or least "
-            "trace (GCO) fills the rest: single entries mean nothing, nor do predictions far from the measured "
-            "poses."
+            "trace (GCO) fills the rest: single entries mean nothing, nor do predictions far from the "
+            "measured poses."
         )
     same = _twins(rows)
     if same:

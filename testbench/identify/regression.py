@@ -21,6 +21,8 @@ PANEL = 8
 """Columns that LAPACK eliminates at a time: few, as the blocks are short."""
 ROUNDING = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
+LARGEST = 1e9
+"""Largest reading, load or coordinate that can be meant [m, N, N m]; squares of more may overflow."""
 RANK_TOLERANCE = 1e-9
 """A singular value below this share of the largest is zero; structural zeros come out at 1e-16."""
 
@@ -89,6 +91,10 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     """
     if data.runs == 0:
         raise BenchError("dataset: expected at least one run, got none")
+    for name in ("before", "after", "wrench", "point"):
+        largest = np.abs(getattr(data, name)).max()
+        if largest > LARGEST:
+            raise BenchError(f"{name}: expected SI numbers up to {LARGEST:g}, got {largest:g}: too large")
     if data.q.shape[1] != vjm.arm.n_joints:
         raise BenchError(f"q: expected {vjm.arm.n_joints} joints, got {data.q.shape[1]}")
     terms = [_reduce_rows(vjm, structure, data, rotation=False)]

@@ -8,7 +8,7 @@ import pytest
 
 from testbench.errors import NoEquilibrium
 from testbench.plant import build_plant, elastic_mjcf, settle, settle_linear, write_elastic
-from testbench.stiffness import tube_compliance, Tube
+from testbench.stiffness import Tube, tube_compliance
 
 GRAVITY = 9.81
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from testbench.arm import load_arm
-from testbench.dataset import Dataset, columns, read_csv, select, split, write_csv
+from testbench.csvfile import columns, read_csv, write_csv
+from testbench.dataset import Dataset, select, split
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")

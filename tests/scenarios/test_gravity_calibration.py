@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from testbench.arm import load_arm
-from testbench.dataset import read_csv
+from testbench.csvfile import read_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"

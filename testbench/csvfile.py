@@ -1,0 +1,273 @@
+"""CSV in and out: measured runs, and poses to measure.
+
+In a dataset file a row is one marker of one run; the unit is in the column's name; numbers are written in
+full, so that reading gives them back bit by bit. `columns(...)` is the documented header.
+"""
+
+import csv
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm import Arm
+from testbench.dataset import Dataset, Ids
+from testbench.errors import Array, BenchError, InputError, read_text
+
+XYZ = ("x", "y", "z")
+MAX_BYTES = 300_000_000
+
+
+def columns(joints: tuple[str, ...], *, rotation: bool) -> list[str]:
+    """The header of the CSV file, in order.
+
+    run, pose: integers. marker: its name in the arm. JOINT_rad: joint angle. force_*_N, moment_*_Nm: load,
+    world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings, world axes. sigma_m:
+    standard deviation of one reading along one axis, the same in all rows. Where orientations are read too:
+    rotation_before_*_rad, rotation_after_*_rad (rotation vectors, world axes, the same for every marker of a
+    run) and sigma_rad.
+
+    Args:
+        joints: Names of the arm's joints.
+        rotation: Whether orientations are read.
+    """
+    names = ["run", "pose", "marker", *(f"{j}_rad" for j in joints)]
+    names += [f"force_{x}_N" for x in XYZ] + [f"moment_{x}_Nm" for x in XYZ]
+    names += [f"{what}_{x}_m" for what in ("point", "before", "after") for x in XYZ] + ["sigma_m"]
+    if rotation:
+        names += [f"rotation_{when}_{x}_rad" for when in ("before", "after") for x in XYZ]
+        names += ["sigma_rad"]
+    return names
+
+
+def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
+    """Write the dataset; an existing file is replaced only by a whole one.
+
+    Args:
+        data: The runs.
+        joints: Names of the arm's joints, for the header.
+        path: The file.
+
+    Raises:
+        BenchError: When the names are not as many as the joint angles.
+        InputError: When the file cannot be written.
+    """
+    if len(joints) != data.q.shape[1]:
+        raise BenchError(f"joints: expected {data.q.shape[1]} names, got {list(joints)}")
+    m = len(data.markers)
+    rotation = data.rotation_before is not None
+    parts = [np.repeat(a, m, axis=0) for a in (data.q, data.wrench, data.point)]
+    parts += [a.reshape(-1, 3) for a in (data.before, data.after)]
+    parts += [np.full((data.points, 1), data.sigma)]
+    if data.rotation_before is not None and data.rotation_after is not None:
+        parts += [np.repeat(a, m, axis=0) for a in (data.rotation_before, data.rotation_after)]
+        parts += [np.full((data.points, 1), data.sigma_rotation)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns(joints, rotation=rotation))
+    ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), data.markers * data.runs, strict=True)
+    for (run, pose, marker), row in zip(ids, np.hstack(parts).tolist(), strict=True):
+        writer.writerow([run, pose, marker, *map(repr, row)])
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(text.getvalue().encode())
+        part.replace(path)
+    except OSError as err:
+        part.unlink(missing_ok=True)
+        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+
+
+def read_csv(path: Path, arm: Arm) -> Dataset:
+    """Read and check a dataset of an arm.
+
+    Args:
+        path: The file; `columns` documents its header.
+        arm: The arm that was measured.
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    header, lines = _read_lines(path)
+    joints = tuple(j.name for j in arm.joints)
+    plain, full = columns(joints, rotation=False), columns(joints, rotation=True)
+    rotation = not set(header).isdisjoint(set(full) - set(plain))
+    expected = full if rotation else plain
+    unknown = [name for name in header if name not in expected]
+    missing = [name for name in expected if name not in header]
+    twice = [name for name in expected if header.count(name) > 1]
+    if twice:
+        raise InputError(path, "line 1", f"expected every column once, got {twice} more than once")
+    if missing or unknown:
+        problem = f"missing columns {missing}, unknown columns {unknown}"
+        raise InputError(path, "line 1", f"{problem}; expected {','.join(expected)}")
+    if not lines:
+        raise InputError(path, "line 2", "expected at least one row")
+    order = [header.index(name) for name in expected]
+    lines = [[line[k] for k in order] for line in lines]
+    marker = [line[2] for line in lines]
+    for number, name in enumerate(marker, start=2):
+        if name not in arm.markers:
+            have = ", ".join(arm.markers)
+            problem = f"no marker {name[:80]!r} in {arm.name}; markers are {have}"
+            raise InputError(path, f"line {number}, column marker", problem)
+    markers = tuple(dict.fromkeys(marker))
+    ids, values = _numbers(path, expected, lines)
+    _check_runs(path, ids, marker, markers)
+    _check_limits(path, arm, values[:, : len(joints)])
+    return _assemble(path, expected, len(joints), markers, ids, values, rotation)
+
+
+def _read_lines(path: Path) -> tuple[list[str], list[list[str]]]:
+    reader = csv.reader(io.StringIO(read_text(path, MAX_BYTES), newline=""), strict=True)
+    try:
+        lines = list(reader)
+    except csv.Error as err:
+        raise InputError(path, f"line {reader.line_num}", f"not CSV: {err}") from err
+    while lines and not lines[-1]:  # blank lines at the end, as editors leave them
+        lines.pop()
+    if not lines:
+        raise InputError(path, "line 1", "expected a header, the file is empty")
+    for number, line in enumerate(lines[1:], start=2):
+        if len(line) != len(lines[0]):
+            raise InputError(path, f"line {number}", f"expected {len(lines[0])} fields, got {len(line)}")
+    return lines[0], lines[1:]
+
+
+def _numbers(path: Path, names: list[str], lines: list[list[str]]) -> tuple[Ids, Array]:
+    """Run and pose identifiers, (rows, 2), and all other numbers, (rows, columns)."""
+    ids = np.empty((len(lines), 2), dtype=int)
+    values = np.empty((len(lines), len(names) - 3))
+    for i, line in enumerate(lines):
+        for k in (0, 1):
+            ids[i, k] = _integer(path, i + 2, names[k], line[k])
+        for k in range(3, len(names)):
+            values[i, k - 3] = _number(path, i + 2, names[k], line[k])
+    return ids, values
+
+
+def _integer(path: Path, line: int, name: str, text: str) -> int:
+    try:
+        if "_" in text:  # Python reads 1_0 as 10
+            raise ValueError
+        return int(np.int64(int(text)))
+    except (ValueError, OverflowError):
+        problem = f"expected an integer of 64 bits, got {text[:80]!r}"
+        raise InputError(path, f"line {line}, column {name}", problem) from None
+
+
+def _number(path: Path, line: int, name: str, text: str) -> float:
+    try:
+        value = math.nan if "_" in text else float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        problem = f"expected a finite number, got {text[:80]!r}"
+        raise InputError(path, f"line {line}, column {name}", problem)
+    return value
+
+
+def _check_runs(path: Path, ids: Ids, marker: list[str], markers: tuple[str, ...]) -> None:
+    """Every run lists every marker once, in the same order, on consecutive lines."""
+    m = len(markers)
+    for i in range(0, len(ids), m):
+        block = marker[i : i + m]
+        if tuple(block) != markers or (ids[i : i + m] != ids[i]).any():
+            raise InputError(
+                path,
+                f"line {i + 2}",
+                f"run {ids[i, 0]}: expected one line for each of {', '.join(markers)} in this order",
+            )
+    runs = ids[::m, 0]
+    _, first = np.unique(runs, return_index=True)
+    again = np.setdiff1d(np.arange(len(runs)), first)
+    if len(again):
+        raise InputError(path, f"line {again[0] * m + 2}", f"run {runs[again[0]]} stands in the file twice")
+
+
+def _check_limits(path: Path, arm: Arm, q: Array) -> None:
+    """Joint angles lie within the arm's limits; if not, degrees are the first suspect."""
+    lower, upper = arm.limits
+    bad = np.argwhere((q < lower - 1e-6) | (q > upper + 1e-6))
+    if len(bad):
+        i, k = bad[0]
+        joint = arm.joints[k]
+        hint = "; are these degrees?" if np.abs(q).max() > 2.5 * np.pi else ""
+        raise InputError(
+            path,
+            f"line {i + 2}, column {joint.name}_rad",
+            f"expected {joint.lower:.4f} to {joint.upper:.4f} rad, got {q[i, k]:g}{hint}",
+        )
+
+
+def _assemble(
+    path: Path,
+    names: list[str],
+    n: int,
+    markers: tuple[str, ...],
+    ids: Ids,
+    values: Array,
+    rotation: bool,
+) -> Dataset:
+    m = len(markers)
+    once = [*range(n + 9), *range(n + 15, values.shape[1])]  # all but the readings of a marker
+    differs = np.argwhere(values[:, once].reshape(-1, m, len(once)) != values[::m][:, None, once])
+    if len(differs):
+        i, j, k = differs[0]
+        place = f"line {i * m + j + 2}, column {names[3 + once[k]]}"
+        raise InputError(path, place, "expected the same value in every row of the run")
+    sigmas = [names.index("sigma_m") - 3] + ([names.index("sigma_rad") - 3] if rotation else [])
+    for k in sigmas:
+        other = np.flatnonzero(values[:, k] != values[0, k])
+        if len(other):
+            place = f"line {other[0] + 2}, column {names[k + 3]}"
+            raise InputError(path, place, "expected one value in the whole file")
+        if not values[0, k] > 0:
+            place = f"line 2, column {names[k + 3]}"
+            raise InputError(path, place, f"expected more than 0, got {values[0, k]}")
+    first = values[::m]
+    turned = first[:, n + 16 : n + 22] if rotation else None
+    return Dataset(
+        markers=markers,
+        run=ids[::m, 0],
+        pose=ids[::m, 1],
+        q=first[:, :n],
+        wrench=first[:, n : n + 6],
+        point=first[:, n + 6 : n + 9],
+        before=values[:, n + 9 : n + 12].reshape(-1, m, 3),
+        after=values[:, n + 12 : n + 15].reshape(-1, m, 3),
+        sigma=float(values[0, n + 15]),
+        rotation_before=None if turned is None else turned[:, :3],
+        rotation_after=None if turned is None else turned[:, 3:],
+        sigma_rotation=float(values[0, n + 22]) if rotation else None,
+    )
+
+
+def read_poses(path: Path, arm: Arm) -> Array:
+    """Read joint angles, one pose a row, one column JOINT_rad for every joint.
+
+    Args:
+        path: The file.
+        arm: The arm that is to take them.
+
+    Returns:
+        (poses, n) [rad], within the arm's limits.
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    header, lines = _read_lines(path)
+    expected = [f"{j.name}_rad" for j in arm.joints]
+    if sorted(header) != sorted(expected):
+        raise InputError(path, "line 1", f"expected the columns {','.join(expected)}, got {','.join(header)}")
+    if not lines:
+        raise InputError(path, "line 2", "expected at least one pose")
+    order = [header.index(name) for name in expected]
+    q = np.array(
+        [
+            [_number(path, i + 2, name, line[k]) for name, k in zip(expected, order, strict=True)]
+            for i, line in enumerate(lines)
+        ]
+    )
+    _check_limits(path, arm, q)
+    return q

@@ -1,0 +1,149 @@
+"""The `testbench` command on a user's own arm, poses and runs."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+ARM = ROOT / "models" / "kr500_l480"
+HEADER = ",".join(f"joint_{k}_rad" for k in range(1, 7))
+POSES = [[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15], [-30, -100, 70, 0, 45, 90]]
+
+
+def run(*args):
+    command = [sys.executable, "-c", "from testbench.cli import main; main()", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+def refused(done):
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: ")
+    assert "Traceback" not in done.stderr + done.stdout
+    return done.stderr
+
+
+def write_poses(path, degrees, header=HEADER):
+    rows = [",".join(repr(float(x)) for x in np.deg2rad(row)) for row in degrees]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    poses = write_poses(folder / "poses.csv", POSES * 3)
+    done = run("simulate", ARM, poses, "--out", folder / "data.csv", "--seed", 4)
+    assert done.returncode == 0, done.stderr
+    assert "9 runs, deflections" in done.stdout
+    return folder
+
+
+def test_check_says_what_is_in_the_arm():
+    done = run("check", ARM)
+    assert done.returncode == 0
+    assert "joint_2: -130 to 20 deg" in done.stdout
+    assert "markers P1, P2, P3" in done.stdout
+
+
+def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):
+    assert run("elastic", ARM, tmp_path / "elastic.xml").returncode == 0
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "elastic.xml")).ntendon == 42
+
+
+def test_simulated_runs_are_identified(simulated, tmp_path):
+    done = run("identify", ARM, simulated / "data.csv", "--model", "MGCO56", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    (model,) = json.loads((tmp_path / "models.json").read_text())["models"]
+    assert model["conservative"]
+    assert model["rank"] <= 18
+    assert "56 unknowns, the data see" in done.stdout.replace("\n", " ")
+    C = np.array(model["links"]["link_2"])
+    assert np.linalg.eigvalsh(C).min() > -1e-18
+
+
+def test_without_a_model_all_seven_are_fitted(simulated, tmp_path):
+    done = run("identify", ARM, simulated / "data.csv", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    names = [m["name"] for m in json.loads((tmp_path / "models.json").read_text())["models"]]
+    assert names == ["MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147"]
+
+
+def test_unknown_model_lists_the_known_ones(simulated, tmp_path):
+    done = run("identify", ARM, simulated / "data.csv", "--model", "MGCO1", "--out", tmp_path / "new")
+    assert "no model 'MGCO1'; models are MLS32" in refused(done)
+    assert not (tmp_path / "new").exists()
+
+
+BROKEN = [
+    (lambda t: t.replace("force_z_N", "force_z_kN"), "missing columns ['force_z_N']"),
+    (lambda t: t.replace("-4515.54", "nan", 1), "column force_z_N"),
+    (lambda t: t.replace(",P2,", ",P9,", 1), "no marker 'P9'"),
+    (lambda t: t.splitlines()[0], "expected at least one row"),
+]
+
+
+@pytest.mark.parametrize(("damage", "text"), BROKEN)
+def test_a_broken_dataset_is_one_line_and_leaves_earlier_results(simulated, tmp_path, damage, text):
+    whole = (simulated / "data.csv").read_text()
+    broken = tmp_path / "broken.csv"
+    broken.write_text(damage(whole))
+    assert broken.read_text() != whole
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "models.json").write_text("earlier")
+    assert text in refused(run("identify", ARM, broken, "--out", out))
+    assert (out / "models.json").read_text() == "earlier"
+
+
+def test_degrees_in_a_dataset_are_recognised(simulated, tmp_path):
+    lines = (simulated / "data.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    for row in rows:
+        row[3:9] = [repr(float(np.rad2deg(float(x)))) for x in row[3:9]]
+    (tmp_path / "degrees.csv").write_text("\n".join([lines[0], *map(",".join, rows)]))
+    assert "are these degrees?" in refused(run("identify", ARM, tmp_path / "degrees.csv"))
+
+
+def test_absurd_readings_are_one_line(simulated, tmp_path):
+    text = (simulated / "data.csv").read_text().splitlines()
+    row = text[1].split(",")
+    row[20] = "1e300"
+    (tmp_path / "absurd.csv").write_text("\n".join([text[0], ",".join(row), *text[2:]]))
+    message = refused(run("identify", ARM, tmp_path / "absurd.csv", "--out", tmp_path / "out"))
+    assert "too large" in message
+
+
+def test_unreachable_and_colliding_poses_are_named(tmp_path):
+    far = write_poses(tmp_path / "far.csv", [POSES[0], [0, 60, 90, 0, 0, 0]])
+    message = refused(run("simulate", ARM, far, "--out", tmp_path / "data.csv"))
+    assert "line 3, column joint_2_rad: expected -2.2689 to 0.3491 rad" in message
+    floor = write_poses(tmp_path / "floor.csv", [POSES[0], [0, 20, 60, 0, 0, 0]])
+    message = refused(run("simulate", ARM, floor, "--out", tmp_path / "data.csv"))
+    assert "pose 2: " in message
+    assert "collides with" in message
+    assert not (tmp_path / "data.csv").exists()
+
+
+def test_poses_in_other_columns_name_the_expected_ones(tmp_path):
+    poses = write_poses(tmp_path / "poses.csv", POSES, header=HEADER.replace("_rad", "_deg"))
+    assert f"expected the columns {HEADER}" in refused(run("simulate", ARM, poses, "--out", tmp_path / "d"))
+
+
+def test_an_unwritable_place_is_one_line(simulated, tmp_path):
+    (tmp_path / "file").write_text("")
+    place = tmp_path / "file" / "inside"
+    assert "cannot be written" in refused(run("identify", ARM, simulated / "data.csv", "--out", place))
+    assert "elastic.xml" in refused(run("elastic", ARM, tmp_path / "no" / "elastic.xml"))
+
+
+def test_an_arm_in_pieces_is_one_line(tmp_path):
+    arm = shutil.copytree(ARM, tmp_path / "arm")
+    (arm / "elastic.toml").unlink()
+    assert "elastic.toml: cannot be read" in refused(run("check", arm))
