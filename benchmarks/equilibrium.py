@@ -20,7 +20,7 @@ NEWTON_REPEATS = 40
 """Times the stepped poses are settled in one call: a call's own cost is none of a pose's."""
 CHECK_EVERY = 20
 """Steps between two looks at the residual."""
-MAX_STEPS = 20_000
+MAX_STEPS = 10_000
 SETTINGS = (
     (DAMPING, 0.0005),
     (DAMPING, 0.002),

@@ -16,15 +16,20 @@ from testbench import command, files, tables
 from testbench.arm import load_arm
 from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
 from testbench.csvfile import read_csv, read_poses, write_csv
+from testbench.errors import BenchError
 from testbench.evaluate import predict, score
-from testbench.plant import check_poses, write_elastic
+from testbench.plant import check_poses, settle_linear, write_elastic
 from testbench.report import fit_report
 from testbench.tracker import Tracker
+from testbench.vjm import chain
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Virtual calibration cell for heavy robot arms."
 )
 console = Console(highlight=False)
+
+AGREEMENT, AGREEMENT_POSES = 1e-9, 20
+"""Distance of the tool between the two readings of an arm [m], and poses in which it is compared."""
 
 ArmFolder = Annotated[Path, typer.Argument(help="Folder with rigid.xml and elastic.toml.")]
 
@@ -45,7 +50,13 @@ def check(arm: ArmFolder) -> None:
             )
     markers = ", ".join(cell.arm.markers)
     console.print(f"  tool {cell.arm.tool}, load point {cell.arm.load}, markers {markers}")
-    console.print("MuJoCo and Pinocchio read it alike: ready to use")
+    lower, upper = cell.arm.limits
+    q = stream(0).uniform(lower, upper, (AGREEMENT_POSES, cell.arm.n_joints))
+    idle = np.zeros((AGREEMENT_POSES, 6))
+    apart = np.abs(settle_linear(cell.plant, q, idle, idle[:, :3]).tool - chain(cell.vjm, q).position).max()
+    if apart > AGREEMENT:
+        raise BenchError(f"{arm}: MuJoCo and Pinocchio place the tool {apart:.1e} m apart")
+    console.print(f"MuJoCo and Pinocchio place the tool alike, within {apart:.0e} m: ready to use")
 
 
 @app.command()
@@ -99,9 +110,8 @@ def identify(
         whole = {"dataset": dataset.name, "arm": cell.arm.name, "models": fits}
         files.write_json(whole, folder / "models.json")
     console.print(tables.fits(fits))
-    for fit in fits:
-        for sentence in fit["advice"]:
-            console.print(f"- {sentence}")
+    for sentence in dict.fromkeys(sentence for fit in fits for sentence in fit["advice"]):
+        console.print(f"- {sentence}")
     console.print(f"models     {out / 'models.json'}", soft_wrap=True)
 
 

@@ -238,7 +238,7 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     point = check_array(point, (runs, 3), "point [m]")
     force, arm = wrench[:, :3], np.einsum("rxy,ry->rx", where.rotation, point)
     at_tool = np.hstack([force, wrench[:, 3:] + np.cross(arm, force)])
-    return np.einsum("xtr,rx->tr", where.J_theta, at_tool)
+    return np.asarray(np.einsum("xtr,rx->tr", where.J_theta, at_tool))
 
 
 def observation(

@@ -107,7 +107,9 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
         f_m = several["f_m"]
         assert set(f_m) == {"median", "p05", "p95"}
         assert f_m["p05"] < f_m["median"] < f_m["p95"]
-        assert f_m["p05"] <= single["f_m"] <= f_m["p95"] or f_m["p05"] == pytest.approx(single["f_m"], rel=0.1)
+        # percentiles of two numbers lie 5 % of their distance inside them
+        margin = 0.06 * (f_m["p95"] - f_m["p05"])
+        assert f_m["p05"] - margin <= single["f_m"] <= f_m["p95"] + margin
         assert several["paper"] == single["paper"]
 
 
