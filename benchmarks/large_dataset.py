@@ -8,91 +8,57 @@ import resource
 import subprocess
 import sys
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from measure import PAYLOAD, Row, at_most, cell, interleave, note, spread
-from scipy.linalg import qr
+from measure import MODELS, Row, at_most, hung, interleave, note, spread
+from scipy.linalg.lapack import dgeqrf
 from threadpoolctl import threadpool_limits
 
-from testbench.bench import Cell
+from testbench.arm import load_arm
 from testbench.dataset import Dataset, select
 from testbench.identify import conic, gco, reduce
-from testbench.structure import mgco147
-from testbench.vjm import observation
+from testbench.structure import Structure, mgco147
+from testbench.vjm import Vjm, build_vjm, observation
 
 RUNS = (10_000, 30_000, 100_000)
 FEW_RUNS = 100
 SIGMA = 50e-6
-BLOCK = 1000
+BLOCK = 250
 """Runs whose readings are made at a time."""
+REFERENCE_RUNS = 512
+"""Runs whose rows LAPACK factorises for the machine's reference."""
+SQUARE, PRODUCTS = 1000, 5
+"""Size and number of the matrix products that measure the core."""
+NOMINAL_GFLOPS = 50.0
+"""Speed of one core at rest here; a busy machine gives 30, and every time is longer in proportion."""
 SLACK_MB = 8.0
 """Growth of a process that is not the dataset: its allocator's."""
 
 
-def synthetic(arm: Cell, runs: int, seed: int) -> Dataset:
-    """Three markers under weights of 20 to 100 % of the payload: deflection = A @ truth + noise."""
-    rng = np.random.default_rng(seed)
-    structure = mgco147(arm.arm)
-    truth = structure.entries(arm.arm.C_theta)
-    q = rng.uniform(*arm.arm.limits, (runs, arm.arm.n_joints))
-    wrench, point = np.zeros((runs, 6)), np.tile(arm.vjm.load, (runs, 1))
-    wrench[:, 2] = -PAYLOAD * rng.uniform(0.2, 1.0, runs)
-    before = SIGMA * rng.standard_normal((runs, len(arm.arm.markers), 3))
+def model() -> tuple[Vjm, Structure]:
+    """The heavy arm and its 147 parameters."""
+    arm = load_arm(MODELS / "kr500_l480")
+    return build_vjm(arm), mgco147(arm)
+
+
+def synthetic(vjm: Vjm, structure: Structure, runs: int) -> Dataset:
+    """Three markers under 20 to 100 % of the payload: deflection = A @ truth + noise."""
+    rng = np.random.default_rng(3)
+    truth = structure.entries(vjm.arm.C_theta)
+    lower, upper = vjm.arm.limits
+    q = lower + (upper - lower) * rng.random((runs, vjm.arm.n_joints))
+    wrench, point = hung(vjm, runs)
+    wrench *= rng.uniform(0.2, 1.0, (runs, 1))
+    before = SIGMA * rng.standard_normal((runs, len(vjm.markers), 3))
     after = SIGMA * rng.standard_normal(before.shape)
     for first in range(0, runs, BLOCK):
         k = slice(first, first + BLOCK)
-        A = observation(arm.vjm, structure, q[k], wrench[k], point[k], targets=arm.vjm.markers)
-        after[k] += A @ truth
+        after[k] += observation(vjm, structure, q[k], wrench[k], point[k], targets=vjm.markers) @ truth
     ids = np.arange(runs) + 1
-    return Dataset(arm.arm.markers, ids, ids, q, wrench, point, before, after, SIGMA)
-
-
-def size(data: Dataset) -> int:
-    """Bytes of a dataset's arrays."""
-    arrays = (data.run, data.pose, data.q, data.wrench, data.point, data.before, data.after)
-    return sum(array.nbytes for array in arrays)
-
-
-def reducing_large_datasets() -> list[Row]:
-    """The rows of time, memory and solve."""
-    arm = cell("kr500_l480")
-    structure = mgco147(arm.arm)
-    data = synthetic(arm, RUNS[-1], seed=3)
-    parts = [first_runs(data, runs) for runs in RUNS]
-    rows = np.random.default_rng(0).standard_normal((9 * BLOCK // 2, structure.n + 1))
-    square = np.random.default_rng(0).standard_normal((1000, 1000))
-    *times, plain, product = interleave(
-        5,
-        *[lambda part=part: reduce(arm.vjm, structure, part) for part in parts],  # type: ignore[misc]
-        lambda: qr(rows, mode="r", check_finite=False),
-        lambda: square @ square,
-    )
-    each = np.array(times) / np.array(RUNS)[:, None] * 1e6
-    middle = np.median(each, axis=1)
-    plain_us = plain / (BLOCK // 2) * 1e6
-    uneven = np.median(each.max(axis=0) / each.min(axis=0)) - 1
-    by_size = ", ".join(f"{runs // 1000}k {spread(us)} us" for runs, us in zip(RUNS, each, strict=True))
-    return [
-        at_most(
-            f"(d) reducing {RUNS[-1]} runs of three markers to {structure.n} unknowns",
-            middle[-1],
-            "us a run",
-            30,
-            by_size,
-        ),
-        at_most("(d) time a run between 10k, 30k and 100k runs, largest difference", 100 * uneven, "%", 15, ""),
-        note(
-            "    machine: LAPACK's dgeqrf of the same rows alone",
-            float(np.median(plain_us)),
-            "us a run",
-            f"{spread(plain_us)}; over reduce {spread(plain_us / each[-1])}; one matrix product "
-            f"{spread(2 / product, digits=0)} GFlop/s",
-        ),
-        *memory_rows(),
-        solve_row(arm, data),
-    ]
+    return Dataset(vjm.arm.markers, ids, ids, q, wrench, point, before, after, SIGMA)
 
 
 def first_runs(data: Dataset, runs: int) -> Dataset:
@@ -100,25 +66,82 @@ def first_runs(data: Dataset, runs: int) -> Dataset:
     return select(data, np.arange(data.runs) < runs)
 
 
-def memory_rows() -> list[Row]:
-    """Memory of two processes that reduce a small and a large dataset."""
-    few, many = (memory_of(runs) for runs in (RUNS[0], RUNS[-1]))
-    grown, own = many["peak_mb"] - few["peak_mb"], many["dataset_mb"] - few["dataset_mb"]
+def reducing_large_datasets() -> list[Row]:
+    """The rows of time, memory and solve."""
+    vjm, structure = model()
+    data = synthetic(vjm, structure, RUNS[-1])
+    return [*time_rows(vjm, structure, data), *memory_rows(), solve_row(vjm, structure, data)]
+
+
+def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
+    """Time a run at three sizes, beside two references of the machine."""
+    parts = [first_runs(data, runs) for runs in RUNS]
+    times_each = [RUNS[-1] // runs for runs in RUNS]  # as long as the largest, so that noise is alike
+
+    def reduce_often(part: Dataset, count: int) -> None:
+        for _ in range(count):
+            reduce(vjm, structure, part)
+
+    rng = np.random.default_rng(0)
+    rows = np.asfortranarray(rng.standard_normal((9 * REFERENCE_RUNS, structure.n + 1)))
+    square = rng.standard_normal((SQUARE, SQUARE))
+    *times, factorised, multiplied = interleave(
+        5,
+        *[partial(reduce_often, part, count) for part, count in zip(parts, times_each, strict=True)],
+        lambda: dgeqrf(rows),
+        lambda: [square @ square for _ in range(PRODUCTS)],
+    )
+    each = 1e6 * np.array(times) / (np.array(RUNS) * times_each)[:, None]
+    uneven = np.median(each / each[-1], axis=1)
+    sizes = [f"{runs // 1000}k {spread(us)} us" for runs, us in zip(RUNS, each, strict=True)]
+    reference = 1e6 * factorised / REFERENCE_RUNS
+    speed = 2e-9 * SQUARE**3 * PRODUCTS / multiplied
+    at_nominal = each[-1] * speed / NOMINAL_GFLOPS
+    name = f"reducing {data.runs} runs of {len(data.markers)} markers to {structure.n} unknowns"
     return [
         at_most(
-            "(d) growth of a process from 10k to 100k runs, beyond the dataset's arrays",
-            grown - own,
-            "MB",
-            SLACK_MB,
-            f"peak {few['peak_mb']:.0f} and {many['peak_mb']:.0f} MB, dataset {few['dataset_mb']:.1f} and "
-            f"{many['dataset_mb']:.1f} MB",
+            f"(d) {name}, on a core of {NOMINAL_GFLOPS:g} GFlop/s",
+            np.median(at_nominal),
+            "us a run",
+            30,
+            f"{spread(at_nominal)} us; this core does {spread(speed, digits=0)} GFlop/s in a matrix product",
+        ),
+        note("    the same on this core as it was", np.median(each[-1]), "us a run", ", ".join(sizes)),
+        note(
+            "    machine: LAPACK's dgeqrf of the same 9 rows a run, nothing else",
+            np.median(reference),
+            "us a run",
+            spread(reference),
         ),
         at_most(
-            "(d) growth of reduce's own allocations from 10k to 100k runs",
-            many["reduce_mb"] - few["reduce_mb"],
+            "(d) time a run at 10k, 30k and 100k runs, largest over smallest, less one",
+            100 * (uneven.max() / uneven.min() - 1),
+            "%",
+            15,
+            f"over 100k: {', '.join(spread(ratio, digits=2) for ratio in each / each[-1])}",
+        ),
+    ]
+
+
+def memory_rows() -> list[Row]:
+    """Memory of two processes that make and reduce a small and a large dataset."""
+    few, many = memory_of(RUNS[0]), memory_of(RUNS[-1])
+    grown = {name: many[name] - few[name] for name in few}
+    return [
+        at_most(
+            "(d) growth of a process from 10k to 100k runs, less the dataset's arrays",
+            grown["process"] - grown["dataset"],
+            "MB",
+            SLACK_MB,
+            f"peak {few['process']:.0f} and {many['process']:.0f} MB, arrays {few['dataset']:.1f} and "
+            f"{many['dataset']:.1f} MB",
+        ),
+        at_most(
+            "(d) growth of what reduce itself allocates",
+            grown["reduce"],
             "MB",
             0.5,
-            f"{few['reduce_mb']:.2f} and {many['reduce_mb']:.2f} MB at their peak, as Python counts them",
+            f"peak {few['reduce']:.2f} and {many['reduce']:.2f} MB, as tracemalloc counts them",
         ),
     ]
 
@@ -126,43 +149,56 @@ def memory_rows() -> list[Row]:
 def memory_of(runs: int) -> dict[str, float]:
     """Memory of a process of its own that makes and reduces a dataset [MB]."""
     command = [sys.executable, str(Path(__file__).resolve()), str(runs)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     return {name: float(value) for name, value in json.loads(done.stdout).items()}
 
 
-def report_memory(runs: int) -> None:
-    """Make and reduce a dataset and print this process's memory: the subprocess of `memory_of`."""
-    arm = cell("kr500_l480")
-    data = synthetic(arm, runs, seed=3)
-    reduce(arm.vjm, mgco147(arm.arm), data)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    peak_mb = peak / 1e6 if sys.platform == "darwin" else peak / 1e3
+def report_memory(runs: int) -> dict[str, float]:
+    """Make and reduce a dataset: peak of this process, of its arrays and of reduce alone [MB]."""
+    vjm, structure = model()
+    data = synthetic(vjm, structure, runs)
+    reduce(vjm, structure, data)
+    process = peak_memory()
+    arrays = (data.run, data.q, data.wrench, data.point, data.before, data.after)
     tracemalloc.start()
-    reduce(arm.vjm, mgco147(arm.arm), data)
+    reduce(vjm, structure, data)
     own = tracemalloc.get_traced_memory()[1]
-    print(json.dumps({"peak_mb": peak_mb, "dataset_mb": size(data) / 1e6, "reduce_mb": own / 1e6}))
+    return {"process": process, "dataset": sum(a.nbytes for a in arrays) / 1e6, "reduce": own / 1e6}
 
 
-def solve_row(arm: Cell, data: Dataset) -> Row:
+def peak_memory() -> float:
+    """Largest resident memory of this process so far [MB].
+
+    Linux's getrusage counts in what the process was before it became this program; VmHWM does not.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        line = next(x for x in status.read_text(encoding="utf-8").splitlines() if x.startswith("VmHWM"))
+        return float(line.split()[1]) * 1024 / 1e6
+    unit = 1e6 if sys.platform == "darwin" else 1e3  # bytes there, kilobytes elsewhere
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def solve_row(vjm: Vjm, structure: Structure, data: Dataset) -> Row:
     """What GCO costs once the dataset is reduced: many runs against few."""
-    structure = mgco147(arm.arm)
     few = first_runs(data, FEW_RUNS)
-    reduced = {part.runs: reduce(arm.vjm, structure, part) for part in (few, data)}
+    reduced = {part.runs: reduce(vjm, structure, part) for part in (few, data)}
 
     def solve(part: Dataset) -> None:
         with patch.object(conic, "reduce", return_value=reduced[part.runs]):
-            gco(arm.vjm, structure, part)
+            gco(vjm, structure, part)
 
     many_s, few_s = interleave(15, lambda: solve(data), lambda: solve(few))
+    ratio = many_s / few_s
     return at_most(
-        f"(d) solve after {data.runs} runs over solve after {FEW_RUNS}",
-        float(np.median(many_s / few_s)),
+        f"(d) GCO's solve after {data.runs} runs over the same after {FEW_RUNS}",
+        np.median(ratio),
         "x",
         1.5,
-        f"{spread(many_s, 1e3)} ms and {spread(few_s, 1e3)} ms, ratio {spread(many_s / few_s, digits=2)}",
+        f"ratio {spread(ratio, digits=2)}: {spread(many_s, 1e3)} ms and {spread(few_s, 1e3)} ms",
     )
 
 
 if __name__ == "__main__":
     with threadpool_limits(1):
-        report_memory(int(sys.argv[1]))
+        print(json.dumps(report_memory(int(sys.argv[1]))))

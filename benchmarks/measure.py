@@ -1,4 +1,4 @@
-"""What a benchmark measures: seconds, ratios of seconds measured side by side, and one row of the table."""
+"""What benchmarks share: times measured side by side, one row of the table, and the arm with its load."""
 
 import platform
 import time
@@ -7,16 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
-from testbench.bench import Cell, build_cell
+from testbench.bench import Cell
 from testbench.errors import Array
 from testbench.plant import collisions
 from testbench.poses import WorkArea, random_poses
+from testbench.vjm import Vjm
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 PAYLOAD = 460.3 * 9.80665
 """Weight hung on the arm [N]."""
-ABOVE_FLOOR = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+ANYWHERE = WorkArea((-9.0, -9.0, -9.0), (9.0, 9.0, 9.0))
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Row:
         unit: Its unit, "x" for a ratio.
         bar: What it has to reach; None for a line that only informs.
         at_least: Whether the bar is a lower one.
-        behind: The medians behind it, with their spread.
+        behind: The medians behind it, with (least-most).
     """
 
     benchmark: str
@@ -49,17 +51,17 @@ class Row:
 
 def at_most(benchmark: str, value: float, unit: str, bar: float, behind: str) -> Row:
     """A row with an upper bar."""
-    return Row(benchmark, value, unit, bar, False, behind)
+    return Row(benchmark, float(value), unit, bar, False, behind)
 
 
 def at_least(benchmark: str, value: float, unit: str, bar: float, behind: str) -> Row:
     """A row with a lower bar."""
-    return Row(benchmark, value, unit, bar, True, behind)
+    return Row(benchmark, float(value), unit, bar, True, behind)
 
 
 def note(benchmark: str, value: float, unit: str, behind: str) -> Row:
     """A row without a bar."""
-    return Row(benchmark, value, unit, None, True, behind)
+    return Row(benchmark, float(value), unit, None, True, behind)
 
 
 def seconds(run: Callable[[], object]) -> float:
@@ -70,7 +72,7 @@ def seconds(run: Callable[[], object]) -> float:
 
 
 def interleave(repeats: int, *runs: Callable[[], object]) -> Array:
-    """Wall times of several calls, in turns: a slow spell of the machine falls on all of them.
+    """Wall times of several calls in turns, so that a slow spell of the machine falls on all of them.
 
     Args:
         repeats: Times each is measured, after one call that is not.
@@ -86,29 +88,24 @@ def interleave(repeats: int, *runs: Callable[[], object]) -> Array:
 
 def spread(values: Array | Sequence[float], scale: float = 1.0, digits: int = 1) -> str:
     """Median and range, such as "1.2 (1.1-1.4)"."""
-    low, middle, high = (scale * x for x in (np.min(values), np.median(values), np.max(values)))
+    low, middle, high = scale * np.quantile(values, (0, 0.5, 1))
     return f"{middle:.{digits}f} ({low:.{digits}f}-{high:.{digits}f})"
 
 
-def cell(name: str) -> Cell:
-    """An arm of models/ with truth, model and room."""
-    return build_cell(MODELS / name)
+def feasible_poses(arm: Cell, count: int, seed: int) -> Array:
+    """Random poses inside the joint limits, clear of the floor and of the arm, (count, n) [rad]."""
 
-
-def feasible_poses(arm: Cell, count: int, seed: int, area: WorkArea = ABOVE_FLOOR) -> Array:
-    """Random poses inside the joint limits that collide with nothing, (count, n) [rad]."""
-
-    def clear(q: Array) -> Array:
+    def clear(q: Array) -> npt.NDArray[np.bool_]:
         return np.array([pair is None for pair in collisions(arm.room, q)], dtype=bool)
 
-    return random_poses(arm.vjm, area, count, clear, np.random.default_rng(seed))
+    return random_poses(arm.vjm, ANYWHERE, count, clear, np.random.default_rng(seed))
 
 
-def hung(arm: Cell, runs: int) -> tuple[Array, Array]:
+def hung(vjm: Vjm, runs: int) -> tuple[Array, Array]:
     """The payload at the arm's load point: wrench (runs, 6) [N, N m] and point (runs, 3) [m]."""
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -PAYLOAD
-    return wrench, np.tile(arm.vjm.load, (runs, 1))
+    return wrench, np.tile(vjm.load, (runs, 1))
 
 
 def processor() -> str:
@@ -116,6 +113,6 @@ def processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
-        return platform.processor() or platform.machine()
+        lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
+    return names[0] if names else platform.processor() or platform.machine()

@@ -1,7 +1,7 @@
 """All benchmarks: `make bench`.
 
-Speed is a ratio of two times measured side by side in this run, on one thread; medians, with (least-most).
-Writes runs/bench/bench.json and returns 1 where a bar is missed.
+Speed is a ratio of times measured side by side in this run on one thread; medians, with (least-most).
+Writes runs/bench/bench.json; the exit code is 1 where a bar is missed.
 """
 
 import dataclasses
@@ -43,32 +43,40 @@ def main(
     for letter in only:
         with console.status(f"benchmark ({letter})"):
             rows += BENCHMARKS[letter]()
-    console.print(table(rows))
     passed = all(row.passed for row in rows)
-    elapsed = time.perf_counter() - start
-    where = f"{processor()}, {os.cpu_count()} processors, one thread used"
-    console.print(f"{where}; {elapsed:.0f} s; medians (least-most)")
-    out.mkdir(parents=True, exist_ok=True)
+    machine = {
+        "processor": processor(),
+        "processors": os.cpu_count(),
+        "threads": 1,
+        "seconds": time.perf_counter() - start,
+    }
     results = [{**dataclasses.asdict(row), "passed": row.passed} for row in rows]
-    machine = {"processor": processor(), "processors": os.cpu_count(), "seconds": elapsed}
     record = {"passed": passed, "machine": machine, "versions": files.versions(), "results": results}
+    out.mkdir(parents=True, exist_ok=True)
     files.write_json(record, out / "bench.json")
-    console.print(f"{out / 'bench.json'}", soft_wrap=True)
+    console.print(table(rows))
+    console.print(
+        f"medians (least-most) on one thread of {machine['processors']}, {machine['processor']}; "
+        f"{machine['seconds']:.0f} s; {out / 'bench.json'}",
+        soft_wrap=True,
+    )
     return 0 if passed else 1
 
 
 def table(rows: list[Row]) -> Table:
-    """The rows for a person."""
-    view = Table(show_lines=False, pad_edge=False)
-    for name, justify in (("benchmark", "left"), ("measured", "right"), ("bar", "right"), ("", "left")):
-        view.add_column(name, justify=justify, no_wrap=name in ("measured", "bar"))
-    view.add_column("behind it")
+    """The rows for a person, what is behind a figure under its name."""
+    view = Table(show_lines=True)
+    view.add_column("benchmark")
+    view.add_column("measured", justify="right", no_wrap=True)
+    view.add_column("bar", justify="right", no_wrap=True)
+    view.add_column("")
     for row in rows:
         bar, verdict = "", ""
         if row.bar is not None:
             bar = f"{'>=' if row.at_least else '<='} {row.bar:g}"
             verdict = "[green]pass[/]" if row.passed else "[bold red]FAIL[/]"
-        view.add_row(row.benchmark, f"{row.value:.3g} {row.unit}", bar, verdict, row.behind)
+        name = f"{row.benchmark}\n[dim]{row.behind}[/]" if row.behind else row.benchmark
+        view.add_row(name, f"{row.value:.3g} {row.unit}", bar, verdict)
     return view
 
 

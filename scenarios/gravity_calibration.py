@@ -38,7 +38,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / NAME,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer workspace poses.")] = False,
     seeds: Annotated[int, typer.Option(min=1, help="That many seeds: median and spread.")] = 1,
@@ -51,7 +51,7 @@ def main(
     """Calibrate the arm under gravity as section 6 of the paper does, and judge five models."""
     console = Console(highlight=False)
     scenario = Scenario(
-        arm=arm.name,
+        arm=arm.resolve().name,
         payload=payload_kg,
         sigma=sigma_um / 1e6,
         truth=truth,
@@ -79,9 +79,7 @@ def main(
     console.print(tables.where(out), soft_wrap=True)
 
 
-def write_views(
-    folder: Path, first: Report, cell: Cell, campaign: Campaign, results: list[Result]
-) -> None:
+def write_views(folder: Path, first: Report, cell: Cell, campaign: Campaign, results: list[Result]) -> None:
     """Dataset, residual figure and recording of the first seed."""
     joints = tuple(j.name for j in cell.arm.joints)
     write_csv(campaign.measured, joints, folder / "dataset.csv")
@@ -89,9 +87,7 @@ def write_views(
     write_recording(folder / "recording.rrd", first, cell, campaign, results)
 
 
-def write_numbers(
-    folder: Path, final: Report, scenario: Scenario, seed: int, seeds: int, arm: Path
-) -> None:
+def write_numbers(folder: Path, final: Report, scenario: Scenario, seed: int, seeds: int, arm: Path) -> None:
     """report.json, report.md and the manifest that runs it again."""
     files.write_json(final, folder / "report.json")
     (folder / "report.md").write_text(tables.markdown(final), encoding="utf-8")
@@ -102,7 +98,7 @@ def write_numbers(
         "seeds": seeds,
         "versions": files.versions(),
         "git": files.git_commit(ROOT),
-        "models": {arm.name: files.digests(arm)},
+        "models": {arm.resolve().name: files.digests(arm)},
     }
     files.write_json(manifest, folder / "manifest.json")
 

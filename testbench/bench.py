@@ -54,8 +54,8 @@ class Scenario(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     arm: str
-    payload: float = Field(default=460.3, gt=0, le=10_000)
-    sigma: float = Field(default=50e-6, gt=0, le=0.01)
+    payload: float = Field(default=460.3, ge=0.001, le=10_000)
+    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
     truth: Literal["nonlinear", "linear"] = "nonlinear"
     noise: bool = True
     station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
@@ -218,7 +218,7 @@ def measure(
     runs = len(q)
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -GRAVITY * scenario.payload
-    point = np.tile(cell.vjm.load, (runs, 1))
+    point = np.tile(cell.plant.load, (runs, 1))
     if scenario.truth == "linear":
         before = settle_linear(cell.plant, q, np.zeros_like(wrench), point)
         after = settle_linear(cell.plant, q, wrench, point)

@@ -34,7 +34,8 @@ def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> i
         return 2
     except ValidationError as err:
         first = err.errors(include_url=False)[0]
-        fail(f"error: {'.'.join(map(str, first['loc']))}: {first['msg']}, got {first['input']!r}\n")
+        place = ".".join(map(str, first["loc"]))
+        fail(f"error: {place} in SI units: {first['msg']}, got {first['input']!r}\n")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED

@@ -4,6 +4,7 @@ In a dataset file a row is one marker of one run; the unit is in the column's na
 full, so that reading gives them back bit by bit. `columns(...)` is the documented header.
 """
 
+import contextlib
 import csv
 import io
 import math
@@ -17,6 +18,8 @@ from testbench.errors import Array, BenchError, InputError, read_text
 
 XYZ = ("x", "y", "z")
 MAX_BYTES = 300_000_000
+SIGMA_RANGE = (1e-9, 1e-2)
+"""Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
 
 
 def columns(joints: tuple[str, ...], *, rotation: bool) -> list[str]:
@@ -74,7 +77,8 @@ def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
         part.write_bytes(text.getvalue().encode())
         part.replace(path)
     except OSError as err:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
         raise InputError(path, "", f"cannot be written: {err.strerror}") from err
 
 
@@ -222,9 +226,9 @@ def _assemble(
         if len(other):
             place = f"line {other[0] + 2}, column {names[k + 3]}"
             raise InputError(path, place, "expected one value in the whole file")
-        if not values[0, k] > 0:
-            place = f"line 2, column {names[k + 3]}"
-            raise InputError(path, place, f"expected more than 0, got {values[0, k]}")
+        if not SIGMA_RANGE[0] <= values[0, k] <= SIGMA_RANGE[1]:
+            place, (low, high) = f"line 2, column {names[k + 3]}", SIGMA_RANGE
+            raise InputError(path, place, f"expected {low:g} to {high:g}, got {values[0, k]:g}")
     first = values[::m]
     turned = first[:, n + 16 : n + 22] if rotation else None
     return Dataset(

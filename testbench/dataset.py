@@ -12,7 +12,6 @@ Mask = npt.NDArray[np.bool_]
 Ids = npt.NDArray[np.int_]
 
 
-
 @dataclass(frozen=True)
 class Dataset:
     """Deflection measurements.

@@ -39,10 +39,6 @@ class PoseError(BenchError):
     """A pose that the arm cannot take: outside its limits or in collision."""
 
 
-class RankError(BenchError):
-    """A dataset that cannot answer the question asked of it."""
-
-
 def read_text(path: Path, max_bytes: int) -> str:
     """The text of a file that a user handed in, without its byte order mark.
 

@@ -8,8 +8,8 @@ from scipy import stats
 from testbench.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate
-from testbench.identify.regression import marker_points
-from testbench.vjm import Vjm, observation
+from testbench.identify.regression import BLOCK_RUNS, marker_points
+from testbench.vjm import Vjm, chain, generalised_load, translation_rows
 
 LILLIEFORS_SAMPLES = 999
 
@@ -22,13 +22,14 @@ class Score:
         rms: Root mean square of the distance error over all points [m].
         p95: 95th percentile [m].
         max: Largest [m].
-        max_relative: Largest error as a share of the measured deflection of its point [1].
+        max_relative: Largest error as a share of the measured deflection of its point [1]; None where no
+            point moved.
     """
 
     rms: float
     p95: float
     max: float
-    max_relative: float
+    max_relative: float | None
 
 
 @dataclass(frozen=True)
@@ -54,15 +55,17 @@ def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
         estimate: The identified compliances.
         data: Gives poses, loads and markers; its readings are not used.
     """
-    A = observation(
-        vjm,
-        estimate.structure,
-        data.q,
-        data.wrench,
-        data.point,
-        targets=marker_points(vjm, data.markers),
-    )
-    return np.asarray(A @ estimate.pi)
+    points = marker_points(vjm, data.markers)
+    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    return np.concatenate([_deflections(vjm, estimate.C_theta, data, b, points) for b in blocks])
+
+
+def _deflections(vjm: Vjm, C_theta: Array, data: Dataset, runs: slice, points: Array) -> Array:
+    """J_p C_theta J_F^T w of some runs, (runs, m, 3) [m]; memory does not grow with all of them."""
+    where = chain(vjm, data.q[runs])
+    theta = C_theta @ generalised_load(where, data.wrench[runs], data.point[runs])
+    rows = translation_rows(where, points)
+    return np.asarray(np.einsum("ptr,tr->rp", rows, theta)).reshape(-1, len(points), 3)
 
 
 def score(predicted: Array, reference: Array) -> Score:
@@ -74,11 +77,12 @@ def score(predicted: Array, reference: Array) -> Score:
     """
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
+    moved = size > 0
     return Score(
         rms=float(np.sqrt(np.mean(error**2))),
         p95=float(np.percentile(error, 95)),
         max=float(error.max()),
-        max_relative=float((error / size).max()),
+        max_relative=float((error[moved] / size[moved]).max()) if moved.any() else None,
     )
 
 
@@ -93,7 +97,5 @@ def normality(residuals: Array, rng: np.random.Generator) -> Normality:
         rng: Source of the simulated null distribution.
     """
     x = residuals.ravel()
-    fit = stats.goodness_of_fit(
-        stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=rng
-    )
+    fit = stats.goodness_of_fit(stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=rng)
     return Normality(float(x.mean()), float(x.std(ddof=1)), float(fit.pvalue))

@@ -28,6 +28,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
     Raises:
         InputError: When the folder cannot be made or written.
     """
+    fresh = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=".new-", dir=out))
@@ -41,6 +42,8 @@ def whole_folder(out: Path) -> Iterator[Path]:
         raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+        if fresh and not any(out.iterdir()):
+            out.rmdir()
 
 
 def write_json(value: Any, file: Path) -> None:
@@ -56,9 +59,7 @@ def versions() -> dict[str, str]:
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 of every file of an arm's folder, by its path in it."""
     files = sorted(p for p in folder.rglob("*") if p.is_file())
-    return {
-        p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files
-    }
+    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
 def git_commit(folder: Path) -> str:

@@ -10,6 +10,8 @@ from testbench.arm import Arm
 from testbench.bench import Campaign, Result
 from testbench.evaluate import Normality, Score
 from testbench.identify import Estimate
+from testbench.identify.certify import total_trace
+from testbench.identify.conic import HELD
 
 Report = dict[str, Any]
 
@@ -32,11 +34,14 @@ def report(
     return {
         "scenario": name,
         "seed": campaign.seed,
+        "arm": campaign.scenario.arm,
+        "payload_kg": campaign.scenario.payload,
         "truth": campaign.scenario.truth,
         "noise": campaign.scenario.noise,
         "dataset": {
             "runs": campaign.measured.runs,
             "points": campaign.measured.points,
+            "poses": len(np.unique(campaign.measured.pose)),
             "identification_runs": campaign.identification.runs,
             "identification_points": campaign.identification.points,
             "check_runs": campaign.check.runs,
@@ -77,6 +82,8 @@ def _estimate(name: str, estimate: Estimate, seconds: float) -> Report:
         "f_m_floor": estimate.f_m_floor,
         "duality_gap": None if certificate is None else certificate.gap,
         "trace_bounds_rad_per_Nm": None if certificate is None else certificate.trace_bounds.tolist(),
+        "held_by_trace_weight": any(HELD in text for text in estimate.advice),
+        "total_trace_rad_per_Nm": total_trace(estimate.structure, estimate.pi),
         "solve_seconds": seconds,
         "advice": list(estimate.advice),
     }
@@ -87,17 +94,17 @@ def _score(score: Score) -> Report:
         "rms_mm": MM * score.rms,
         "p95_mm": MM * score.p95,
         "max_mm": MM * score.max,
-        "max_relative_percent": 100 * score.max_relative,
+        "max_relative_percent": None if score.max_relative is None else 100 * score.max_relative,
     }
 
 
-def fit_report(name: str, estimate: Estimate, error: Score, seconds: float, arm: Arm) -> Report:
+def fit_report(name: str, estimate: Estimate, scores: dict[str, Score], seconds: float, arm: Arm) -> Report:
     """One model identified from a user's own runs, its compliances included.
 
     Args:
         name: Of the model.
         estimate: What was found.
-        error: On the runs that it was identified from.
+        scores: Errors by set: "identification", and "check" where poses were held back.
         seconds: Wall time of the estimator.
         arm: Names the links and joints.
     """
@@ -105,7 +112,7 @@ def fit_report(name: str, estimate: Estimate, error: Score, seconds: float, arm:
     return {
         **_estimate(name, estimate, seconds),
         "equations": estimate.regression.equations,
-        "identification": _score(error),
+        **{group: _score(error) for group, error in scores.items()},
         "links": {
             link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist() for i, link in enumerate(arm.links)
         },
@@ -132,7 +139,28 @@ def summarise(reports: Sequence[Report]) -> Report:
     """
     merged: Report = _merge(list(reports))
     merged["seed"] = [r["seed"] for r in reports]
+    for k, model in enumerate(merged["models"]):
+        solved = sum(r["models"][k]["status"] == "solved" for r in reports)
+        if solved < len(reports):
+            model["status"] = f"solved in {solved} of {len(reports)} seeds"
+    merged["paired"] = _paired(merged, reports)
     return merged
+
+
+def _paired(merged: Report, reports: Sequence[Report]) -> Report | None:
+    """In how many seeds the best conservative model beats the best least squares, on the same data."""
+    rows = list(enumerate(merged["models"]))
+    ours = [(middle(m["check"]["rms_mm"]), k) for k, m in rows if m["conservative"] is True]
+    theirs = [(middle(m["check"]["rms_mm"]), k) for k, m in rows if m["method"] == "least squares"]
+    if not ours or not theirs:
+        return None
+    a, b = min(ours)[1], min(theirs)[1]
+    wins = {
+        name: sum(r["models"][a][name]["rms_mm"] < r["models"][b][name]["rms_mm"] for r in reports)
+        for name in ("check", "workspace")
+    }
+    names = {"conservative": merged["models"][a]["name"], "least_squares": merged["models"][b]["name"]}
+    return {**names, **wins, "seeds": len(reports)}
 
 
 def _merge(values: list[Any]) -> Any:
@@ -148,7 +176,7 @@ def _merge(values: list[Any]) -> Any:
         return {"median": float(median), "p05": float(p05), "p95": float(p95)}
     if isinstance(first, list) and all(isinstance(v, list) and len(v) == len(first) for v in values):
         return [_merge(list(column)) for column in zip(*values, strict=True)]
-    return sorted({str(v) for v in values})
+    return " | ".join(sorted({str(v) for v in values}))
 
 
 def middle(value: Any) -> float:

@@ -90,9 +90,7 @@ def build_vjm(arm: Arm) -> Vjm:
     return Vjm(
         arm=arm,
         base=bodies[0].homogeneous,
-        placements=np.array(
-            [a.actInv(b).homogeneous for a, b in pairwise(bodies)]
-        ).reshape(-1, 4, 4),
+        placements=np.array([a.actInv(b).homogeneous for a, b in pairwise(bodies)]).reshape(-1, 4, 4),
         axes=np.array(axes).reshape(-1, 3),
         tool=bodies[-1].actInv(tool).homogeneous,
         load=local[0],

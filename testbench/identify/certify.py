@@ -22,6 +22,9 @@ from testbench.structure import Structure
 LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
 
+SENSITIVITY_SHARE = 1e-2
+"""Least sensitivity of an axis in the default trace bounds, as a share of the largest."""
+
 
 @dataclass(frozen=True)
 class Dual:
@@ -42,8 +45,9 @@ def scaled_units(structure: Structure) -> Array:
     A translation counts as the rotation that causes it on an arm of `LENGTH`, so that X and its trace are in
     rad/(N m) whatever mixture of metres and radians C holds.
     """
-    translation = [label.endswith((".x", ".y", ".z")) for label in structure.labels]
-    return np.where(translation, LENGTH, 1.0)
+    index = np.arange(structure.n_theta)
+    links = (structure.n_theta + 1) // 7  # six virtual joints each, and one joint less than links
+    return np.where((index < 6 * links) & (index % 6 < 3), LENGTH, 1.0)
 
 
 def certify(estimate: Estimate, trace_bounds: Array | None = None) -> Certificate:
@@ -52,10 +56,11 @@ def certify(estimate: Estimate, trace_bounds: Array | None = None) -> Certificat
     Args:
         estimate: Any conservative estimate, from any method.
         trace_bounds: t_i, bound of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
-            twice the estimate's own, and at least a hundredth of its total.
+            `default_trace_bounds`.
 
     Raises:
-        BenchError: When the estimate is not conservative: the bound would prove nothing.
+        BenchError: When the estimate is not conservative (the bound would prove nothing), or a trace bound
+            is negative, not finite or missing.
     """
     if not estimate.conservative:
         raise BenchError(
@@ -100,9 +105,11 @@ def bound_gap(
     s = regression.structure
     unit = scaled_units(s)
     if trace_bounds is None:
-        t = default_trace_bounds(s, pi)
+        t = default_trace_bounds(regression, pi)
     else:
         t = check_array(trace_bounds, (len(s.blocks),), "trace_bounds [rad/(N m)]")
+        if (t < 0).any():
+            raise BenchError(f"trace_bounds [rad/(N m)]: expected none below 0, got {t.min():g}")
     g = np.zeros(s.n)
     constant = 0.0
     for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
@@ -115,12 +122,25 @@ def bound_gap(
     return Certificate(max(0.0, cost - lower), t, smallest)
 
 
-def default_trace_bounds(structure: Structure, pi: Array) -> Array:
-    """Twice the trace of each block in scaled units, at least a hundredth of the total, (blocks,)."""
-    unit = scaled_units(structure)
-    diagonal = np.diag(structure.matrix(pi)) / unit**2
-    own = np.array([diagonal[i].sum() for i in structure.blocks])
-    return np.asarray(np.maximum(2 * own, own.sum() / 100))
+def default_trace_bounds(regression: Regression, pi: Array) -> Array:
+    """Bounds that no arm near the data exceeds, whatever the estimate.
+
+    Every axis is allowed a compliance that explains all the data by itself, an axis that the data hardly load
+    that of one a hundredth as sensitive as the most sensitive; and twice the estimate's own, if that is more.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters of the estimate, (n,).
+
+    Returns:
+        t_i of each block in scaled units, (blocks,) [rad/(N m)].
+    """
+    s, weight = regression.structure, regression.weight
+    unit = scaled_units(s) ** 2
+    sensitivity = np.maximum(weight, SENSITIVITY_SHARE * (weight.max() or 1.0))
+    allowed = f_m(regression, np.zeros(s.n)) / sensitivity / unit
+    own = 2 * np.diag(s.matrix(pi)) / unit
+    return np.array([max(allowed[i].sum(), own[i].sum()) for i in s.blocks])
 
 
 def total_trace(structure: Structure, pi: Array) -> float:

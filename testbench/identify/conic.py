@@ -14,20 +14,29 @@ from scipy import sparse
 
 from testbench.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.certify import Dual, bound_gap, scaled_units
+from testbench.identify.certify import Dual, bound_gap, scaled_units, total_trace
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import Regression, f_m, reduce
 from testbench.structure import Structure
 from testbench.vjm import Vjm
 
 TRACE_WEIGHT = 1e-8
-"""Weight of the trace beside F_M, both as shares of what the data span: picks the least-trace optimum."""
+"""Weight of the trace beside F_M, both as shares of what the data span.
+
+It picks the least trace among models that fit alike. Where the fit goes on improving as unseen compliance
+grows without end, there is no such model, and the weight decides where to stop: the advice says so.
+"""
+PENALTY_TOLD = 1e-4
+"""Share of F_M that the trace term may cost before the advice tells of it."""
+HELD = "only the trace weight holds unseen compliance, which fits a little better as it grows"
 SOLVER_TOLERANCE = 1e-10
 """Feasibility and gap asked of Clarabel, in units where the data are of order one."""
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
-DATA_TOLERANCE = 1e-8
+DATA_TOLERANCE = 1e-7
 """The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own."""
+EXACT = 1e-9
+"""Share of F_M at C = 0 below which the fit is exact: noise-free data."""
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
@@ -57,8 +66,8 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     """GCO to global optimality: minimise F_M, Eq. (19), over conservative compliances.
 
     The data rarely see all of C: then the optimum is not unique, or is only approached as an unseen entry
-    grows without end. So the trace in scaled units is minimised beside F_M with a negligible weight: of all
-    models that fit alike it takes the one of least trace. The certificate bounds the gap of F_M itself.
+    grows without end. So the trace in scaled units is minimised beside F_M with a small weight: among models
+    that fit alike it takes the one of least trace. The certificate bounds the gap of F_M itself.
 
     Args:
         vjm: The model.
@@ -79,15 +88,19 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     certificate = bound_gap(regression, pi, dual)
     t = certificate.trace_bounds
     reached = bound_gap(regression, pi, dual, t, trace_weight=program.trace_weight).gap
-    allowed = GAP_TOLERANCE * f_m(regression, pi) + DATA_TOLERANCE * program.unit
+    cost = f_m(regression, pi)
+    exact = cost <= EXACT * program.unit  # and F_M cannot be negative
+    solved = exact or reached <= GAP_TOLERANCE * cost + DATA_TOLERANCE * program.unit
     advice: tuple[str, ...] = ()
     if regression.rank < structure.n:
-        advice = ("GCO filled the free directions with the least trace in scaled units",)
+        advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
+    if not exact and program.trace_weight * total_trace(structure, pi) > PENALTY_TOLD * cost:
+        advice += (f"{structure.name}: {HELD}; predictions away from the measured poses hang on it",)
     return make_estimate(
         regression,
         pi,
         method="GCO (conic program)",
-        status="solved" if reached <= allowed else f"not solved: Clarabel says {solution.status}",
+        status="solved" if solved else f"not solved: Clarabel says {solution.status}",
         certificate=certificate,
         solver_seconds=solution.solve_time,
         advice=advice,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from testbench.dataset import Dataset
-from testbench.errors import Array
+from testbench.errors import Array, check_array
 from testbench.identify.regression import Regression, f_m
 from testbench.stiffness import eigenvalue_scale
 from testbench.structure import Structure
@@ -14,6 +14,10 @@ from testbench.vjm import Vjm
 
 CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
+
+
+MISFIT = 2.0
+"""F_M over its floor beyond which noise is no explanation."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ def make_estimate(
     pi: Array,
     *,
     method: str,
-    status: str = "solved",
+    status: str = "not certified",
     certificate: Certificate | None = None,
     solver_seconds: float = 0.0,
     advice: tuple[str, ...] = (),
@@ -96,11 +100,15 @@ def make_estimate(
         regression: The reduced dataset.
         pi: Parameters, (n,).
         method: Name of the method, for reports.
-        status: "solved", or what went wrong.
+        status: "solved" where that is known, or what went wrong.
         certificate: Distance from the optimum, where it was computed.
         solver_seconds: Time inside the numerical solver.
         advice: Sentences for a person.
+
+    Raises:
+        BenchError: When pi has another shape or is not finite.
     """
+    pi = check_array(pi, (regression.structure.n,), "pi [m/N, rad/(N m), rad/N]")
     C = regression.structure.matrix(pi)
     blocks = [C[np.ix_(i, i)] for i in regression.structure.blocks]
     return Estimate(
@@ -115,7 +123,7 @@ def make_estimate(
         status=status,
         certificate=certificate,
         solver_seconds=solver_seconds,
-        advice=(*_rank_advice(regression), *advice),
+        advice=(*_rank_advice(regression), *_fit_advice(regression, pi), *advice),
     )
 
 
@@ -132,14 +140,22 @@ def is_conservative(C: Array) -> bool:
     return bool(eigenvalues[0] >= -CONSERVATIVE_TOLERANCE * max(abs(eigenvalues[-1]), 1e-300))
 
 
+def _fit_advice(regression: Regression, pi: Array) -> tuple[str, ...]:
+    cost, floor = f_m(regression, pi), regression.f_m_floor
+    if cost <= MISFIT * floor:
+        return ()
+    name = regression.structure.name
+    why = "wrong structure, sigma, load, unit or frame"
+    return (f"{name}: F_M is {cost:.3g} where noise alone leaves {floor:.3g}: {why}",)
+
+
 def _rank_advice(regression: Regression) -> tuple[str, ...]:
     s = regression.structure
     missing = s.n - regression.rank
     if not missing:
         return ()
     text = (
-        f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; "
-        f"{missing} directions are free"
+        f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; {missing} directions are free"
     )
     unseen = int((regression.columns == 0).sum())
     if unseen:

@@ -28,7 +28,8 @@ def least_squares(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     advice: tuple[str, ...] = ()
     if regression.rank < structure.n:
         advice = ("least squares filled the free directions with the solution of minimum norm",)
-    return make_estimate(regression, solve(regression), method="least squares", advice=advice)
+    pi = solve(regression)
+    return make_estimate(regression, pi, method="least squares", status="solved", advice=advice)
 
 
 def solve(regression: Regression) -> Array:
@@ -36,10 +37,11 @@ def solve(regression: Regression) -> Array:
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
     rows = [np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms]
     A, y = np.split(np.vstack(rows), [regression.structure.n], axis=1)
-    norm = np.linalg.norm(A, axis=0)
-    scale = np.where(norm > 0, norm, 1.0)
-    x = np.linalg.lstsq(A / scale, y[:, 0], rcond=RANK_TOLERANCE)[0]
-    return np.asarray(x / scale)
+    seen = regression.columns > 0
+    scale = np.linalg.norm(A[:, seen], axis=0)
+    pi = np.zeros(regression.structure.n)
+    pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y[:, 0], rcond=RANK_TOLERANCE)[0] / scale
+    return pi
 
 
 def information_matrix(regression: Regression) -> Array:

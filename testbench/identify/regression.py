@@ -92,7 +92,8 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     if data.runs == 0:
         raise BenchError("dataset: expected at least one run, got none")
     for name in ("before", "after", "wrench", "point"):
-        largest = np.abs(getattr(data, name)).max()
+        values = getattr(data, name)
+        largest = max(values.max(), -values.min())  # np.abs would copy the dataset
         if largest > LARGEST:
             raise BenchError(f"{name}: expected SI numbers up to {LARGEST:g}, got {largest:g}: too large")
     if data.q.shape[1] != vjm.arm.n_joints:
@@ -101,6 +102,7 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     if data.rotation_before is not None:
         terms.append(_reduce_rows(vjm, structure, data, rotation=True))
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
+    columns[columns <= ROUNDING * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
     diagonal = structure.a == structure.b
     weight[structure.a[diagonal]] = columns[diagonal]

@@ -70,9 +70,7 @@ def elastic_mjcf(arm: Arm) -> str:
     option.set("integrator", "implicitfast")  # damping in proportion to stiffness is stiff
     option.set("timestep", "0.001")
     flag = option.find("flag")
-    ET.SubElement(option, "flag", contact="disable") if flag is None else flag.set(
-        "contact", "disable"
-    )
+    ET.SubElement(option, "flag", contact="disable") if flag is None else flag.set("contact", "disable")
     tendons = ET.SubElement(root, "tendon")
     ends = [*(link.name for link in arm.links[1:]), arm.tool]
     for link, end in zip(arm.links, ends, strict=True):
@@ -116,9 +114,7 @@ def _add_springs(tendons: ET.Element, link: Link) -> None:
         )
         for axis, coef in zip(AXES, v, strict=True):
             if coef != 0:
-                ET.SubElement(
-                    tendon, "joint", joint=virtual_joint(link.name, axis), coef=repr(float(coef))
-                )
+                ET.SubElement(tendon, "joint", joint=virtual_joint(link.name, axis), coef=repr(float(coef)))
 
 
 def springs(C: Array) -> tuple[Array, Array]:
@@ -170,16 +166,20 @@ def write_elastic(arm: Arm, file: Path) -> None:
         file: The MJCF to write; its folder must exist.
 
     Raises:
-        InputError: When a file cannot be read or written.
+        InputError: When a file cannot be read or written, or would fall into the arm's own folder.
     """
+    if file.resolve().is_relative_to(arm.rigid.parent.resolve()):
+        raise InputError(file, "", "expected a place outside the arm's own folder")
     text = elastic_mjcf(arm)
     root = ET.fromstring(text)
     meshdir = Path(*(c.get("meshdir", "") for c in root.iter("compiler")))
+    part = file.with_name(file.name + ".part")
     try:
+        part.write_text(text, encoding="utf-8")
         for name in (m.get("file") for m in root.iter("mesh")):
             if name:
                 (file.parent / meshdir / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(arm.rigid.parent / meshdir / name, file.parent / meshdir / name)
-        file.write_text(text, encoding="utf-8")
+        part.replace(file)
     except OSError as err:
-        raise InputError(Path(err.filename or file), "", f"{err.strerror}") from err
+        raise InputError(file, "", f"cannot be written: {err.strerror}") from err

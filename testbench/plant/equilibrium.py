@@ -42,6 +42,7 @@ class Plant:
         joints: Address of each actuated joint, (n,).
         tool: Body id of the tool.
         markers: Body ids of the markers, (m,).
+        load: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
         C: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     """
 
@@ -51,6 +52,7 @@ class Plant:
     joints: Index
     tool: int
     markers: Index
+    load: Array
     C: Array
 
 
@@ -118,8 +120,17 @@ def build_plant(arm: Arm) -> Plant:
         joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
         tool=model.body(arm.tool).id,
         markers=np.array([model.body(name).id for name in arm.markers]),
+        load=_in_tool(model, arm),
         C=C,
     )
+
+
+def _in_tool(model: mujoco.MjModel, arm: Arm) -> Array:
+    """The load point in the tool's frame, (3,) [m]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tool, load = data.body(arm.tool), data.body(arm.load)
+    return np.asarray(tool.xmat.reshape(3, 3).T @ (load.xpos - tool.xpos))
 
 
 def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | None = None) -> Equilibrium:
@@ -174,9 +185,7 @@ def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | N
     )
 
 
-def _newton(
-    C: Array, qpos: Array, held: Array, force: Callable[[], Array]
-) -> tuple[float, int]:
+def _newton(C: Array, qpos: Array, held: Array, force: Callable[[], Array]) -> tuple[float, int]:
     """Move the virtual joints in `qpos` to rest; the last step and the number of steps."""
     qpos[:] = held
     inverse: Array | None = None
@@ -188,6 +197,8 @@ def _newton(
         size = math.sqrt(step @ step)
         qpos += step
         if size < STEP_TOLERANCE:
+            if inverse is not None and _unstable(C, qpos, force):
+                raise NoEquilibrium(f"only an unstable equilibrium after {k} Newton steps, it buckles")
             return size, k
         if not size < MAX_SAG:
             break
@@ -197,9 +208,7 @@ def _newton(
     raise NoEquilibrium(f"no static equilibrium in {k} Newton steps, the last one {size:.3g} m or rad")
 
 
-def _generalised_force(
-    plant: Plant, data: mujoco.MjData, wrench: Array, point: Array
-) -> Callable[[], Array]:
+def _generalised_force(plant: Plant, data: mujoco.MjData, wrench: Array, point: Array) -> Callable[[], Array]:
     """Generalised force Q(data.qpos) of own weight and wrench, (nv,) [N, N m].
 
     Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
@@ -218,6 +227,14 @@ def _generalised_force(
         return Q
 
     return force
+
+
+def _unstable(C: Array, qpos: Array, force: Callable[[], Array]) -> bool:
+    """Whether K_theta - K_w has an eigenvalue not above zero: those of C (K_theta - K_w) share the signs.
+
+    Asked only where Newton needed the tangent: theta <- C Q(theta) cannot converge to an unstable point.
+    """
+    return bool(np.linalg.eigvals(_tangent(C, qpos, force)).real.min() <= 0)
 
 
 def _tangent(C: Array, qpos: Array, force: Callable[[], Array]) -> Array:

@@ -46,9 +46,7 @@ def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equili
         _rotation(J_r @ theta[i], turn)
         rotation[i] = turn.reshape(3, 3) @ frame
     zero = np.zeros(runs)
-    return Equilibrium(
-        theta[:, plant.theta], markers, tool, rotation, zero, zero, np.ones(runs, dtype=int)
-    )
+    return Equilibrium(theta[:, plant.theta], markers, tool, rotation, zero, zero, np.ones(runs, dtype=int))
 
 
 def _jacobian(plant: Plant, data: mujoco.MjData, point: Array) -> tuple[Array, Array]:

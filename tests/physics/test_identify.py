@@ -14,6 +14,7 @@ from testbench.identify import certify, conic, gco, least_squares, make_estimate
 from testbench.identify.certify import default_trace_bounds
 from testbench.identify.least_squares import information_matrix
 from testbench.identify.regression import f_m, f_m_gradient
+from testbench.plausibility import doubts
 from testbench.structure import (
     Structure,
     all153,
@@ -157,12 +158,13 @@ def test_least_squares_solves_the_normal_equations_of_eq_15(arm_6r, rng):
 @pytest.mark.parametrize("estimator", [least_squares, gco])
 @pytest.mark.parametrize("structure", [mgco147, template56])
 def test_predictions_are_recovered_from_noise_free_linear_data(kr500, estimator, structure):
-    """Redundant or not, seen poses and the loads on them come out to 1e-9 m."""
-    data = gravity_data(kr500, 3, noise=False).identification
-    estimate = estimator(kr500.vjm, structure(kr500.arm), data)
-    assert estimate.status == "solved"
-    error = predict(kr500.vjm, estimate, data) - data.deflection
-    assert np.abs(error).max() < 1e-9
+    """Redundant or not, seen poses and the loads on them come out to 1e-9 m, in every seed."""
+    for seed in range(1, 11):
+        data = gravity_data(kr500, seed, noise=False).identification
+        estimate = estimator(kr500.vjm, structure(kr500.arm), data)
+        assert estimate.status == "solved"
+        error = predict(kr500.vjm, estimate, data) - data.deflection
+        assert np.abs(error).max() < 1e-9
 
 
 def test_predictions_at_unseen_poses_are_recovered_where_the_data_see_all(arm_6r, rng):
@@ -184,11 +186,7 @@ def test_no_factorised_local_solve_beats_the_conic_optimum(kr500, rng, structure
     regression = estimate.regression
     for _ in range(4):
         pi = local_gco(regression, rng)
-        bounds = np.maximum(
-            default_trace_bounds(estimate.structure, pi) / 2,
-            default_trace_bounds(estimate.structure, estimate.pi),
-        )
-        gap = certify(estimate, bounds).gap  # the local solve may be softer than the default bounds
+        gap = certify(estimate, default_trace_bounds(regression, pi)).gap  # pi may be the softer one
         assert estimate.f_m <= f_m(regression, pi) + gap
         assert estimate.f_m <= f_m(regression, pi) + 0.01 * estimate.f_m
 
@@ -200,17 +198,31 @@ def test_certificate_from_gradients_holds_for_any_conservative_estimate(kr500):
     for factor in (0.3, 1.0, 1.2, 3.0):
         pi = factor * best.structure.entries(kr500.arm.C_theta)
         poor = make_estimate(best.regression, pi, method="by hand")
-        bounds = np.maximum(
-            default_trace_bounds(poor.structure, pi), default_trace_bounds(best.structure, best.pi)
-        )
-        assert poor.f_m - best.f_m <= certify(poor, bounds).gap
+        bounds = default_trace_bounds(best.regression, best.pi)
+        assert poor.f_m - best.f_m <= certify(poor, np.maximum(bounds, certify(poor).trace_bounds)).gap
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.01, 1.0])
+def test_certificate_by_default_does_not_flatter_a_model_that_is_too_stiff(kr500, factor):
+    data = gravity_data(kr500, 2).identification
+    best = gco(kr500.vjm, template56(kr500.arm), data)
+    pi = factor * best.structure.entries(kr500.arm.C_theta)
+    stiff = make_estimate(best.regression, pi, method="by hand")
+    assert stiff.f_m - best.f_m <= certify(stiff).gap
+
+
+def test_negative_trace_bounds_are_refused(kr500):
+    best = gco(kr500.vjm, template56(kr500.arm), gravity_data(kr500, 2).identification)
+    with pytest.raises(BenchError, match="expected none below 0"):
+        certify(best, -np.ones(28))
 
 
 def test_certificate_is_tight_at_the_optimum_and_refuses_what_is_not_conservative(kr500):
     data = gravity_data(kr500, 2).identification
     best = gco(kr500.vjm, template56(kr500.arm), data)
-    assert best.certificate.gap < 1e-3 * best.f_m
-    assert certify(best).gap < 2e-3 * best.f_m
+    own = default_trace_bounds(best.regression, best.pi) / 100
+    assert certify(best, own).gap < 1e-3 * best.f_m
+    assert best.certificate.gap < 1e-2 * best.f_m  # bounds a hundred times softer
     broken = least_squares(kr500.vjm, template56(kr500.arm), data)
     assert not broken.conservative
     with pytest.raises(BenchError, match="expected a conservative estimate"):
@@ -247,10 +259,7 @@ def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkey
     stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
     assert stopped.status.startswith("not solved: Clarabel says")
     assert stopped.conservative  # poor, but never unphysical
-    bounds = np.maximum(
-        default_trace_bounds(stopped.structure, stopped.pi),
-        default_trace_bounds(solved.structure, solved.pi),
-    )
+    bounds = default_trace_bounds(solved.regression, solved.pi)
     assert certify(stopped, bounds).gap >= stopped.f_m - solved.f_m
 
 
@@ -308,7 +317,7 @@ def test_full_pose_certified_gco_of_all_153_unknowns(arm_6r, rng):
     assert estimate.regression.rank == 105
     # two terms, each near sqrt(3) sqrt(1 - 105/648); the cone leaves fewer than 105 free directions
     assert estimate.f_m == pytest.approx(estimate.f_m_floor, rel=0.1)
-    assert estimate.certificate.gap < 1e-3 * estimate.f_m
+    assert estimate.certificate.gap < 0.05 * estimate.f_m
 
 
 def test_a_users_own_estimator_plugs_in(kr500):
@@ -318,7 +327,24 @@ def test_a_users_own_estimator_plugs_in(kr500):
     data = gravity_data(kr500, 1).identification
     estimate = stiff(kr500.vjm, mgco47(kr500.arm), data)
     assert estimate.conservative
+    assert estimate.status == "not certified"
+    assert "wrong structure, sigma, load" in " ".join(estimate.advice)
     assert score(predict(kr500.vjm, estimate, data), data.deflection).max_relative == pytest.approx(1)
+    with pytest.raises(BenchError, match="finite"):
+        make_estimate(estimate.regression, np.full(47, np.nan), method="broken")
+
+
+def test_doubts_are_raised_about_exchanged_readings_and_another_frame(kr500):
+    data = gravity_data(kr500, 1).identification
+    assert doubts(kr500.vjm, data) == ()
+    (swapped,) = doubts(kr500.vjm, replace(data, before=data.after, after=data.before))
+    assert "before and after" in swapped
+    (shifted,) = doubts(kr500.vjm, replace(data, before=data.before + 5, after=data.after + 5))
+    assert "another frame" in shifted
+
+
+def test_relative_error_is_none_where_nothing_moved():
+    assert score(np.ones((2, 3, 3)), np.zeros((2, 3, 3))).max_relative is None
 
 
 def test_lilliefors_keeps_normal_residuals_and_rejects_uniform_ones(rng):

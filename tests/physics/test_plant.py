@@ -1,12 +1,14 @@
 """The truth side against theory and against MuJoCo's own time stepping."""
 
+import shutil
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 
-from testbench.errors import NoEquilibrium
+from testbench.arm import load_arm
+from testbench.errors import InputError, NoEquilibrium
 from testbench.plant import build_plant, elastic_mjcf, settle, settle_linear, write_elastic
 from testbench.stiffness import Tube, tube_compliance
 
@@ -20,7 +22,7 @@ def random_q(cell, rng, runs):
 def hung(cell, runs, mass=460.3):
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -GRAVITY * mass
-    return wrench, np.tile(cell.vjm.load, (runs, 1))
+    return wrench, np.tile(cell.plant.load, (runs, 1))
 
 
 def at_pose(plant, q, theta=0.0):
@@ -62,13 +64,36 @@ def test_tendon_springs_are_the_inverse_of_the_compliance(name, request):
     np.testing.assert_allclose(unitless, expected, rtol=0, atol=1e-12)
 
 
-def test_cantilever_bends_as_a_beam_under_a_tip_force(kr500):
-    """The base link alone, read at its end: MuJoCo's sum of springs against L^3 / (3 E I)."""
-    tube = Tube(1.045, 0.6, 0.56, 1.1e11, 0.26)
-    inertia = np.pi * (0.6**4 - 0.56**4) / 64
-    expected = 1.045**3 / (3 * 1.1e11 * inertia)
-    assert kr500.arm.links[0].compliance[1, 1] == pytest.approx(expected, rel=1e-12)
-    np.testing.assert_array_equal(kr500.arm.links[0].compliance, tube_compliance(tube))
+def test_a_link_bends_as_a_cantilever_under_a_tip_force(single_link):
+    """One tube, MuJoCo's sum of springs, against L^3 / (3 E I) and L^2 / (2 E I)."""
+    tube = Tube(0.3, 0.04, 0.03, 7e10, 0.33)
+    link = replace(single_link.arm.links[0], compliance=tube_compliance(tube))
+    plant = build_plant(replace(single_link.arm, links=(link,)))
+    plant.model.opt.gravity[:] = 0
+    force = np.array([[0, 1.0, 0, 0, 0, 0]])
+    rest, start = settle(plant, np.zeros((1, 0)), force), settle(plant, np.zeros((1, 0)))
+    EI = 7e10 * np.pi * (0.04**4 - 0.03**4) / 64
+    moved = (rest.tool - start.tool)[0]
+    assert moved[1] == pytest.approx(0.3**3 / (3 * EI), rel=1e-5)  # a newton: second order is 1e-6
+    assert rest.rotation[0, 1, 0] == pytest.approx(0.3**2 / (2 * EI), rel=1e-5)
+
+
+def test_both_libraries_hang_the_load_on_the_same_point(kr500, arm_6r):
+    for cell in (kr500, arm_6r):
+        np.testing.assert_allclose(cell.plant.load, cell.vjm.load, rtol=0, atol=1e-12)
+    # and it is where rigid.xml says
+    np.testing.assert_allclose(kr500.plant.load, [0.35, 0.14, -0.08], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("compliance", [6e-5, 1e-4])
+def test_a_buckled_arm_is_an_error_though_newton_converges(kr500, compliance):
+    """Joint 2 so soft that upright is a saddle: an equilibrium, but no arm stands in it."""
+    joints = list(kr500.arm.joints)
+    joints[1] = replace(joints[1], compliance=compliance)
+    plant = build_plant(replace(kr500.arm, joints=tuple(joints)))
+    wrench, point = hung(kr500, 1)
+    with pytest.raises(NoEquilibrium, match="buckle"):
+        settle(plant, np.deg2rad([[0.0, -90, 0, 0, 0, 0]]), wrench, point)
 
 
 def test_newton_residual_is_that_of_mujocos_full_forward_pass(kr500, rng):
@@ -82,9 +107,7 @@ def test_newton_residual_is_that_of_mujocos_full_forward_pass(kr500, rng):
         frame = data.xmat[kr500.plant.tool].reshape(3, 3)
         where = data.xpos[kr500.plant.tool] + frame @ point[i]
         Q = data.qfrc_passive - data.qfrc_bias
-        mujoco.mj_applyFT(
-            kr500.plant.model, data, wrench[i, :3], np.zeros(3), where, kr500.plant.tool, Q
-        )
+        mujoco.mj_applyFT(kr500.plant.model, data, wrench[i, :3], np.zeros(3), where, kr500.plant.tool, Q)
         # a last step of 1e-9 m on a spring of 1e10 N/m leaves 10 N; it is 1e-5 of the 4.5 kN here
         assert np.abs(Q[kr500.plant.theta]).max() == pytest.approx(rest.residual[i], abs=1e-9)
         assert rest.residual[i] < 0.05
@@ -147,6 +170,14 @@ def test_linear_truth_is_the_limit_of_small_loads_and_its_error_is_of_second_ord
     # halving the load divides a second-order error by four, up to third-order terms
     assert 3.9 < errors[0] / errors[1] < 4.1
     assert 3.9 < errors[1] / errors[2] < 4.1
+
+
+def test_the_elastic_arm_is_never_written_over_the_rigid_one(kr500, tmp_path):
+    arm = load_arm(shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm"))
+    before = arm.rigid.read_bytes()
+    with pytest.raises(InputError, match="outside the arm's own folder"):
+        write_elastic(arm, arm.rigid)
+    assert arm.rigid.read_bytes() == before
 
 
 def test_a_pose_settles_alike_alone_and_among_others(kr500, rng):

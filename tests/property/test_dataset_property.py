@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from testbench.arm import load_arm
-from testbench.csvfile import columns, read_csv, write_csv
+from testbench.csvfile import SIGMA_RANGE, columns, read_csv, write_csv
 from testbench.dataset import Dataset, select, split
 from testbench.errors import InputError
 
@@ -23,7 +23,7 @@ REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_exampl
 FUZZ = settings(REPEATABLE, max_examples=120)
 
 ANY = st.floats(allow_nan=False, allow_infinity=False)
-POSITIVE = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+SIGMA = st.floats(*SIGMA_RANGE)
 ID = st.integers(-(2**63), 2**63 - 1)
 
 
@@ -45,10 +45,10 @@ def datasets(draw: st.DrawFn) -> Dataset:
         point=numbers(runs, 3),
         before=numbers(runs, m, 3),
         after=numbers(runs, m, 3),
-        sigma=draw(POSITIVE),
+        sigma=draw(SIGMA),
         rotation_before=numbers(runs, 3) if turned else None,
         rotation_after=numbers(runs, 3) if turned else None,
-        sigma_rotation=draw(POSITIVE) if turned else None,
+        sigma_rotation=draw(SIGMA) if turned else None,
     )
 
 

@@ -143,6 +143,34 @@ def test_an_unwritable_place_is_one_line(simulated, tmp_path):
     assert "elastic.xml" in refused(run("elastic", ARM, tmp_path / "no" / "elastic.xml"))
 
 
+def test_a_marker_that_did_not_move_and_a_sigma_of_another_unit(simulated, tmp_path):
+    text = (simulated / "data.csv").read_text().splitlines()
+    row = text[1].split(",")
+    row[21:24] = row[18:21]  # after = before
+    (tmp_path / "still.csv").write_text("\n".join([text[0], ",".join(row), *text[2:]]))
+    done = run("identify", ARM, tmp_path / "still.csv", "--model", "MGCO56", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "unit.csv").write_text((simulated / "data.csv").read_text().replace("5e-05", "50.0"))
+    assert "expected 1e-09 to 0.01, got 50" in refused(run("identify", ARM, tmp_path / "unit.csv"))
+
+
+def test_the_bare_command_and_an_endless_name_are_one_line(simulated, tmp_path):
+    refused(run())
+    poses = simulated / "poses.csv"
+    refused(run("simulate", ARM, poses, "--out", tmp_path / ("x" * 5000)))
+
+
+def test_poses_held_back_are_scored_apart(simulated, tmp_path):
+    flags = ["--model", "MGCO56", "--check-pose", "2", "--check-pose", "3"]
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    (model,) = json.loads((tmp_path / "models.json").read_text())["models"]
+    assert model["check"]["rms_mm"] > 0
+    assert model["equations"] == 7 * 9
+    flags = ["--check-pose", "99"]
+    assert "no pose 99" in refused(run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path))
+
+
 def test_an_arm_in_pieces_is_one_line(tmp_path):
     arm = shutil.copytree(ARM, tmp_path / "arm")
     (arm / "elastic.toml").unlink()

@@ -382,7 +382,7 @@ def test_sigma_must_be_one_positive_number(tmp_path: Path, column: str) -> None:
     assert f"line 8, column {column}: expected one value in the whole file" in message
     for value in ("0.0", "-3e-05"):
         message = refusal(edited(tmp_path, everywhere(column, value), rotation=True))
-        assert f"line 2, column {column}: expected more than 0, got {float(value)}" in message
+        assert f"line 2, column {column}: expected 1e-09 to 0.01, got {float(value):g}" in message
 
 
 # Runs and markers
