@@ -88,18 +88,18 @@ def summary(report: Report, arm: str, scenario: Scenario, worst: str, scales: tu
         scales: Magnification of deflections and of residuals [1].
     """
     data, noise = report["dataset"], np.sqrt(6) * MM * scenario.sigma * scenario.noise
+    floor = f"Noise alone makes {noise:.3f} mm RMS at check poses." if noise else "Readings are noise-free."
     sag = f"{show(data['deflection_min_mm'], '.2f')} to {show(data['deflection_max_mm'], '.2f')} mm"
     paragraphs = [
         f"### {arm} under {scenario.payload:g} kg: which stiffness model predicts its sag best?",
         f"#### **{answer(report, worst)}**",
         "\n".join(model_table(report["models"])),
         "In brackets: the paper. Seen: directions of the unknowns that the data determine. "
-        f"{data['runs']} runs sag {sag}. Noise alone makes {noise:.3f} mm RMS at check poses; "
-        "over the workspace errors are against the truth.",
+        f"Markers move {sag} in {data['runs']} runs. {floor} Over the workspace errors are against the truth.",
         f"**Colours** Grey: arm without its load. Vermillion: measured, and the ghost; sag x {scales[0]:g}. "
         "Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. "
         f"Arrows from measured to predicted: x {scales[1]:g}.",
-        "**Scrub** the time bar below: `worst_first` 0 is the worst run, `pose` the order of the dataset.",
+        "**Scrub** the time bar below: `worst_first` 0 is the worst run, `pose` the runs in the dataset's order.",
     ]
     return "\n\n".join(paragraphs)
 

@@ -1,7 +1,6 @@
 """The main job as a stranger runs it: its files, its contract, its manners."""
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -169,11 +168,13 @@ def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        # a background job of a shell without job control starts with SIGINT ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60
     while not any(p.name.startswith(".new-") for p in out.iterdir()) and time.monotonic() < deadline:
         time.sleep(0.05)
+    assert any(p.name.startswith(".new-") for p in out.iterdir())
     time.sleep(1)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
