@@ -95,11 +95,12 @@ def summary(report: Report, arm: str, scenario: Scenario, worst: str, scales: tu
         f"#### **{answer(report, worst)}**",
         "\n".join(model_table(report["models"])),
         "In brackets: the paper. Seen: directions of the unknowns that the data determine. "
-        f"Markers move {sag} in {data['runs']} runs. {floor} Over the workspace errors are against the truth.",
+        f"Markers move {sag} in {data['runs']} runs. {floor} "
+        "Over the workspace errors are against the truth.",
         f"**Colours** Grey: arm without its load. Vermillion: measured, and the ghost; sag x {scales[0]:g}. "
         "Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. "
         f"Arrows from measured to predicted: x {scales[1]:g}.",
-        "**Scrub** the time bar below: `worst_first` 0 is the worst run, `pose` the runs in the dataset's order.",
+        "**Scrub** the time bar below: `worst_first` 0 is the worst run, `pose` the dataset's order.",
     ]
     return "\n\n".join(paragraphs)
 
