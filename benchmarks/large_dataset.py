@@ -92,7 +92,7 @@ def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
         lambda: [square @ square for _ in range(PRODUCTS)],
     )
     each = 1e6 * np.array(times) / (np.array(RUNS) * times_each)[:, None]
-    uneven = np.median(each / each[-1], axis=1)
+    least = each.min(axis=1)  # what the rest of the machine does only adds to a time
     sizes = [f"{runs // 1000}k {spread(us)} us" for runs, us in zip(RUNS, each, strict=True)]
     reference = 1e6 * factorised / REFERENCE_RUNS
     speed = 2e-9 * SQUARE**3 * PRODUCTS / multiplied
@@ -114,8 +114,8 @@ def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
             spread(reference),
         ),
         at_most(
-            "(d) time a run at 10k, 30k and 100k runs, largest over smallest, less one",
-            100 * (uneven.max() / uneven.min() - 1),
+            "(d) least time a run at 10k, 30k and 100k runs, largest over smallest, less one",
+            100 * (least.max() / least.min() - 1),
             "%",
             15,
             f"over 100k: {', '.join(spread(ratio, digits=2) for ratio in each / each[-1])}",
