@@ -11,12 +11,13 @@ import numpy.typing as npt
 
 from testbench.bench import Cell
 from testbench.errors import Array
+from testbench.mjcf import GRAVITY
 from testbench.plant import collisions
 from testbench.poses import WorkArea, random_poses
 from testbench.vjm import Vjm
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
-PAYLOAD = 460.3 * 9.80665
+PAYLOAD = 460.3 * GRAVITY
 """Weight hung on the arm [N]."""
 ANYWHERE = WorkArea((-9.0, -9.0, -9.0), (9.0, 9.0, 9.0))
 

@@ -28,7 +28,7 @@ def models(report: Report, file: Path) -> None:
     """Errors of every model on check poses and over the workspace, the paper's beside."""
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
-    _bars(left, report, "check", "check poses, against noisy readings", "check_rms_mm")
+    _bars(left, report, "check", "check poses, against readings", "check_rms_mm")
     _bars(right, report, "workspace", "whole workspace, against the truth", "")
     left.set_ylabel("RMS error [mm]")
     left.set_yscale("log")  # both: the axis is shared

@@ -232,7 +232,8 @@ def _generalised_force(plant: Plant, data: mujoco.MjData, wrench: Array, point: 
 def _unstable(C: Array, qpos: Array, force: Callable[[], Array]) -> bool:
     """Whether K_theta - K_w has an eigenvalue not above zero: those of C (K_theta - K_w) share the signs.
 
-    Asked only where Newton needed the tangent: theta <- C Q(theta) cannot converge to an unstable point.
+    Asked only where Newton needed the tangent: theta <- C Q(theta) moves away from an unstable point, unless
+    the arm is so symmetric that nothing pushes it.
     """
     return bool(np.linalg.eigvals(_tangent(C, qpos, force)).real.min() <= 0)
 
