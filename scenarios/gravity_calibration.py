@@ -91,16 +91,14 @@ def write_numbers(folder: Path, final: Report, scenario: Scenario, seed: int, se
     """report.json, report.md and the manifest that runs it again."""
     files.write_json(final, folder / "report.json")
     (folder / "report.md").write_text(tables.markdown(final), encoding="utf-8")
-    manifest = {
-        "command": f"scenarios/{NAME}.py",
-        "scenario": scenario.model_dump(mode="json"),
-        "seed": seed,
-        "seeds": seeds,
-        "versions": files.versions(),
-        "git": files.git_commit(ROOT),
-        "models": {arm.resolve().name: files.digests(arm)},
-    }
-    files.write_json(manifest, folder / "manifest.json")
+    files.write_manifest(
+        folder,
+        command=f"scenarios/{NAME}.py",
+        scenario=scenario.model_dump(mode="json"),
+        seed=seed,
+        seeds=seeds,
+        arms=[arm],
+    )
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -30,7 +30,7 @@ from testbench.structure import Structure, mgco47, mgco68, mgco69, mgco147, temp
 from testbench.tracker import Tracker, read_positions
 from testbench.vjm import Vjm, build_vjm
 
-Corner = Annotated[tuple[float, float, float], Field(strict=False)]
+Truth = Literal["nonlinear", "linear"]
 
 
 class Scenario(BaseModel):
@@ -56,7 +56,7 @@ class Scenario(BaseModel):
     arm: str
     payload: float = Field(default=460.3, ge=0.001, le=10_000)
     sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
-    truth: Literal["nonlinear", "linear"] = "nonlinear"
+    truth: Truth = "nonlinear"
     noise: bool = True
     station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
     workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -219,12 +219,7 @@ def measure(
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -GRAVITY * scenario.payload
     point = np.tile(cell.plant.load, (runs, 1))
-    if scenario.truth == "linear":
-        before = settle_linear(cell.plant, q, np.zeros_like(wrench), point)
-        after = settle_linear(cell.plant, q, wrench, point)
-    else:
-        before = settle(cell.plant, q)
-        after = settle(cell.plant, q, wrench, point)
+    before, after = settle_both(cell.plant, scenario.truth, q, wrench, point)
     data = Dataset(
         markers=cell.arm.markers,
         run=np.arange(runs) + 1,
@@ -237,6 +232,24 @@ def measure(
         sigma=scenario.sigma,
     )
     return data, before, after
+
+
+def settle_both(
+    plant: Plant, truth: Truth, q: Array, wrench: Array, point: Array
+) -> tuple[Equilibrium, Equilibrium]:
+    """The true arm unloaded and loaded.
+
+    Args:
+        plant: The elastic arm.
+        truth: "nonlinear" for its equilibria, own weight included; "linear" to first order, weightless.
+        q: Actuated joint angles, (runs, n) [rad].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+    """
+    if truth == "linear":
+        rest = settle_linear(plant, q, np.zeros_like(wrench), point)
+        return rest, settle_linear(plant, q, wrench, point)
+    return settle(plant, q), settle(plant, q, wrench, point)
 
 
 def _template(cell: Cell, name: str) -> Structure:

@@ -22,13 +22,15 @@ class Score:
         rms: Root mean square of the distance error over all points [m].
         p95: 95th percentile [m].
         max: Largest [m].
-        max_relative: Largest error as a share of the measured deflection of its point [1]; None where no
-            point moved.
+        p95_relative: 95th percentile of the error as a share of the measured deflection of its point [1]; None
+            where no point moved.
+        max_relative: The largest such share [1].
     """
 
     rms: float
     p95: float
     max: float
+    p95_relative: float | None
     max_relative: float | None
 
 
@@ -77,12 +79,13 @@ def score(predicted: Array, reference: Array) -> Score:
     """
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
-    moved = size > 0
+    share = error[size > 0] / size[size > 0]
     return Score(
         rms=float(np.sqrt(np.mean(error**2))),
         p95=float(np.percentile(error, 95)),
         max=float(error.max()),
-        max_relative=float((error[moved] / size[moved]).max()) if moved.any() else None,
+        p95_relative=float(np.percentile(share, 95)) if share.size else None,
+        max_relative=float(share.max()) if share.size else None,
     )
 
 

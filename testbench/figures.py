@@ -111,3 +111,59 @@ def _distribution(ax: Axes, result: Result, used: Mask) -> None:
 
 def _words(n: Normality) -> str:
     return f"mean {UM * n.mean:.1f} um, std {UM * n.std:.1f} um, Lilliefors p = {n.p_value:.3f}"
+
+
+LOADED_METHODS = {
+    "linear": (ORANGE, "o", "Eq. (6), linear"),
+    "secant": (PURPLE, "s", "Eq. (7) once, K_w at no load"),
+    "integrated": (GREEN, "D", "Eq. (7) integrated"),
+}
+LOADED_TRUTHS = {
+    "weightless": ("-", "weightless arm"),
+    "own weight": ("--", "arm that sags under its own weight"),
+}
+"""Colour, marker and words of a method; line and words of a truth."""
+
+
+def loaded_stiffness(report: Report, file: Path) -> None:
+    """RMS error of Eq. (6) and (7) against the load: weightless solid, with the arm's own weight dashed."""
+    figure = Figure(figsize=(8, 5.2), layout="constrained")
+    axes = figure.subplots()
+    largest = max(row["rms_mm"] for row in report["rows"])
+    notes = 0
+    for truth, (style, whose) in LOADED_TRUTHS.items():
+        for method, (shade, marker, words) in LOADED_METHODS.items():
+            rows = [row for row in report["rows"] if (row["truth"], row["method"]) == (truth, method)]
+            worst = max(row["rms_mm"] for row in rows)
+            if worst < 1e-5 * largest:  # rounding, many decades below the others: words, no line
+                note = f"{words}, {whose}: exact (within {1e3 * worst:.0e} um)"
+                axes.text(0.98, 0.03 + 0.05 * notes, note, color=shade, transform=axes.transAxes, ha="right")
+                notes += 1
+            else:
+                _loaded_line(axes, rows, style, shade, marker)
+    for shade, marker, words in LOADED_METHODS.values():
+        axes.plot([], [], color=shade, marker=marker, linewidth=2, label=words)
+    for style, words in LOADED_TRUTHS.values():
+        axes.plot([], [], style, color=GREY, linewidth=2, label=words)
+    axes.loglog()
+    axes.set_xticks(report["loads_N"], [f"{load / 1e3:.3g}" for load in report["loads_N"]])
+    axes.set_xticks([], minor=True)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xlabel("hung weight [kN]")
+    axes.set_ylabel("tool position error, RMS [um]")
+    axes.grid(axis="y", color=GREY, alpha=0.2)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, loc="upper left")
+    figure.suptitle(
+        f"{report['arm']}, {report['poses']} poses: error of the deflection predicted from true compliances\n"
+        "(at the right as a share of the deflection)",
+        fontsize="medium",
+    )
+    figure.savefig(file, dpi=120)
+
+
+def _loaded_line(axes: Axes, rows: list[Report], style: str, shade: str, marker: str) -> None:
+    load, error = [row["load_N"] for row in rows], [1e3 * row["rms_mm"] for row in rows]
+    axes.plot(load, error, style, color=shade, marker=marker, markersize=5, linewidth=2)
+    share = f"{rows[-1]['rms_percent']:.2f} %"
+    axes.annotate(share, (load[-1], error[-1]), (8, -4), textcoords="offset points", color=shade)

@@ -6,13 +6,15 @@ import json
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from testbench.errors import InputError
 
+ROOT = Path(__file__).resolve().parents[1]
+"""The checkout, where the package runs from one."""
 PACKAGES = ("testbench", "mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
@@ -49,6 +51,31 @@ def whole_folder(out: Path) -> Iterator[Path]:
 def write_json(value: Any, file: Path) -> None:
     """Write JSON for people and programs: indented, keys in their order, no NaN."""
     file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def write_manifest(
+    folder: Path, *, command: str, scenario: Any, seed: int, seeds: int, arms: Sequence[Path]
+) -> None:
+    """manifest.json: what it takes to run a study again.
+
+    Args:
+        folder: Where to.
+        command: The script.
+        scenario: What was asked for, as plain data.
+        seed: First root of randomness.
+        seeds: How many.
+        arms: Folders of the arms.
+    """
+    manifest = {
+        "command": command,
+        "scenario": scenario,
+        "seed": seed,
+        "seeds": seeds,
+        "versions": versions(),
+        "git": git_commit(ROOT),
+        "models": {arm.resolve().name: digests(arm) for arm in arms},
+    }
+    write_json(manifest, folder / "manifest.json")
 
 
 def versions() -> dict[str, str]:

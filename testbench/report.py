@@ -57,8 +57,8 @@ def report(
 
 def _model(result: Result, paper: dict[str, dict[str, float]]) -> Report:
     return {
-        **_estimate(result.model.name, result.estimate, result.seconds),
-        **{name: _score(getattr(result, name)) for name in SETS},
+        **estimate_report(result.model.name, result.estimate, result.seconds),
+        **{name: score_report(getattr(result, name)) for name in SETS},
         "residuals": {
             "identification": _normality(result.fit_normality),
             "check": _normality(result.check_normality),
@@ -67,7 +67,14 @@ def _model(result: Result, paper: dict[str, dict[str, float]]) -> Report:
     }
 
 
-def _estimate(name: str, estimate: Estimate, seconds: float) -> Report:
+def estimate_report(name: str, estimate: Estimate, seconds: float) -> Report:
+    """What a method found, without its errors.
+
+    Args:
+        name: Of the model.
+        estimate: What was found.
+        seconds: Wall time of the estimator.
+    """
     certificate = estimate.certificate
     return {
         "name": name,
@@ -89,11 +96,13 @@ def _estimate(name: str, estimate: Estimate, seconds: float) -> Report:
     }
 
 
-def _score(score: Score) -> Report:
+def score_report(score: Score) -> Report:
+    """Distance errors in millimetres and per cent."""
     return {
         "rms_mm": MM * score.rms,
         "p95_mm": MM * score.p95,
         "max_mm": MM * score.max,
+        "p95_relative_percent": None if score.p95_relative is None else 100 * score.p95_relative,
         "max_relative_percent": None if score.max_relative is None else 100 * score.max_relative,
     }
 
@@ -110,9 +119,9 @@ def fit_report(name: str, estimate: Estimate, scores: dict[str, Score], seconds:
     """
     C, first = estimate.C_theta, 6 * len(arm.links)
     return {
-        **_estimate(name, estimate, seconds),
+        **estimate_report(name, estimate, seconds),
         "equations": estimate.regression.equations,
-        **{group: _score(error) for group, error in scores.items()},
+        **{group: score_report(error) for group, error in scores.items()},
         "links": {
             link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist() for i, link in enumerate(arm.links)
         },
@@ -158,6 +167,7 @@ def _paired(merged: Report, reports: Sequence[Report]) -> Report | None:
     wins = {
         name: sum(r["models"][a][name]["rms_mm"] < r["models"][b][name]["rms_mm"] for r in reports)
         for name in ("check", "workspace")
+        if name in merged["models"][a]
     }
     names = {"conservative": merged["models"][a]["name"], "least_squares": merged["models"][b]["name"]}
     return {**names, **wins, "seeds": len(reports)}

@@ -3,10 +3,12 @@
 A parameter is one entry C_theta[a, b] = C_theta[b, a]. MGCO147, MGCO69, ... of the paper, and your own:
 
     Structure.of(arm, links=["link_2", "link_3"], joints=["joint_2", "joint_3"])
+
+Only least squares of section 5.1 leaves the symmetry open: 36 free entries a link.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,13 +22,15 @@ Pairs = tuple[tuple[int, int], ...]
 
 FULL: Pairs = tuple((a, b) for b in range(6) for a in range(b + 1))
 """All 21 entries of a symmetric 6x6 compliance."""
+FREE: Pairs = tuple((a, b) for a in range(6) for b in range(6))
+"""All 36 entries of a 6x6 matrix that need not be symmetric."""
 TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
 """The 8 entries of a straight beam: c11 c22 c33 c44 c55 c66 c26 c35."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """The unknown entries of C_theta, symmetric.
+    """The unknown entries of C_theta.
 
     Attributes:
         name: For reports, such as MGCO68.
@@ -34,6 +38,7 @@ class Structure:
         a: Row of each parameter in C_theta, (n,).
         b: Column of each parameter, (n,).
         labels: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
+        symmetric: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
     """
 
     name: str
@@ -41,6 +46,7 @@ class Structure:
     a: npt.NDArray[np.int_]
     b: npt.NDArray[np.int_]
     labels: tuple[str, ...] = field(repr=False)
+    symmetric: bool = True
 
     @classmethod
     def of(
@@ -58,14 +64,21 @@ class Structure:
             arm: The arm.
             links: Names of the elastic links.
             joints: Names of the elastic joints.
-            entries: Entries of every link's compliance that are unknown, in its beam frame.
+            entries: Entries of every link's compliance that are unknown, in its beam frame; a <= b for a
+                symmetric one, every pair with its mirror to leave the symmetry open.
             name: For reports.
 
         Raises:
             BenchError: When the arm has no such link or joint, no such entry, or nothing is unknown.
         """
-        if len(set(entries)) != len(entries) or not all(0 <= a <= b < 6 for a, b in entries):
-            raise BenchError(f"entries: expected different pairs a <= b out of 0 to 5, got {entries}")
+        symmetric = all(a <= b for a, b in entries)
+        mirrored = {(b, a) for a, b in entries} == set(entries)
+        inside = all(min(pair) >= 0 and max(pair) < 6 for pair in entries)
+        if len(set(entries)) != len(entries) or not inside or not (symmetric or mirrored):
+            raise BenchError(
+                "entries: expected different pairs a <= b out of 0 to 5, or every pair with its mirror, got "
+                f"{entries}"
+            )
         link_names, joint_names = [x.name for x in arm.links], [x.name for x in arm.joints]
         i = _indices("link", links, link_names, arm.name)
         j = _indices("joint", joints, joint_names, arm.name)
@@ -76,12 +89,17 @@ class Structure:
         axes = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
         labels = [f"{name}.{axis}" for name in link_names for axis in axes] + joint_names
         a, b = np.array(pairs).T
-        return cls(name, arm.n_theta, a, b, tuple(labels))
+        return cls(name, arm.n_theta, a, b, tuple(labels), symmetric)
 
     @property
     def n(self) -> int:
         """Number of parameters."""
         return len(self.a)
+
+    @property
+    def mirrored(self) -> npt.NDArray[np.bool_]:
+        """Which parameters stand at two places of C_theta, (n,)."""
+        return np.asarray(self.symmetric & (self.a != self.b))
 
     @property
     def blocks(self) -> list[npt.NDArray[np.int_]]:
@@ -98,15 +116,16 @@ class Structure:
             pi: Parameters, (n,) [m/N, rad/(N m) or rad/N].
 
         Returns:
-            Symmetric, (n_theta, n_theta).
+            Symmetric where the structure is, (n_theta, n_theta).
         """
         C = np.zeros((self.n_theta, self.n_theta))
+        if self.symmetric:
+            C[self.b, self.a] = pi
         C[self.a, self.b] = pi
-        C[self.b, self.a] = pi
         return C
 
     def entries(self, C: Array) -> Array:
-        """Parameter vector of a symmetric C_theta, (n,); entries outside the structure are dropped."""
+        """Parameter vector of a C_theta, (n,); entries outside the structure are dropped."""
         return np.asarray(C[self.a, self.b])
 
     def gradient(self, g: Array) -> Array:
@@ -116,13 +135,13 @@ class Structure:
             g: Gradient, (n,).
 
         Returns:
-            Symmetric S with <S, C> = g . pi, (n_theta, n_theta).
+            S with <S, C> = g . pi, symmetric where the structure is, (n_theta, n_theta).
         """
-        return self.matrix(np.where(self.a == self.b, g, g / 2))
+        return self.matrix(np.where(self.mirrored, g / 2, g))
 
     def keep(self, columns: npt.NDArray[np.int_], name: str) -> "Structure":
         """The structure with only these parameters unknown; the dropped ones are zero."""
-        return Structure(name, self.n_theta, self.a[columns], self.b[columns], self.labels)
+        return replace(self, name=name, a=self.a[columns], b=self.b[columns])
 
 
 def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -> list[int]:
@@ -141,6 +160,11 @@ def _links(arm: Arm, which: tuple[int, ...], name: str) -> list[str]:
             f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
         )
     return [arm.links[i].name for i in which]
+
+
+def free36(arm: Arm) -> Structure:
+    """All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
+    return Structure.of(arm, links=[x.name for x in arm.links], entries=FREE, name="MLS36")
 
 
 def mgco147(arm: Arm) -> Structure:

@@ -202,7 +202,7 @@ def markdown(report: Report) -> str:
             f"**{first}**",
             *others,
             "",
-            *_grid(head, rows),
+            *grid(head, rows),
             "",
             "The paper's number stands in square brackets where it is known. Errors are distances at the "
             "markers: against readings for identification and check (noise included, as in the paper), "
@@ -255,9 +255,10 @@ def _fits(report: Report) -> list[str]:
         ]
         for m in report["models"]
     ]
-    return _grid(head, rows)
+    return grid(head, rows)
 
 
-def _grid(head: list[str], rows: list[list[str]]) -> list[str]:
+def grid(head: list[str], rows: list[list[str]]) -> list[str]:
+    """A table in Markdown, line by line."""
     lines = [head, ["---"] * len(head), *rows]
     return [f"| {' | '.join(line)} |" for line in lines]

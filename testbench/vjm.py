@@ -1,7 +1,8 @@
 """The model side: the virtual joint method on Pinocchio's reading of the rigid arm, batched over runs.
 
 Pinocchio reads the MJCF into joint placements and axes; from there on every quantity is a product of arrays
-over all runs at once. Virtual joints are at zero: the model is linear (Eq. 5-6, 10-13).
+over all runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
+10-13). Away from zero they serve the loaded stiffness of Eq. (7), testbench/loaded.py.
 """
 
 import tempfile
@@ -22,7 +23,7 @@ from testbench.structure import Structure
 
 @dataclass(frozen=True)
 class Vjm:
-    """Kinematics of the extended chain at theta = 0.
+    """Kinematics of the extended chain.
 
     Attributes:
         arm: Its description.
@@ -121,16 +122,20 @@ def _read_kinematics(arm: Arm) -> pin.Model:
             raise InputError(arm.rigid, "", f"Pinocchio refuses it: {problem}") from err
 
 
-def chain(vjm: Vjm, q: Array) -> Chain:
-    """Tool and virtual joints of every run, Eq. (1) and (3) at theta = 0.
+def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
+    """Tool and virtual joints of every run, Eq. (1) and (3).
 
     Args:
         vjm: The model.
         q: Actuated joint angles, (runs, n) [rad].
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad]: of each link its slides x, y, z and its
+            hinges phi_x, phi_y, phi_z in the beam frame, then one hinge a joint; None for zero.
     """
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
+    bent = None if theta is None else check_array(theta, (runs, vjm.arm.n_theta), "theta [m, rad]")
+    turned = q if bent is None else q + bent[:, links:]
     J = np.zeros((6, vjm.arm.n_theta, runs))
     origins = np.empty((3, vjm.arm.n_theta, runs))
     R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
@@ -138,17 +143,39 @@ def chain(vjm: Vjm, q: Array) -> Chain:
     for i, link in enumerate(vjm.arm.links):
         placement = vjm.placements[i] if i < n else vjm.tool
         p = p + placement[:3, 3] @ R
-        beam = link.frame.T @ R
-        J[:3, 6 * i : 6 * i + 3] = beam
-        J[3:, 6 * i + 3 : 6 * i + 6] = beam
+        slides = hinges = link.frame.T @ R
+        if bent is not None:
+            p, hinges, R = bend(p, R, link.frame, bent[:, 6 * i : 6 * i + 6])
+        J[:3, 6 * i : 6 * i + 3] = slides
+        J[3:, 6 * i + 3 : 6 * i + 6] = hinges
         origins[:, 6 * i : 6 * i + 6] = p[:, None]
         R = placement[:3, :3].T @ R
         if i < n:
             J[3:, links + i] = vjm.axes[i] @ R
             origins[:, links + i] = p
-            R = turn(R, vjm.axes[i], q[:, i])
+            R = turn(R, vjm.axes[i], turned[:, i])
     J[:3] += cross(J[3:], p[:, None] - origins)
     return Chain(J, p.T, R.transpose(2, 0, 1))
+
+
+def bend(p: Array, R: Array, frame: Array, theta: Array) -> tuple[Array, Array, Array]:
+    """A link's virtual joint away from zero: three slides, then three hinges, each carried by those before.
+
+    Args:
+        p: World position of the virtual joint, (3, runs) [m].
+        R: World from the link's body, (3, 3, runs).
+        frame: Beam axes as columns, in the body's axes, (3, 3).
+        theta: Of this link, (runs, 6) [m, rad].
+
+    Returns:
+        Position behind the slides, axes of the hinges in the world as columns, frame behind the hinges.
+    """
+    p = p + np.einsum("xbr,rb->xr", frame.T @ R, theta[:, :3])
+    hinges = np.empty_like(R)
+    for k, axis in enumerate(frame.T):
+        hinges[:, k] = axis @ R
+        R = turn(R, axis, theta[:, 3 + k])
+    return p, hinges, R
 
 
 def turn(R: Array, axis: Array, angle: Array) -> Array:
@@ -277,7 +304,7 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
     """Observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
 
     A row is linear in the load u = J_F^T w: the parameter C_theta[a, b] moves the reading by
-    J[a] u[b] + J[b] u[a] (once on the diagonal).
+    J[a] u[b] + J[b] u[a] (once on the diagonal, and where C_theta[b, a] is another one).
 
     Args:
         structure: The unknown entries, n_par of them.
@@ -295,6 +322,6 @@ def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
             f"structure {structure.name}: expected {len(u)} virtual joints, got {structure.n_theta}"
         )
     a, b = structure.a, structure.b
-    u_b, u_a = u[b], u[a] * (a != b)[:, None]
+    u_b, u_a = u[b], u[a] * structure.mirrored[:, None]
     for row in J:
         yield row[a] * u_b + row[b] * u_a

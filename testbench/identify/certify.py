@@ -10,12 +10,11 @@ Nothing is asked of how the estimate was found.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.estimate import Certificate, Estimate
+from testbench.identify.estimate import Certificate, Dual, Estimate
 from testbench.identify.regression import Regression, f_m
 from testbench.structure import Structure
 
@@ -24,19 +23,6 @@ LENGTH = 0.5
 
 SENSITIVITY_SHARE = 1e-2
 """Least sensitivity of an axis in the default trace bounds, as a share of the largest."""
-
-
-@dataclass(frozen=True)
-class Dual:
-    """Unit vectors y_k, one for every term of F_M.
-
-    Attributes:
-        y: Against the rows of the term's R, (terms, n).
-        y_rest: Against what no parameter explains, (terms,).
-    """
-
-    y: Array
-    y_rest: Array
 
 
 def scaled_units(structure: Structure) -> Array:
@@ -50,13 +36,17 @@ def scaled_units(structure: Structure) -> Array:
     return np.where((index < 6 * links) & (index % 6 < 3), LENGTH, 1.0)
 
 
-def certify(estimate: Estimate, trace_bounds: Array | None = None) -> Certificate:
-    """Bound the optimality gap of a conservative estimate from its gradients alone.
+def certify(
+    estimate: Estimate, trace_bounds: Array | None = None, *, dual: Dual | None = None
+) -> Certificate:
+    """Bound the optimality gap of a conservative estimate.
 
     Args:
         estimate: Any conservative estimate, from any method.
         trace_bounds: t_i, bound of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
             `default_trace_bounds`.
+        dual: Proof of the bound, such as that of a better estimate; None for the estimate's own gradients,
+            which prove much only near an optimum.
 
     Raises:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or a trace bound
@@ -68,7 +58,8 @@ def certify(estimate: Estimate, trace_bounds: Array | None = None) -> Certificat
             f"{estimate.min_eigenvalue:.3g}"
         )
     regression = estimate.regression
-    return bound_gap(regression, estimate.pi, gradient_dual(regression, estimate.pi), trace_bounds)
+    dual = gradient_dual(regression, estimate.pi) if dual is None else dual
+    return bound_gap(regression, estimate.pi, dual, trace_bounds)
 
 
 def gradient_dual(regression: Regression, pi: Array) -> Dual:
@@ -119,7 +110,7 @@ def bound_gap(
     smallest = np.array([np.linalg.eigvalsh(S[np.ix_(i, i)])[0] for i in s.blocks]) + trace_weight
     lower = max(0.0, constant - float(np.maximum(0, -smallest) @ t))  # the cost is a sum of norms
     cost = f_m(regression, pi) + trace_weight * total_trace(s, pi)
-    return Certificate(max(0.0, cost - lower), t, smallest)
+    return Certificate(max(0.0, cost - lower), t, smallest, dual)
 
 
 def default_trace_bounds(regression: Regression, pi: Array) -> Array:

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from scipy import sparse
 
 from testbench.dataset import Dataset
-from testbench.errors import Array
-from testbench.identify.certify import Dual, bound_gap, scaled_units, total_trace
-from testbench.identify.estimate import Estimate, make_estimate
+from testbench.errors import Array, BenchError
+from testbench.identify.certify import bound_gap, scaled_units, total_trace
+from testbench.identify.estimate import Dual, Estimate, make_estimate
 from testbench.identify.regression import Regression, f_m, reduce
 from testbench.structure import Structure
 from testbench.vjm import Vjm
@@ -75,9 +75,20 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         data: The runs.
 
     Raises:
-        BenchError: When the dataset is empty or names a marker that the arm lacks.
+        BenchError: When the dataset is empty or names a marker that the arm lacks, or the structure is not
+            symmetric.
     """
-    regression = reduce(vjm, structure, data)
+    return optimum(reduce(vjm, structure, data))
+
+
+def optimum(regression: Regression) -> Estimate:
+    """The conservative model of least F_M on a reduced dataset, as in `gco`.
+
+    Raises:
+        BenchError: When the structure is not symmetric.
+    """
+    structure = regression.structure
+    check_symmetric(structure)
     program = scale_program(regression)
     solution = _solve(regression, program)
     terms = len(regression.terms)
@@ -105,6 +116,16 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         solver_seconds=solution.solve_time,
         advice=advice,
     )
+
+
+def check_symmetric(structure: Structure) -> None:
+    """Refuse a structure that no Gramian has.
+
+    Raises:
+        BenchError: When it leaves the symmetry open.
+    """
+    if not structure.symmetric:
+        raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
 
 
 def scale_program(regression: Regression) -> Program:

@@ -8,7 +8,7 @@ import numpy as np
 from testbench.dataset import Dataset
 from testbench.errors import Array, check_array
 from testbench.identify.regression import Regression, f_m
-from testbench.stiffness import eigenvalue_scale
+from testbench.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.structure import Structure
 from testbench.vjm import Vjm
 
@@ -21,6 +21,19 @@ MISFIT = 2.0
 
 
 @dataclass(frozen=True)
+class Dual:
+    """Unit vectors y_k, one for every term of F_M.
+
+    Attributes:
+        y: Against the rows of the term's R, (terms, n).
+        y_rest: Against what no parameter explains, (terms,).
+    """
+
+    y: Array
+    y_rest: Array
+
+
+@dataclass(frozen=True)
 class Certificate:
     """How far an estimate can be from the best conservative one.
 
@@ -30,11 +43,13 @@ class Certificate:
         trace_bounds: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
         smallest: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at an
             optimum without bounds.
+        dual: The proof; the best one known may certify any other estimate of the same regression.
     """
 
     gap: float
     trace_bounds: Array
     smallest: Array
+    dual: Dual
 
 
 @dataclass(frozen=True)
@@ -49,7 +64,8 @@ class Estimate:
         f_m: Cost, Eq. (19) [1].
         f_m_floor: Cost to expect of noise alone [1].
         conservative: Whether every block is positive semi-definite.
-        eigenvalues: Of every block, ascending, in its own (mixed) SI units, one array a block.
+        eigenvalues: Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one array
+            a block.
         status: "solved", or what went wrong.
         certificate: Distance from the optimum; None where none was computed (least squares).
         solver_seconds: Time inside the numerical solver, as it reports it; 0 where it does not.
@@ -119,7 +135,7 @@ def make_estimate(
         f_m=f_m(regression, pi),
         f_m_floor=regression.f_m_floor,
         conservative=all(is_conservative(block) for block in blocks),
-        eigenvalues=tuple(np.asarray(np.linalg.eigvalsh(block)) for block in blocks),
+        eigenvalues=tuple(np.asarray(np.linalg.eigvalsh((C + C.T) / 2)) for C in blocks),
         status=status,
         certificate=certificate,
         solver_seconds=solver_seconds,
@@ -128,15 +144,18 @@ def make_estimate(
 
 
 def is_conservative(C: Array) -> bool:
-    """Whether a symmetric compliance is positive semi-definite, up to rounding (Section 2.2).
+    """Whether a compliance is symmetric and positive semi-definite, up to rounding (Section 2.2).
 
     Judged on the matrix of unit diagonal, so that metres and radians do not mix.
 
     Args:
-        C: Symmetric compliance, (n, n).
+        C: Compliance, (n, n).
     """
     scale = eigenvalue_scale(C)
-    eigenvalues = np.linalg.eigvalsh(C / np.outer(scale, scale))
+    unitless = C / np.outer(scale, scale)
+    if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
+        return False
+    eigenvalues = np.linalg.eigvalsh(unitless)
     return bool(eigenvalues[0] >= -CONSERVATIVE_TOLERANCE * max(abs(eigenvalues[-1]), 1e-300))
 
 

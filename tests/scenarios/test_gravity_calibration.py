@@ -16,7 +16,7 @@ from testbench.csvfile import read_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
-SCORES = {"rms_mm", "p95_mm", "max_mm", "max_relative_percent"}
+SCORES = {"rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent"}
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
     "duality_gap", "solve_seconds", "identification", "check", "workspace", "paper",

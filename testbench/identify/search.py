@@ -1,0 +1,311 @@
+"""The paper's own optimiser of Eq. (19): a genetic algorithm, then a global search with local solves.
+
+The paper takes both from MATLAB's Optimization Toolbox and names no settings. In the role of the genetic
+algorithm stands scipy's differential evolution with scipy's defaults. The global search (Ugray, Lasdon,
+Plummer, Glover, Kelly, Marti 2007) has the defaults that MATLAB publishes for `GlobalSearch`: trial points
+come from a scatter search (Glover 1998), and a local solve starts from those that pass two filters, far from
+the basins known and better than a threshold that rises while nothing passes.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import OptimizeResult, differential_evolution
+from scipy.stats import qmc
+
+from testbench.dataset import Dataset
+from testbench.errors import Array, BenchError
+from testbench.identify.certify import certify
+from testbench.identify.conic import optimum
+from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.factorised import (
+    LARGEST_ORDER,
+    Factorised,
+    Observe,
+    costs,
+    factorise,
+    local_solve,
+    parameters,
+)
+from testbench.identify.regression import reduce
+from testbench.structure import Structure
+from testbench.vjm import Vjm
+
+BOX = 1.0
+"""Bound of the entries of b in trial points: one axis of that size explains all the data by itself."""
+REFERENCE = 10
+"""Points of quality, and as many of diversity, in the reference set of the scatter search."""
+DISTANCE_FACTOR = 0.75
+"""Share of a basin's radius within which no local solve is started."""
+WAIT = 20
+"""Trial points in a row inside one basin, or above the threshold, until that filter is relaxed."""
+SHRINK = 0.2
+"""Share by which a basin's radius is then cut."""
+PENALTY = 0.2
+"""Share of 1 + threshold by which the threshold is then raised."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How far the search goes; the defaults are those of scipy and of MATLAB's `GlobalSearch`.
+
+    Attributes:
+        population: Points of a generation for every entry of b.
+        generations: Most generations; fewer where the population agrees.
+        trial_points: Trial points of the global search.
+        stage_one_points: Of these, the ones of which only the best starts a local solve.
+    """
+
+    population: int = 15
+    generations: int = 1000
+    trial_points: int = 1000
+    stage_one_points: int = 200
+
+    def __post_init__(self) -> None:
+        """Refuse a budget that lets nothing happen.
+
+        Raises:
+            BenchError: When a number is below 1, or stage one has more trial points than there are.
+        """
+        for name in ("population", "generations", "trial_points", "stage_one_points"):
+            if getattr(self, name) < 1:
+                raise BenchError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        if self.stage_one_points > self.trial_points:
+            raise BenchError(
+                f"stage_one_points: expected at most the {self.trial_points} trial points, "
+                f"got {self.stage_one_points}"
+            )
+
+
+DEFAULT_BUDGET = Budget()
+
+
+@dataclass
+class Basin:
+    """A ball around a local optimum from which local solves are believed to lead back to it.
+
+    Attributes:
+        centre: The optimum, (size,).
+        radius: Distance from the farthest start that led there.
+        waiting: Trial points in a row that fell into it.
+    """
+
+    centre: Array
+    radius: float
+    waiting: int = 0
+
+    def holds(self, b: Array) -> bool:
+        """Whether a trial point is too close to start from."""
+        return bool(np.linalg.norm(b - self.centre) <= DISTANCE_FACTOR * self.radius)
+
+
+@dataclass
+class Search:
+    """What the search knows so far.
+
+    Attributes:
+        problem: F_M(b).
+        threshold: F_M at which to stop.
+        observe: Told of every least F_M.
+        best: The best b so far, (size,).
+        f_m: Its cost.
+        basins: Of the local optima found.
+        solves: Local solves made.
+    """
+
+    problem: Factorised
+    threshold: float
+    observe: Observe | None
+    best: Array
+    f_m: float = np.inf
+    basins: list[Basin] = field(default_factory=list)
+    solves: int = 0
+
+    def keep(self, b: Array, value: float) -> None:
+        """Keep a point that is the best so far."""
+        if value < self.f_m:
+            self.best, self.f_m = b.copy(), value
+            if self.observe is not None:
+                self.observe(value)
+
+    @property
+    def reached(self) -> bool:
+        """Whether the threshold is reached."""
+        return self.f_m <= self.threshold
+
+    def solve(self, start: Array) -> None:
+        """A local solve; its optimum becomes a basin, or widens the one that it lies in."""
+        self.solves += 1
+        end, value = local_solve(self.problem, start, threshold=self.threshold, observe=self._least)
+        self.keep(end, value)
+        radius = float(np.linalg.norm(start - end))
+        for basin in self.basins:
+            if np.linalg.norm(end - basin.centre) <= DISTANCE_FACTOR * basin.radius:
+                basin.radius = max(basin.radius, float(np.linalg.norm(start - basin.centre)))
+                return
+        self.basins.append(Basin(end, radius))
+
+    def _least(self, value: float) -> None:
+        if self.observe is not None and value < self.f_m:
+            self.observe(value)
+
+
+def gco_paper(
+    vjm: Vjm,
+    structure: Structure,
+    data: Dataset,
+    *,
+    rng: np.random.Generator,
+    m: int = LARGEST_ORDER,
+    threshold: float | None = None,
+    budget: Budget = DEFAULT_BUDGET,
+    observe: Observe | None = None,
+) -> Estimate:
+    """GCO as in section 4.2: genetic algorithm, then global search, until F_M reaches a threshold.
+
+    The paper stops at an F_M "slightly higher or close to 2", its noise floor. Where the threshold is not
+    reached within the budget, the conic program tells whether any conservative model could reach it.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+        rng: Source of all randomness.
+        m: Order of the vector space, 1 to 6.
+        threshold: F_M at which to stop; None for the F_M that noise alone leaves.
+        budget: How far the search goes.
+        observe: Told of every least F_M.
+
+    Raises:
+        BenchError: When m or the threshold is out of range, the dataset is empty or names a marker that the
+            arm lacks, or the structure is not symmetric.
+    """
+    problem = factorise(reduce(vjm, structure, data), m)
+    goal = problem.regression.f_m_floor if threshold is None else threshold
+    if not 0 <= goal < np.inf:
+        raise BenchError(f"threshold: expected an F_M of 0 or more, got {goal:g}")
+    search = Search(problem, goal, observe, np.zeros(problem.size))
+    genetic_algorithm(search, budget, rng)
+    if not search.reached:
+        global_search(search, budget, rng)
+    return _judge(search)
+
+
+def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+    """The start b0: differential evolution in the role of the paper's genetic algorithm."""
+    problem = search.problem
+
+    def enough(intermediate_result: OptimizeResult) -> bool:
+        search.keep(intermediate_result.x, float(intermediate_result.fun))
+        return search.reached
+
+    evolve: Any = differential_evolution  # its stubs know no costs of a whole population
+    evolve(
+        lambda population: costs(problem, population),
+        [(-BOX, BOX)] * problem.size,
+        popsize=budget.population,
+        maxiter=budget.generations,
+        callback=enough,
+        polish=False,
+        rng=rng,
+        updating="deferred",
+        vectorized=True,
+    )
+
+
+def global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
+    """Local solves from the best point and from the trial points that pass both filters."""
+    search.solve(search.best)
+    points = trial_points(search.problem, search.best, budget.trial_points, rng)
+    values = costs(search.problem, points.T)
+    first = int(np.argmin(values[: budget.stage_one_points]))
+    if not search.reached:
+        search.solve(points[first])
+    threshold, waiting = search.f_m, 0
+    for b, value in zip(points[budget.stage_one_points :], values[budget.stage_one_points :], strict=True):
+        if search.reached:
+            return
+        inside = [basin for basin in search.basins if basin.holds(b)]
+        if value < threshold and not inside:
+            search.solve(b)
+            threshold, waiting = value, 0
+            for basin in search.basins:
+                basin.waiting = 0
+            continue
+        for basin in search.basins:
+            _wait(basin, basin in inside)
+        waiting = waiting + 1 if value >= threshold else 0
+        if waiting == WAIT:
+            threshold, waiting = threshold + PENALTY * (1 + threshold), 0
+
+
+def _wait(basin: Basin, inside: bool) -> None:
+    """Count trial points in a row that fell into a basin; shrink it when there were many."""
+    basin.waiting = basin.waiting + 1 if inside else 0
+    if basin.waiting == WAIT:
+        basin.radius, basin.waiting = (1 - SHRINK) * basin.radius, 0
+
+
+def trial_points(problem: Factorised, start: Array, count: int, rng: np.random.Generator) -> Array:
+    """Trial points by scatter search (Glover 1998), (count, size).
+
+    Diverse points fill the box; of them and the start a reference set of the best and of the most distant
+    is kept; its pairs are combined along their line, within and beyond the two.
+    """
+    box = qmc.scale(qmc.LatinHypercube(problem.size, rng=rng).random(10 * REFERENCE), -BOX, BOX)
+    pool = np.vstack([start, box])
+    points: list[Array] = []
+    while len(points) < count:
+        made = np.array([*_combinations(_reference_set(problem, pool), rng)])
+        points.extend(made)
+        pool = np.vstack([pool, made])
+    return np.array(points[:count])
+
+
+def _reference_set(problem: Factorised, pool: Array) -> Array:
+    """The best points of a pool, and those that lie farthest from all chosen so far."""
+    order = np.argsort(costs(problem, pool.T))
+    chosen = [*order[:REFERENCE]]
+    distance = np.min([np.linalg.norm(pool - pool[i], axis=1) for i in chosen], axis=0)
+    for _ in range(REFERENCE):
+        farthest = int(np.argmax(distance))
+        chosen.append(farthest)
+        distance = np.minimum(distance, np.linalg.norm(pool - pool[farthest], axis=1))
+    return np.asarray(pool[chosen])
+
+
+def _combinations(reference: Array, rng: np.random.Generator) -> Iterator[Array]:
+    """Three points a pair: before the first, between the two, beyond the second."""
+    for i, x in enumerate(reference):
+        for y in reference[i + 1 :]:
+            for base, sign in ((x, -1), (x, 1), (y, 1)):
+                step = rng.random(len(x)) * (y - x) / 2
+                yield np.clip(base + sign * step, -BOX, BOX)
+
+
+def _judge(search: Search) -> Estimate:
+    """The best point as an estimate, certified by the dual of the conic program."""
+    problem, goal = search.problem, search.threshold
+    best = optimum(problem.regression)
+    estimate = make_estimate(
+        problem.regression,
+        parameters(problem, search.best),
+        method=f"GCO (genetic algorithm, global search, m = {problem.m})",
+    )
+    proof = None if best.certificate is None else best.certificate.dual
+    certificate = certify(estimate, dual=proof)
+    lower = estimate.f_m - certificate.gap
+    count = f"{search.solves} local solves found {len(search.basins)} basins"
+    if search.reached:
+        status = "threshold reached"
+    elif lower > goal:
+        status = "threshold cannot be reached"
+        count += (
+            f"; F_M of {goal:.4g} cannot be reached: certified, no conservative model of "
+            f"{problem.regression.structure.name} has one below {lower:.4g}"
+        )
+    else:
+        status = "budget spent"
+    return replace(estimate, status=status, certificate=certificate, advice=(*estimate.advice, count))

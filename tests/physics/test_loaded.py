@@ -1,0 +1,556 @@
+"""Eq. (7) on the model side: K_w against differences; tangents, equilibria and errors against MuJoCo."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from testbench import loaded
+from testbench.errors import BenchError, NoEquilibrium
+from testbench.loaded import (
+    geometric_stiffness,
+    load_jacobian,
+    loaded_compliance,
+    loaded_deflection,
+    loaded_equilibrium,
+    secant_deflection,
+)
+from testbench.plant import build_plant, settle
+from testbench.plant.equilibrium import _generalised_force, _tangent
+from testbench.vjm import Chain, cartesian_compliance, chain, generalised_load, jacobian, translation_rows
+
+SEEDS = [1, 2, 3]
+HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0}
+"""Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""
+
+
+@pytest.fixture(params=["kr500", "arm_6r"])
+def cell(request):
+    return request.getfixturevalue(request.param)
+
+
+def weightless(cell):
+    plant = build_plant(cell.arm)
+    plant.model.opt.gravity[:] = 0
+    return plant
+
+
+def random_q(cell, rng, runs):
+    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
+
+
+def bent(cell, rng, runs):
+    """Poses with virtual joints far from zero, farther than any arm bends."""
+    theta = 0.3 * rng.standard_normal((runs, cell.arm.n_theta))
+    return random_q(cell, rng, runs), theta
+
+
+def hung(cell, runs, load):
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -load
+    return wrench, np.tile(cell.vjm.load, (runs, 1))
+
+
+def random_wrench(rng, runs, force, moment):
+    part = rng.standard_normal((runs, 6)) * np.repeat([force, moment], 3)
+    return part, rng.uniform(-0.4, 0.4, (runs, 3))  # well off the tool's centre
+
+
+def small(where: Chain) -> float:
+    """A bar for sums of a few hundred products of terms of this size, in double precision."""
+    return 1e-13 * float(np.abs(where.J_theta).max()) ** 2
+
+
+# --- chain away from zero --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_bent_chain_and_its_jacobian_are_those_of_the_elastic_mjcf(cell, seed):
+    rng, point = np.random.default_rng(seed), np.array([0.3, -0.2, 0.1])
+    q, theta = bent(cell, rng, 5)
+    where = chain(cell.vjm, q, theta)
+    J = load_jacobian(where, np.tile(point, (5, 1)))
+    plant, data = cell.plant, mujoco.MjData(cell.plant.model)
+    for i in range(5):
+        data.qpos[plant.joints], data.qpos[plant.theta] = q[i], theta[i]
+        mujoco.mj_kinematics(plant.model, data)
+        mujoco.mj_comPos(plant.model, data)
+        frame = data.xmat[plant.tool].reshape(3, 3)
+        # both libraries round at 1e-16 a joint, 50 joints, lengths of metres
+        np.testing.assert_allclose(where.position[i], data.xpos[plant.tool], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(where.rotation[i], frame, rtol=0, atol=1e-12)
+        expected = np.zeros((6, plant.model.nv))
+        at = data.xpos[plant.tool] + frame @ point
+        mujoco.mj_jac(plant.model, data, expected[:3], expected[3:], at, plant.tool)
+        np.testing.assert_allclose(J[i], expected[:, plant.theta], rtol=0, atol=1e-12)
+
+
+def test_jacobian_of_the_bent_chain_is_the_derivative_of_its_pose(cell, rng):
+    q, theta = bent(cell, rng, 3)
+    where, h = chain(cell.vjm, q, theta), 1e-6
+    for k in range(cell.arm.n_theta):
+        step = h * np.eye(cell.arm.n_theta)[k]
+        ahead, behind = chain(cell.vjm, q, theta + step), chain(cell.vjm, q, theta - step)
+        # rounding 1e-15 / h, truncation h^2
+        moved = (ahead.position - behind.position) / (2 * h)
+        np.testing.assert_allclose(moved, where.J_theta[:3, k].T, rtol=0, atol=1e-8)
+
+
+def test_zero_theta_is_the_unbent_chain_bit_by_bit(cell, rng):
+    q = random_q(cell, rng, 7)
+    straight, zero = chain(cell.vjm, q), chain(cell.vjm, q, np.zeros((7, cell.arm.n_theta)))
+    np.testing.assert_array_equal(straight.J_theta, zero.J_theta)
+    np.testing.assert_array_equal(straight.position, zero.position)
+    np.testing.assert_array_equal(straight.rotation, zero.rotation)
+
+
+# --- K_w -------------------------------------------------------------------------------------------------
+
+
+def differences_of_the_load(cell, q, theta, wrench, point):
+    """d(J_theta^T w) / d theta by central differences, (runs, n_theta, n_theta)."""
+    h = 1e-5
+    columns = []
+    for step in h * np.eye(cell.arm.n_theta):
+        ahead, behind = (chain(cell.vjm, q, theta + s) for s in (step, -step))
+        u = generalised_load(ahead, wrench, point) - generalised_load(behind, wrench, point)
+        columns.append(u.T / (2 * h))
+    return np.stack(columns, axis=2)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("force", "moment"), [(1000, 0), (0, 1000), (1000, 1000)])
+def test_k_w_is_the_derivative_of_the_generalised_load(cell, force, moment, seed):
+    rng = np.random.default_rng(seed)
+    q, theta = bent(cell, rng, 3)
+    wrench, point = random_wrench(rng, 3, force, moment)
+    K_w = geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    expected = differences_of_the_load(cell, q, theta, wrench, point)
+    # differences: rounding 1e-16 / h = 1e-11 and truncation h^2 = 1e-10, of the largest entry
+    np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_k_w_of_a_single_link_without_joints_is_the_derivative_too(single_link, rng):
+    q, theta = bent(single_link, rng, 2)
+    wrench, point = random_wrench(rng, 2, 10, 10)
+    K_w = geometric_stiffness(chain(single_link.vjm, q, theta), wrench, point)
+    expected = differences_of_the_load(single_link, q, theta, wrench, point)
+    np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_k_w_of_a_force_is_symmetric_and_that_of_a_fixed_moment_is_not(cell, seed):
+    rng = np.random.default_rng(seed)
+    q, theta = bent(cell, rng, 3)
+    where = chain(cell.vjm, q, theta)
+    wrench, point = random_wrench(rng, 3, 1000, 1000)
+    force, moment = wrench * np.repeat([1, 0], 3), wrench * np.repeat([0, 1], 3)
+    K_f, K_m = (geometric_stiffness(where, w, point) for w in (force, moment))
+    np.testing.assert_array_equal(K_f, K_f.swapaxes(1, 2))  # each pair is computed once
+    # a moment's curl: m . (omega_i x omega_j), of the order of the moment where two axes are not parallel
+    assert (np.abs(K_m - K_m.swapaxes(1, 2)).max(axis=(1, 2)) > 100).all()
+    K = geometric_stiffness(where, wrench, point)
+    np.testing.assert_allclose(K, K_f + K_m, rtol=0, atol=1000 * small(where))
+
+
+def test_k_w_of_a_moment_does_not_depend_on_where_it_acts(kr500, rng):
+    q, theta = bent(kr500, rng, 2)
+    where = chain(kr500.vjm, q, theta)
+    wrench, point = random_wrench(rng, 2, 0, 1000)
+    K_w = geometric_stiffness(where, wrench, point)
+    np.testing.assert_array_equal(K_w, geometric_stiffness(where, wrench, np.zeros((2, 3))))
+
+
+# --- tangent of the loaded arm ---------------------------------------------------------------------------
+
+
+def plant_compliance(plant, q, theta, wrench, point):
+    """J (K_theta - K_w)^-1 J^T of one pose, Jacobian and tangent MuJoCo's own, (6, 6)."""
+    data = mujoco.MjData(plant.model)
+    data.qpos[plant.joints], data.qpos[plant.theta] = q, theta
+    balance = _tangent(plant.C, data.qpos, _generalised_force(plant, data, wrench, point))
+    mujoco.mj_kinematics(plant.model, data)
+    mujoco.mj_comPos(plant.model, data)
+    at = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point
+    J = np.zeros((6, plant.model.nv))
+    mujoco.mj_jac(plant.model, data, J[:3], J[3:], at, plant.tool)
+    return J @ np.linalg.solve(balance, plant.C @ J.T)
+
+
+def tangent(cell, q, theta, wrench, point):
+    where = chain(cell.vjm, q, theta)
+    K_w = geometric_stiffness(where, wrench, point)
+    return loaded_compliance(load_jacobian(where, point), cell.arm.C_theta, K_w)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.46, 1.0])
+def test_loaded_compliance_is_the_plants_numerical_tangent(request, share):
+    """1 to 10 kN on the heavy arm; the light one up to what it carries."""
+    for name, heaviest in HEAVIEST.items():
+        cell, rng = request.getfixturevalue(name), np.random.default_rng(7)
+        plant, q = weightless(cell), random_q(cell, rng, 10)
+        wrench, point = hung(cell, 10, share * heaviest)
+        rest = settle(plant, q, wrench, point)
+        C = tangent(cell, q, rest.theta, wrench, point)
+        for i in range(10):
+            expected = plant_compliance(plant, q[i], rest.theta[i], wrench[i], point[i])
+            # differences of generalised forces lose 1e-10 of the load's tangent; it is 1 % of the springs'
+            np.testing.assert_allclose(C[i], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_loaded_compliance_predicts_increments_of_the_plants_equilibrium(kr500, rng):
+    """The same tangent, seen from outside: central differences of `settle` with 5 kN hung on."""
+    plant, q = weightless(kr500), random_q(kr500, rng, 10)
+    wrench, point = hung(kr500, 10, 5000.0)
+    C = tangent(kr500, q, settle(plant, q, wrench, point).theta, wrench, point)
+    h = 100.0
+    for k, step in enumerate(h * np.eye(6)):
+        ahead, behind = (settle(plant, q, wrench + s, point) for s in (step, -step))
+        moved = ahead.tool - behind.tool
+        moved += np.einsum("rxy,ry->rx", ahead.rotation - behind.rotation, point)
+        # `settle` stops within 1e-10 m, increments move the arm by 1e-4 m
+        np.testing.assert_allclose(moved / (2 * h), C[:, :3, k], rtol=0, atol=1e-6 * np.abs(C[:, :3]).max())
+
+
+def test_a_weight_softens_an_arm_that_stands_and_stiffens_one_that_hangs(kr500):
+    """Sign of K_w against intuition: an inverted and a plain pendulum, seen in joint 2 alone."""
+    C_theta = np.zeros_like(kr500.arm.C_theta)
+    joint_2 = 6 * 7 + 1
+    C_theta[joint_2, joint_2] = kr500.arm.joints[1].compliance
+    q = np.deg2rad([[0.0, -90, 0, 0, 0, 0], [0.0, 90, 0, 0, 0, 0]])
+    where = chain(kr500.vjm, q)
+    K_w = geometric_stiffness(where, *hung(kr500, 2, 10_000.0))
+    assert K_w[0, joint_2, joint_2] > 0 > K_w[1, joint_2, joint_2]
+
+
+def test_without_load_eq_7_is_eq_6(cell, rng):
+    q = random_q(cell, rng, 5)
+    J, zero = jacobian(cell.vjm, q), np.zeros((5, cell.arm.n_theta, cell.arm.n_theta))
+    np.testing.assert_array_equal(
+        geometric_stiffness(chain(cell.vjm, q), np.zeros((5, 6)), zero[:, 0, :3]), zero
+    )
+    C = loaded_compliance(J, cell.arm.C_theta, zero)
+    expected = cartesian_compliance(J, cell.arm.C_theta)
+    np.testing.assert_allclose(C, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
+    rest = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, np.zeros((5, 6)), np.zeros((5, 3)))
+    np.testing.assert_array_equal(rest.theta, 0)
+    np.testing.assert_array_equal(loaded_deflection(cell.vjm, q, rest.theta, cell.vjm.markers), 0)
+
+
+def test_compliance_form_is_the_stiffness_form_of_the_paper(cell, rng):
+    """J (K_theta - K_w)^-1 J^T with K_theta = inv(C_theta), where that exists."""
+    q = random_q(cell, rng, 3)
+    wrench, point = random_wrench(rng, 3, 3000, 1000)
+    C_theta = cell.arm.C_theta
+    where = chain(cell.vjm, q)
+    J, K_w = load_jacobian(where, point), geometric_stiffness(where, wrench, point)
+    expected = J @ np.linalg.solve(np.linalg.inv(C_theta) - K_w, J.swapaxes(1, 2))
+    # the condition number of K_theta, m/N beside rad/(N m), costs the expected side six digits
+    np.testing.assert_allclose(
+        loaded_compliance(J, C_theta, K_w), expected, rtol=0, atol=1e-10 * np.abs(expected).max()
+    )
+
+
+def test_rigid_links_are_zeros_in_the_compliance(cell, rng):
+    """A singular C_theta, joints alone elastic: the limit of ever stiffer links."""
+    q = random_q(cell, rng, 3)
+    wrench, point = hung(cell, 3, 1000.0)
+    links = 6 * len(cell.arm.links)
+    rigid, stiff = cell.arm.C_theta.copy(), cell.arm.C_theta.copy()
+    rigid[:links, :links] = 0
+    stiff[:links, :links] *= 1e-9
+    thetas = [loaded_equilibrium(cell.vjm, C, q, wrench, point).theta for C in (rigid, stiff)]
+    assert np.abs(thetas[0][:, :links]).max() == 0
+    np.testing.assert_allclose(*thetas, rtol=0, atol=1e-8 * np.abs(thetas[0]).max())
+
+
+# --- equilibrium under load ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.1, 0.46, 1.0])
+def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
+    """Pinocchio's chain with Newton on Eq. (7), MuJoCo's with springs as tendons: one equilibrium."""
+    plant, q = weightless(cell), random_q(cell, rng, 40)
+    wrench, point = hung(cell, 40, share * HEAVIEST[cell.arm.name.removesuffix("_l480")])
+    rest, ours = (
+        settle(plant, q, wrench, point),
+        loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, wrench, point),
+    )
+    # the plant stops at a step of 1e-9, which gains a factor of four or more
+    np.testing.assert_allclose(ours.theta, rest.theta, rtol=0, atol=1e-9)
+    moved = loaded_deflection(cell.vjm, q, ours.theta, cell.vjm.markers)
+    np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
+    assert ours.step.max() < loaded.STEP_TOLERANCE
+    assert ours.iterations.max() <= 6  # quadratic convergence
+
+
+def test_to_near_rounding_where_the_plant_is_asked_for_more_digits(kr500, rng, monkeypatch):
+    monkeypatch.setattr("testbench.plant.equilibrium.STEP_TOLERANCE", 1e-14)
+    plant, q = weightless(kr500), random_q(kr500, rng, 20)
+    wrench, point = random_wrench(rng, 20, 3000, 1000)
+    rest, ours = (
+        settle(plant, q, wrench, point),
+        loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, q, wrench, point),
+    )
+    # virtual joints move by 1e-3; 1e-16 of 1e4 N m on 1e-5 rad/(N m), times what springs lose as tendons
+    np.testing.assert_allclose(ours.theta, rest.theta, rtol=0, atol=1e-15)
+
+
+def test_the_plants_rest_leaves_no_residual_in_the_models_equation(kr500, rng):
+    """theta = C_theta J(theta)^T w, theta from MuJoCo and J from Pinocchio."""
+    plant, q = weightless(kr500), random_q(kr500, rng, 20)
+    wrench, point = hung(kr500, 20, 10_000.0)
+    theta = settle(plant, q, wrench, point).theta
+    residual = (kr500.arm.C_theta @ generalised_load(chain(kr500.vjm, q, theta), wrench, point)).T - theta
+    assert np.abs(residual).max() < 1e-9  # the plant's step tolerance
+
+
+def test_a_pose_rests_alike_alone_and_among_others(kr500, rng):
+    q = random_q(kr500, rng, 6)
+    wrench, point = hung(kr500, 6, 10_000.0)
+    wrench[:3] *= 0.01  # these need fewer steps
+    together = loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, q, wrench, point)
+    assert len(set(together.iterations)) > 1
+    alone = loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, q[2:3], wrench[2:3], point[2:3])
+    # matrix products over other numbers of runs may round otherwise
+    np.testing.assert_allclose(alone.theta[0], together.theta[2], rtol=0, atol=1e-16)
+
+
+def test_no_poses_are_no_equilibria(kr500):
+    rest = loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, *(np.zeros((0, k)) for k in (6, 6, 3)))
+    assert rest.theta.shape == (0, 48)
+    assert loaded_deflection(kr500.vjm, np.zeros((0, 6)), rest.theta, kr500.vjm.markers).shape == (0, 3, 3)
+
+
+# --- order of the errors ---------------------------------------------------------------------------------
+
+
+def second_order(cell, q, force):
+    """Second-order part of the deflection along the force at its own point, by method, in units of a.
+
+    a = theta^T K_w theta with the first-order theta, (runs,).
+    """
+    runs, C_theta = len(q), cell.arm.C_theta
+    wrench, point = np.hstack([force, np.zeros_like(force)]), np.tile(cell.vjm.load, (runs, 1))
+    at_load, free = cell.vjm.load[None], chain(cell.vjm, q)
+    K_w = geometric_stiffness(free, wrench, point)
+    theta = (C_theta @ generalised_load(free, wrench, point)).T
+    a = np.einsum("ri,rij,rj->r", theta, K_w, theta)
+    rest = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
+    under = chain(cell.vjm, q, rest.theta)
+    C_under = loaded_compliance(
+        load_jacobian(under, point), C_theta, geometric_stiffness(under, wrench, point)
+    )
+    moved = {
+        "linear": secant_deflection(free, C_theta, wrench, point, at_load)[:, 0],
+        "once": secant_deflection(free, C_theta, wrench, point, at_load, K_w)[:, 0],
+        "loaded": np.einsum("rxy,ry->rx", C_under[:, :3, :3], force),
+        "true": loaded_deflection(cell.vjm, q, rest.theta, at_load)[:, 0],
+    }
+    along = {name: (force * value).sum(axis=1) for name, value in moved.items()}
+    return {name: (value - along["linear"]) / a for name, value in along.items()}
+
+
+def test_second_order_terms_along_the_force_are_0_1_and_one_and_a_half_a(cell):
+    """Work w . dX of a constant force, theta = theta_1 + theta_2 with theta_2 = C_theta K_w theta_1.
+
+    In second order it holds w^T J theta_2 = theta_1^T K_w theta_1 = a, and 1/2 theta_1^T K_w theta_1 = a / 2
+    from the curvature of the geometry: 1.5 a. Eq. (6) holds none of it; Eq. (7) with K_w at theta = 0, as a secant, only the first; as
+    the tangent at the loaded equilibrium twice 1.5 a, a derivative of a square.
+    """
+    rng = np.random.default_rng(11)
+    q = random_q(cell, rng, 30)
+    force = rng.standard_normal((30, 3))
+    force *= 1e-4 * HEAVIEST[cell.arm.name.removesuffix("_l480")] / np.linalg.norm(force, axis=1)[:, None]
+    terms = second_order(cell, q, force)
+    # a ten-thousandth of the heaviest load leaves third-order terms of 1e-4 beside those of second order, and
+    # more only in poses where a is next to nothing: hence the median
+    expected = {"once": 1.0, "true": 1.5, "loaded": 3.0}
+    for name, coefficient in expected.items():
+        assert np.median(np.abs(terms[name] - coefficient)) < 1e-3, name
+    # averages of two secants: Eq. (6) with Eq. (7) at no load misses a; with the loaded tangent nothing
+    assert np.median(np.abs((terms["linear"] + terms["once"]) / 2 - 0.5)) < 1e-3
+    assert np.median(np.abs((terms["linear"] + terms["loaded"]) / 2 - 1.5)) < 1e-3
+
+
+def distance_errors(cell, plant, q, load):
+    """RMS errors of the tool against MuJoCo, by method [m]."""
+    wrench, point = hung(cell, len(q), load)
+    tool, C_theta = np.zeros((1, 3)), cell.arm.C_theta
+    true = settle(plant, q, wrench, point).tool - settle(plant, q).tool
+    free = chain(cell.vjm, q)
+    rest = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
+    under = chain(cell.vjm, q, rest.theta)
+    linear, once, loaded_ = (
+        secant_deflection(where, C_theta, wrench, point, tool, K_w)[:, 0]
+        for where, K_w in (
+            (free, None),
+            (free, geometric_stiffness(free, wrench, point)),
+            (under, geometric_stiffness(under, wrench, point)),
+        )
+    )
+    moved = {"linear": linear, "once": once, "loaded": loaded_, "mean": (linear + loaded_) / 2}
+    moved["integrated"] = loaded_deflection(cell.vjm, q, rest.theta, tool)[:, 0]
+    return {name: np.sqrt(np.mean(np.sum((value - true) ** 2, axis=1))) for name, value in moved.items()}
+
+
+def test_errors_of_eq_6_and_of_eq_7_taken_once_are_of_second_order_in_load(kr500, rng):
+    plant, q = weightless(kr500), random_q(kr500, rng, 30)
+    full, half = (distance_errors(kr500, plant, q, load) for load in (10_000.0, 5000.0))
+    for method in ("linear", "once", "loaded"):
+        # halving the load divides a second-order error by four, up to third-order terms of 1 %
+        assert 3.9 < full[method] / half[method] < 4.1, method
+    assert full["once"] < full["linear"]
+    # Eq. (6) and Eq. (7) at the loaded equilibrium err alike and in opposite directions
+    assert full["loaded"] == pytest.approx(full["linear"], rel=0.02)
+
+
+def test_mean_of_unloaded_and_loaded_tangent_errs_in_third_order_only(kr500, rng):
+    """The trapezoidal rule on dX = C(w) dw; MuJoCo is the truth."""
+    plant, q = weightless(kr500), random_q(kr500, rng, 30)
+    full, half = (distance_errors(kr500, plant, q, load) for load in (10_000.0, 5000.0))
+    assert 7.6 < full["mean"] / half["mean"] < 8.4
+    assert full["mean"] < full["linear"] / 50
+
+
+def test_integrated_eq_7_has_no_error_to_speak_of(kr500, rng):
+    plant, q = weightless(kr500), random_q(kr500, rng, 30)
+    error = distance_errors(kr500, plant, q, 10_000.0)
+    assert error["integrated"] < 1e-9  # the plant's step tolerance
+    assert error["linear"] > 1e-5
+
+
+def test_tangent_summed_over_small_load_steps_is_the_equilibrium(kr500, rng):
+    """Eq. (7) integrated in the literal sense: dX = C(w) dw by the midpoint rule, the equilibrium its limit."""
+    q = random_q(kr500, rng, 5)
+    wrench, point = hung(kr500, 5, 10_000.0)
+    C_theta, at_load = kr500.arm.C_theta, kr500.vjm.load[None]
+    whole = loaded_equilibrium(kr500.vjm, C_theta, q, wrench, point).theta
+    expected = loaded_deflection(kr500.vjm, q, whole, at_load)[:, 0]
+
+    def summed(steps):
+        moved = np.zeros((5, 3))
+        for share in (np.arange(steps) + 0.5) / steps:
+            theta = loaded_equilibrium(kr500.vjm, C_theta, q, share * wrench, point).theta
+            C = tangent(kr500, q, theta, share * wrench, point)
+            moved += np.einsum("rxy,ry->rx", C[:, :3, :3], wrench[:, :3] / steps)
+        return np.abs(moved - expected).max()
+
+    assert 3.8 < summed(2) / summed(4) < 4.2  # the midpoint rule's order
+    assert summed(4) < 1e-5 * np.abs(expected).max()
+
+
+# --- buckling and bad input ------------------------------------------------------------------------------
+
+
+def inverted_pendulum(cell):
+    """Joint 2 alone elastic, the load straight above it: pose, point, C_theta, height, compliance."""
+    q = np.deg2rad([[0.0, -90, 0, 0, 0, 0]])
+    where, C_theta = chain(cell.vjm, q), np.zeros_like(cell.arm.C_theta)
+    joint_2 = 6 * 7 + 1
+    compliance = cell.arm.joints[1].compliance
+    C_theta[joint_2, joint_2] = compliance
+    height, above = 2.0, cell.vjm.base[:3, 3] + [0.5, 0, 1.045 + 2.0]
+    point = (above - where.position[0]) @ where.rotation[0]
+    return q, point[None], C_theta, height, compliance
+
+
+def test_loaded_stiffness_falls_to_zero_at_the_buckling_load_of_theory(kr500):
+    """An inverted pendulum of height h on a spring k: stiffness k - P h, critical load P = k / h."""
+    q, point, C_theta, height, compliance = inverted_pendulum(kr500)
+    critical = 1 / (compliance * height)
+    for share in (0.0, 0.5, 0.9):
+        wrench = np.array([[0, 0, -share * critical, 0, 0, 0]])
+        theta = loaded_equilibrium(kr500.vjm, C_theta, q, wrench, point).theta
+        where = chain(kr500.vjm, q, theta)
+        K_w = geometric_stiffness(where, wrench, point)
+        sideways = loaded_compliance(load_jacobian(where, point), C_theta, K_w)[0, 0, 0]
+        # a dozen roundings, magnified ten times by the nearness of buckling
+        expected = height**2 * compliance / (1 - share)
+        np.testing.assert_allclose(sideways, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("share", [1.001, 1.5, 3.0])
+def test_beyond_its_buckling_load_an_arm_has_no_equilibrium(kr500, share):
+    q, point, C_theta, height, compliance = inverted_pendulum(kr500)
+    wrench = np.array([[0, 0, -share / (compliance * height), 0, 0, 0]])
+    with pytest.raises(NoEquilibrium, match=r"-90\.0.*buckled"):
+        loaded_equilibrium(kr500.vjm, C_theta, q, wrench, point)
+
+
+def test_model_and_plant_agree_that_a_soft_arm_buckles(kr500):
+    joints = list(kr500.arm.joints)
+    joints[1] = replace(joints[1], compliance=1e-4)
+    arm = replace(kr500.arm, joints=tuple(joints))
+    plant = build_plant(arm)
+    plant.model.opt.gravity[:] = 0
+    q, (wrench, point) = np.deg2rad([[0.0, -90, 0, 0, 0, 0]]), hung(kr500, 1, 4515.0)
+    with pytest.raises(NoEquilibrium):
+        settle(plant, q, wrench, point)
+    with pytest.raises(NoEquilibrium):
+        loaded_equilibrium(kr500.vjm, arm.C_theta, q, wrench, point)
+
+
+def test_a_load_beyond_all_measure_names_its_pose(arm_6r):
+    q = np.deg2rad([[0.0, 0, 0, 0, 0, 0], [0.0, 10, 0, 0, 0, 0]])
+    wrench, point = hung(arm_6r, 2, 1e6)
+    wrench[0] = 0
+    with pytest.raises(NoEquilibrium, match=r"no static equilibrium in 1 .*10\.0.*too soft"):
+        loaded_equilibrium(arm_6r.vjm, arm_6r.arm.C_theta, q, wrench, point)
+
+
+def test_exactly_at_buckling_the_loaded_compliance_is_an_error(kr500):
+    q, point, *_ = inverted_pendulum(kr500)
+    J = load_jacobian(chain(kr500.vjm, q), point)
+    C = np.diag(np.r_[1.0, np.zeros(47)])
+    with pytest.raises(NoEquilibrium, match="buckles"):
+        loaded_compliance(J, C, C[None])
+
+
+def test_wrong_shapes_say_what_was_expected(kr500):
+    arm, vjm = kr500.arm, kr500.vjm
+    q, wrench, point, theta = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 3)), np.zeros((2, 48))
+    where, K_w = chain(vjm, q), np.zeros((2, 48, 48))
+    J = load_jacobian(where, point)
+    cases = {
+        r"theta \[m, rad\]: expected shape \(2, 48\), got \(2, 42\)": lambda: chain(vjm, q, theta[:, :42]),
+        r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
+        "theta .*finite": lambda: chain(vjm, q, np.full((2, 48), np.nan)),
+        r"wrench .*\(2, 6\), got \(1, 6\)": lambda: geometric_stiffness(where, wrench[:1], point),
+        r"point .*\(2, 3\), got \(3,\)": lambda: geometric_stiffness(where, wrench, point[0]),
+        "wrench .*finite": lambda: geometric_stiffness(where, wrench + np.inf, point),
+        r"point .*\(2, 3\), got \(1, 3\)": lambda: load_jacobian(where, point[:1]),
+        r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded_compliance(J[0], arm.C_theta, K_w),
+        r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded_compliance(J, np.eye(42), K_w),
+        r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded_compliance(J, arm.C_theta, K_w[0]),
+        r"C_theta .*got \(48,\)": lambda: loaded_equilibrium(vjm, np.ones(48), q, wrench, point),
+        r"wrench .*got \(3, 6\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q, np.zeros((3, 6)), point),
+        r"q \[rad\].*got \(2, 5\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q[:, :5], wrench, point),
+        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
+        r"targets .*got \(1, 2\)": lambda: secant_deflection(
+            where, arm.C_theta, wrench, point, np.zeros((1, 2))
+        ),
+        r"K_w .*got \(1, 48, 48\)": lambda: secant_deflection(
+            where, arm.C_theta, wrench, point, np.zeros((1, 3)), K_w[:1]
+        ),
+    }
+    for text, call in cases.items():
+        with pytest.raises(BenchError, match=text):
+            call()
+
+
+def test_the_loaded_model_shares_no_code_with_the_plant():
+    tree = ast.parse(Path(loaded.__file__).read_text(encoding="utf-8"))
+    names = {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    assert not any(name.startswith(("testbench.plant", "testbench.bench", "mujoco")) for name in names)
+
+
+def test_jacobian_at_the_loads_point_is_that_of_one_point_for_all_runs(kr500, rng):
+    q, point = random_q(kr500, rng, 4), np.array([0.3, -0.2, 0.1])
+    where = chain(kr500.vjm, q)
+    J = load_jacobian(where, np.tile(point, (4, 1)))
+    np.testing.assert_allclose(J, jacobian(kr500.vjm, q, point), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(J[:, :3].transpose(1, 2, 0), translation_rows(where, point[None]), atol=1e-14)
