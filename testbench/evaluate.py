@@ -22,8 +22,8 @@ class Score:
         rms: Root mean square of the distance error over all points [m].
         p95: 95th percentile [m].
         max: Largest [m].
-        p95_relative: 95th percentile of the error as a share of the measured deflection of its point [1]; None
-            where no point moved.
+        p95_relative: 95th percentile of the error as a share of the measured deflection of its point [1];
+            None where no point moved.
         max_relative: The largest such share [1].
     """
 

@@ -154,8 +154,8 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
             return kept_q[: scenario.check_runs], kept_wrench[: scenario.check_runs], k * BATCH
     raise PoseError(
         f"found {len(kept_q)} of {scenario.check_runs} check runs with a deflection of "
-        f"{1e3 * scenario.least:g} to {1e3 * scenario.most:g} mm among {MAX_BATCHES * BATCH} drawn; widen the "
-        "range or change the loads"
+        f"{1e3 * scenario.least:g} to {1e3 * scenario.most:g} mm among {MAX_BATCHES * BATCH} drawn; widen "
+        "the range or change the loads"
     )
 
 

@@ -11,7 +11,7 @@ DOORS = {
     "pinocchio": lambda p: p == Path("vjm.py"),
     "rerun": lambda p: p == Path("record.py"),
     "clarabel": lambda p: p == Path("identify/conic.py"),
-    "matplotlib": lambda p: p == Path("figures.py"),
+    "matplotlib": lambda p: p.name.startswith("figures"),
 }
 
 

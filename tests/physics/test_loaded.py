@@ -358,16 +358,16 @@ def test_second_order_terms_along_the_force_are_0_1_and_one_and_a_half_a(cell):
     """Work w . dX of a constant force, theta = theta_1 + theta_2 with theta_2 = C_theta K_w theta_1.
 
     In second order it holds w^T J theta_2 = theta_1^T K_w theta_1 = a, and 1/2 theta_1^T K_w theta_1 = a / 2
-    from the curvature of the geometry: 1.5 a. Eq. (6) holds none of it; Eq. (7) with K_w at theta = 0, as a secant, only the first; as
-    the tangent at the loaded equilibrium twice 1.5 a, a derivative of a square.
+    from the curvature of the geometry: 1.5 a. Eq. (6) holds none of it; Eq. (7) with K_w at theta = 0, as a
+    secant, only the first; as the tangent at the loaded equilibrium twice 1.5 a, a derivative of a square.
     """
     rng = np.random.default_rng(11)
     q = random_q(cell, rng, 30)
     force = rng.standard_normal((30, 3))
-    force *= 1e-4 * HEAVIEST[cell.arm.name.removesuffix("_l480")] / np.linalg.norm(force, axis=1)[:, None]
+    force *= 5 / np.linalg.norm(force, axis=1)[:, None]
     terms = second_order(cell, q, force)
-    # a ten-thousandth of the heaviest load leaves third-order terms of 1e-4 beside those of second order, and
-    # more only in poses where a is next to nothing: hence the median
+    # five newtons: third-order terms, and the rounding of positions of metres, are 2e-4 of those of second
+    # order, and more only in poses where a is next to nothing: hence the median
     expected = {"once": 1.0, "true": 1.5, "loaded": 3.0}
     for name, coefficient in expected.items():
         assert np.median(np.abs(terms[name] - coefficient)) < 1e-3, name
@@ -424,7 +424,7 @@ def test_integrated_eq_7_has_no_error_to_speak_of(kr500, rng):
 
 
 def test_tangent_summed_over_small_load_steps_is_the_equilibrium(kr500, rng):
-    """Eq. (7) integrated in the literal sense: dX = C(w) dw by the midpoint rule, the equilibrium its limit."""
+    """Eq. (7) integrated in the literal sense, dX = C(w) dw by the midpoint rule; its limit is the equilibrium."""
     q = random_q(kr500, rng, 5)
     wrench, point = hung(kr500, 5, 10_000.0)
     C_theta, at_load = kr500.arm.C_theta, kr500.vjm.load[None]

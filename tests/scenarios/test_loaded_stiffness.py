@@ -1,0 +1,164 @@
+"""The study of Eq. (7) as a stranger runs it: its files, its numbers, its manners."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scenarios" / "loaded_stiffness.py"
+FILES = {"report.json", "report.md", "manifest.json", "errors.csv", "loaded_stiffness.png"}
+METHODS = ["linear", "secant", "integrated"]
+POSES, LOADS = 30, [1000.0, 2154.43, 4641.59, 10_000.0]
+
+
+def run(*args):
+    command = [sys.executable, str(SCRIPT), *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick")
+    done = run("--seed", 3, "--out", out, "--quick")
+    assert done.returncode == 0, done.stderr
+    return out, done
+
+
+@pytest.fixture(scope="module")
+def report(quick):
+    return json.loads((quick[0] / "report.json").read_text())
+
+
+def rms(report, truth, method):
+    """RMS errors by load [mm]."""
+    rows = report["rows"]
+    return np.array([r["rms_mm"] for r in rows if (r["truth"], r["method"]) == (truth, method)])
+
+
+def test_a_run_leaves_its_files_and_says_where(quick):
+    out, done = quick
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stderr == ""
+    for name in FILES:
+        assert str(out / name) in done.stdout
+    assert (out / "loaded_stiffness.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_report_says_what_was_done_and_its_rows_carry_units(report):
+    assert (report["scenario"], report["seed"], report["arm"]) == ("loaded_stiffness", 3, "kr500_l480")
+    assert report["poses"] == POSES
+    np.testing.assert_allclose(report["loads_N"], LOADS, rtol=1e-5)
+    assert list(report["methods"]) == METHODS
+    assert len(report["rows"]) == len(LOADS) * 2 * len(METHODS)
+    for row in report["rows"]:
+        assert {"load_N", "truth", "method", "deflection_rms_mm", "vertical_rms_mm", "rms_percent"} <= set(
+            row
+        )
+        assert 0 < row["p05_mm"] <= row["median_mm"] <= row["p95_mm"] <= row["max_mm"]
+        assert row["rms_mm"] <= row["max_mm"]
+        assert row["p05_percent"] <= row["median_percent"] <= row["p95_percent"] <= row["max_percent"]
+
+
+def test_integrated_is_exact_and_eq_7_taken_once_lies_between(report):
+    linear, secant, integrated = (rms(report, "weightless", method) for method in METHODS)
+    assert (integrated < 1e-4 * secant).all()
+    assert (secant < linear).all()
+    # second order in load: between loads a factor 2.15 apart, errors are 4.64 apart, up to third order
+    np.testing.assert_allclose(linear[1:] / linear[:-1], 4.64, rtol=0.02)
+
+
+def test_own_weight_leaves_every_method_an_error_in_proportion_to_the_load(report):
+    linear, secant, integrated = (rms(report, "own weight", method) for method in METHODS)
+    assert (integrated < secant).all()
+    assert (secant < linear).all()
+    np.testing.assert_allclose(integrated[1:] / integrated[:-1], 2.154, rtol=0.02)
+
+
+def test_tangent_under_load_is_that_of_the_true_arm(report):
+    tangents = report["tangent"]
+    assert [row["load_N"] for row in tangents] == report["loads_N"]
+    # central differences of equilibria settled to 1e-10 m, moved by 1e-5 m at the stiffest pose
+    assert max(row["max_relative_difference"] for row in tangents) < 1e-5
+
+
+def test_rows_of_errors_csv_add_up_to_the_report(quick, report):
+    with (quick[0] / "errors.csv").open(newline="") as text:
+        rows = list(csv.DictReader(text))
+    assert len(rows) == POSES * len(report["rows"])
+    for expected in report["rows"]:
+        case = [
+            row
+            for row in rows
+            if (float(row["load_N"]), row["truth"], row["method"])
+            == (expected["load_N"], expected["truth"], expected["method"])
+        ]
+        error = np.array([float(row["error_m"]) for row in case])
+        assert len(error) == POSES
+        assert 1e3 * np.sqrt(np.mean(error**2)) == pytest.approx(expected["rms_mm"], rel=1e-12)
+        parts = np.array([[float(row[f"error_{x}_m"]) for x in "xyz"] for row in case])
+        np.testing.assert_allclose(np.linalg.norm(parts, axis=1), error, rtol=1e-12)
+    assert {int(row["run"]) for row in rows} == set(range(1, POSES * len(LOADS) + 1))
+
+
+def test_verdict_holds_the_numbers_of_the_heaviest_load(quick, report):
+    said = " ".join(quick[1].stdout.split())
+    assert f"{rms(report, 'weightless', 'linear')[-1]:.3g} mm RMS" in said
+    assert f"{rms(report, 'weightless', 'linear')[-1]:.3g} mm RMS" in (quick[0] / "report.md").read_text()
+
+
+def test_manifest_names_study_seed_versions_commit_and_model_files(quick):
+    manifest = json.loads((quick[0] / "manifest.json").read_text())
+    assert manifest["scenario"]["max_load"] == 10_000
+    assert (manifest["scenario"]["poses"], manifest["seed"]) == (POSES, 3)
+    assert set(manifest["versions"]) >= {"testbench", "mujoco", "pin"}
+    assert set(manifest["models"]["kr500_l480"]) >= {"rigid.xml", "elastic.toml"}
+    assert manifest["git"]
+
+
+def test_same_seed_gives_the_same_numbers_byte_for_byte_and_another_seed_others(quick, tmp_path):
+    for seed in (3, 4):
+        assert run("--seed", seed, "--out", tmp_path / str(seed), "--quick").returncode == 0
+    for name in ("errors.csv", "report.json", "report.md"):
+        first = (quick[0] / name).read_bytes()
+        assert (tmp_path / "3" / name).read_bytes() == first
+        assert (tmp_path / "4" / name).read_bytes() != first
+
+
+def test_another_arm_and_another_load(tmp_path):
+    done = run("--arm", ROOT / "models" / "arm_6r", "--max-load-n", 500, "--out", tmp_path, "--quick")
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["arm"] == "arm_6r"
+    assert report["loads_N"][-1] == pytest.approx(500)
+    linear, integrated = rms(report, "weightless", "linear"), rms(report, "weightless", "integrated")
+    assert (integrated < 1e-3 * linear).all()
+
+
+BAD_FLAGS = [
+    (["--nonsense"], "No such option: --nonsense"),
+    (["--seed", "-1"], "--seed"),
+    (["--seed", "x"], "--seed"),
+    (["--max-load-n", "-5"], "max_load"),
+    (["--max-load-n", "nan"], "max_load"),
+    (["--max-load-n", "1e9"], "max_load"),
+    (["--arm", "no/such/arm"], "no/such/arm: expected a folder"),
+    (["--arm", str(ROOT / "models" / "arm_6r"), "--max-load-n", "90000"], "too soft for its load"),
+]
+
+
+@pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
+def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
+    (tmp_path / "report.json").write_text("earlier")
+    done = run("--out", tmp_path, "--quick", *flags)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: ")
+    assert text in done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
+    assert (tmp_path / "report.json").read_text() == "earlier"
