@@ -298,7 +298,7 @@ def table(report: Report) -> Table:
     for truth in TRUTHS:
         for first, rows in cells(report):
             if first["truth"] == truth:
-                numbers = [number(rows[m][key]) for m in METHODS for key in ("rms_mm", "rms_percent")]
+                numbers = [words for row in rows.values() for words in (number(row["rms_mm"]), share(row))]
                 moves = f"{first['deflection_rms_mm']:.2f}"
                 shown.add_row(truth, f"{first['load_N'] / 1e3:.3g}", moves, *numbers)
         shown.add_section()
@@ -310,6 +310,12 @@ def number(value: float) -> str:
     return f"{value:.3g}" if value >= 1e-4 else f"{value:.0e}"
 
 
+def share(row: Report) -> str:
+    """RMS error over RMS deflection."""
+    percent = float(row["rms_percent"])
+    return f"{percent:.2f}" if percent >= 0.005 else f"{percent:.0e}"
+
+
 def verdict(report: Report) -> str:
     """What a person should take home, in one sentence."""
     last = {first["truth"]: rows for first, rows in cells(report)}
@@ -317,7 +323,7 @@ def verdict(report: Report) -> str:
     worst = max(row["max_relative_difference"] for row in report["tangent"])
 
     def error(row: Report) -> str:
-        return f"{number(row['rms_mm'])} mm RMS ({number(row['rms_percent'])} % of the deflection)"
+        return f"{number(row['rms_mm'])} mm RMS ({share(row)} % of the deflection)"
 
     return (
         f"Under {report['loads_N'][-1] / 1e3:.3g} kN Eq. (6) is off by {error(free['linear'])}, Eq. (7) with "

@@ -129,23 +129,8 @@ def loaded_stiffness(report: Report, file: Path) -> None:
     """RMS error of Eq. (6) and (7) against the load: weightless solid, with the arm's own weight dashed."""
     figure = Figure(figsize=(8, 5.2), layout="constrained")
     axes = figure.subplots()
-    largest = max(row["rms_mm"] for row in report["rows"])
-    notes = 0
-    for truth, (style, whose) in LOADED_TRUTHS.items():
-        for method, (shade, marker, words) in LOADED_METHODS.items():
-            rows = [row for row in report["rows"] if (row["truth"], row["method"]) == (truth, method)]
-            worst = max(row["rms_mm"] for row in rows)
-            if worst < 1e-5 * largest:  # rounding, many decades below the others: words, no line
-                note = f"{words}, {whose}: exact (within {1e3 * worst:.0e} um)"
-                axes.text(0.98, 0.03 + 0.05 * notes, note, color=shade, transform=axes.transAxes, ha="right")
-                notes += 1
-            else:
-                _loaded_line(axes, rows, style, shade, marker)
-    for shade, marker, words in LOADED_METHODS.values():
-        axes.plot([], [], color=shade, marker=marker, linewidth=2, label=words)
-    for style, words in LOADED_TRUTHS.values():
-        axes.plot([], [], style, color=GREY, linewidth=2, label=words)
     axes.loglog()
+    _loaded_lines(axes, report["rows"])
     axes.set_xticks(report["loads_N"], [f"{load / 1e3:.3g}" for load in report["loads_N"]])
     axes.set_xticks([], minor=True)
     axes.yaxis.set_major_formatter("{x:g}")
@@ -153,7 +138,11 @@ def loaded_stiffness(report: Report, file: Path) -> None:
     axes.set_ylabel("tool position error, RMS [um]")
     axes.grid(axis="y", color=GREY, alpha=0.2)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, loc="upper left")
+    for shade, marker, words in LOADED_METHODS.values():
+        axes.plot([], [], color=shade, marker=marker, linewidth=2, label=words)
+    for style, words in LOADED_TRUTHS.values():
+        axes.plot([], [], style, color=GREY, linewidth=2, label=words)
+    axes.legend(loc="upper left", edgecolor="none", framealpha=1)
     figure.suptitle(
         f"{report['arm']}, {report['poses']} poses: error of the deflection predicted from true compliances\n"
         "(at the right as a share of the deflection)",
@@ -162,8 +151,29 @@ def loaded_stiffness(report: Report, file: Path) -> None:
     figure.savefig(file, dpi=120)
 
 
-def _loaded_line(axes: Axes, rows: list[Report], style: str, shade: str, marker: str) -> None:
-    load, error = [row["load_N"] for row in rows], [1e3 * row["rms_mm"] for row in rows]
-    axes.plot(load, error, style, color=shade, marker=marker, markersize=5, linewidth=2)
-    share = f"{rows[-1]['rms_percent']:.2f} %"
-    axes.annotate(share, (load[-1], error[-1]), (8, -4), textcoords="offset points", color=shade)
+def _loaded_lines(axes: Axes, rows: list[Report]) -> None:
+    """A line for each method and truth; words at the foot for what is rounding, decades below the others."""
+    largest = max(1e3 * row["rms_mm"] for row in rows)
+    notes, ends = 0, []
+    for truth, (style, whose) in LOADED_TRUTHS.items():
+        for method, (shade, marker, words) in LOADED_METHODS.items():
+            line = [row for row in rows if (row["truth"], row["method"]) == (truth, method)]
+            load, error = [row["load_N"] for row in line], [1e3 * row["rms_mm"] for row in line]
+            if max(error) < 1e-5 * largest:
+                note = f"{words}, {whose}: exact (within {max(error):.0e} um)"
+                place = (0.98, 0.03 + 0.05 * notes)
+                axes.text(*place, note, color=shade, transform=axes.transAxes, ha="right")
+                notes += 1
+            else:
+                axes.plot(load, error, style, color=shade, marker=marker, markersize=5, linewidth=2)
+                ends.append((error[-1], f"{line[-1]['rms_percent']:.2f} %", shade))
+    _name_ends(axes, ends)
+
+
+def _name_ends(axes: Axes, ends: list[tuple[float, str, str]]) -> None:
+    """Words beside the right end of every line of a logarithmic axis, pushed down where they would meet."""
+    low, high = np.log(axes.get_ylim())
+    place = math.inf
+    for value, words, shade in sorted(ends, reverse=True):
+        place = min((math.log(value) - low) / (high - low), place - 0.035)
+        axes.text(1.0, place, words, color=shade, transform=axes.transAxes, ha="left", va="center")

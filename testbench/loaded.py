@@ -56,7 +56,9 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     Raises:
         BenchError: When an argument has the wrong shape or is not finite.
     """
-    wrench, point = _check_load(where, wrench, point)
+    runs = len(where.position)
+    wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
+    point = check_array(point, (runs, 3), "point [m]")
     J = _at_point(where, point)
     v, omega = J[:3].transpose(2, 0, 1), J[3:].transpose(2, 1, 0)
     of_force, of_moment = (cross(part.T[:, None], J[3:]).transpose(2, 1, 0) for part in np.hsplit(wrench, 2))
@@ -72,11 +74,6 @@ def _rank_in_chain(n_theta: int) -> npt.NDArray[np.int_]:
     n = (n_theta - 6) // 7
     links = 7 * np.arange(n + 1)[:, None] + np.arange(6)
     return np.concatenate([links.ravel(), 7 * np.arange(n) + 6])
-
-
-def _check_load(where: Chain, wrench: Array, point: Array) -> tuple[Array, Array]:
-    runs = len(where.position)
-    return check_array(wrench, (runs, 6), "wrench [N, N m]"), check_array(point, (runs, 3), "point [m]")
 
 
 def _at_point(where: Chain, point: Array) -> Array:

@@ -146,7 +146,7 @@ def summarise(reports: Sequence[Report]) -> Report:
     Args:
         reports: One a seed, of the same scenario.
     """
-    merged: Report = _merge(list(reports))
+    merged: Report = merge(list(reports))
     merged["seed"] = [r["seed"] for r in reports]
     for k, model in enumerate(merged["models"]):
         solved = sum(r["models"][k]["status"] == "solved" for r in reports)
@@ -173,10 +173,11 @@ def _paired(merged: Report, reports: Sequence[Report]) -> Report | None:
     return {**names, **wins, "seeds": len(reports)}
 
 
-def _merge(values: list[Any]) -> Any:
+def merge(values: list[Any]) -> Any:
+    """The same number, list or dictionary of several seeds as one, as in `summarise`."""
     first = values[0]
     if isinstance(first, dict):
-        return {key: _merge([v[key] for v in values]) for key in first}
+        return {key: merge([v[key] for v in values]) for key in first}
     if all(v == first for v in values):
         return first
     if all(isinstance(v, bool) for v in values):
@@ -185,7 +186,7 @@ def _merge(values: list[Any]) -> Any:
         p05, median, p95 = np.percentile(values, [5, 50, 95])
         return {"median": float(median), "p05": float(p05), "p95": float(p95)}
     if isinstance(first, list) and all(isinstance(v, list) and len(v) == len(first) for v in values):
-        return [_merge(list(column)) for column in zip(*values, strict=True)]
+        return [merge(list(column)) for column in zip(*values, strict=True)]
     return " | ".join(sorted({str(v) for v in values}))
 
 

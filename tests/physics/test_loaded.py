@@ -424,7 +424,7 @@ def test_integrated_eq_7_has_no_error_to_speak_of(kr500, rng):
 
 
 def test_tangent_summed_over_small_load_steps_is_the_equilibrium(kr500, rng):
-    """Eq. (7) integrated in the literal sense, dX = C(w) dw by the midpoint rule; its limit is the equilibrium."""
+    """Eq. (7) integrated dX = C(w) dw by the midpoint rule; its limit is the equilibrium."""
     q = random_q(kr500, rng, 5)
     wrench, point = hung(kr500, 5, 10_000.0)
     C_theta, at_load = kr500.arm.C_theta, kr500.vjm.load[None]
