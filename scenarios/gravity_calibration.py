@@ -76,7 +76,7 @@ def main(
     console.print(tables.models(final))
     console.print(tables.verdict(final))
     console.print()
-    console.print(tables.where(out), soft_wrap=True)
+    console.print(tables.where(out, figures=("models.png", "residuals.png")), soft_wrap=True)
 
 
 def write_views(folder: Path, first: Report, cell: Cell, campaign: Campaign, results: list[Result]) -> None:

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, files
+from testbench import command, files, tables
 from testbench.bench import build_cell
 from testbench.csvfile import write_csv
 from testbench.figures_six_dof import six_dof_arm
@@ -79,7 +79,8 @@ def main(
     console.print(six_dof_text.title(report))
     console.print(six_dof_text.table(report))
     console.print(six_dof_text.verdict(report))
-    console.print(f"\nresults    {out}: report.md, report.json, six_dof_arm.png, dataset.csv", soft_wrap=True)
+    console.print()
+    console.print(tables.where(out, figures=("six_dof_arm.png",)), soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -120,9 +120,9 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     return Campaign(
         scenario=scenario,
         seed=seed,
-        identification=_read(cell, scenario, q[pose], wrench, pose, noise_rng),
-        check=_read(*args, noise_rng),
-        truth=_read(*args, None),
+        identification=read_runs(cell, scenario, q[pose], wrench, pose, noise_rng),
+        check=read_runs(*args, noise_rng),
+        truth=read_runs(*args, None),
         drawn=drawn,
     )
 
@@ -159,7 +159,7 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     )
 
 
-def _read(
+def read_runs(
     cell: Cell,
     scenario: FullPose,
     q: Array,
@@ -167,7 +167,16 @@ def _read(
     pose: Ids,
     rng: np.random.Generator | None,
 ) -> Dataset:
-    """Full pose of the tool before and after loading; without noise where there is no rng."""
+    """Full pose of the tool before and after loading.
+
+    Args:
+        cell: The arm.
+        scenario: Kind of truth, and the sigmas.
+        q: Actuated joint angles, (runs, n) [rad].
+        wrench: Load at the tool, world axes, (runs, 6) [N, N m].
+        pose: Index of the pose of every run, from 0, (runs,).
+        rng: Source of the noise; None for readings without noise.
+    """
     point = np.zeros((len(q), 3))
     before, after = settle_both(cell.plant, scenario.truth, q, wrench, point)
     noisy = scenario.noise and rng is not None

@@ -1,5 +1,6 @@
 """A report for people: the table, the verdict in words, report.md. Everything is read from the report."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -166,11 +167,17 @@ def _twins(rows: list[dict[str, Any]]) -> tuple[str, str] | None:
     return None
 
 
-def where(out: Path) -> str:
-    """Where the results are, and how to open them."""
+def where(out: Path, *, figures: Sequence[str], data: str = "dataset.csv") -> str:
+    """Where the results are, and how to open them.
+
+    Args:
+        out: Folder of the results.
+        figures: Names of the figures.
+        data: Name of the data file.
+    """
     return (
-        f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'dataset.csv'}\n"
-        f"figures    {out / 'models.png'}, {out / 'residuals.png'}\n"
+        f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / data}\n"
+        f"figures    {', '.join(str(out / name) for name in figures)}\n"
         f"recording  {out / 'recording.rrd'}; open it with: .venv/bin/rerun {out / 'recording.rrd'}"
     )
 

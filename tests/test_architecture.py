@@ -52,6 +52,7 @@ def test_plant_and_vjm_never_import_each_other_not_even_through_others():
     for module in [m for m in graph if m.startswith("testbench.plant")]:
         assert not any(n.startswith("testbench.vjm") for n in reaches(module, graph)), module
     assert not any(n.startswith("testbench.plant") for n in reaches("testbench.vjm", graph))
+    assert not any(n.startswith("testbench.plant") for n in reaches("testbench.loaded", graph))
     assert not any(n.startswith("testbench.plant") for n in reaches("testbench.identify.conic", graph))
 
 

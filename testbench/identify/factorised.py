@@ -5,6 +5,7 @@ the parameter C_theta[a, b] is the product v_a . v_b. F_M(b) is not convex, and 
 that is best nearby.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,9 +17,9 @@ from scipy.optimize import minimize
 from testbench.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify
-from testbench.identify.conic import Program, check_symmetric, scale_program
+from testbench.identify.conic import DATA_TOLERANCE, Program, check_symmetric, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.regression import Regression, f_m, f_m_gradient, reduce
+from testbench.identify.regression import Regression, Term, reduce
 from testbench.structure import Structure
 from testbench.vjm import Vjm
 
@@ -35,7 +36,11 @@ MEMORY = 50
 """Steps that the local solver's model of the curvature remembers: ten stall where a block loses rank."""
 MAX_STEPS = 20_000
 TOLERANCE = 1e-12
-"""Relative gain of a step at which a local solve ends; it stops on the gradient at a thousandth of it."""
+"""Relative gain of a step at which a local solve ends."""
+FLAT = 1e-9
+"""Largest entry of the gradient at which it ends too."""
+OUT_OF_STEPS = 1
+"""Status of scipy's L-BFGS that spent all its steps."""
 CLOSE = 1e-5
 """Certified gap, relative to F_M, below which a local solution counts as the global one."""
 
@@ -50,6 +55,7 @@ class Factorised:
         m: Order of the vector space, 1 to 6.
         rows: Rows of C_theta that are unknown and touched by data, (k,).
         free: Which entries of V are in b, (m, k): a block of size n needs vectors of R^min(m, n).
+        terms: Terms of F_M over the parameters in the program's units.
     """
 
     regression: Regression
@@ -57,11 +63,33 @@ class Factorised:
     m: int
     rows: npt.NDArray[np.int_]
     free: npt.NDArray[np.bool_]
+    terms: tuple[Term, ...]
 
     @property
     def size(self) -> int:
         """Length of b."""
         return int(self.free.sum())
+
+
+@dataclass(frozen=True)
+class Descent:
+    """One local solve.
+
+    Attributes:
+        b: Where it ended, (size,).
+        f_m: Cost there.
+        evaluations: Of F_M and its gradient.
+        finished: Whether it ended by itself, not for want of steps.
+    """
+
+    b: Array
+    f_m: float
+    evaluations: int
+    finished: bool
+
+
+Evaluate = Callable[[Factorised, Array], tuple[float, Array]]
+"""F_M and its gradient at a b, such as `cost`."""
 
 
 def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
@@ -82,7 +110,9 @@ def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
     rows = np.concatenate(blocks)
     size = np.repeat([len(block) for block in blocks], [len(block) for block in blocks])
     order = np.argsort(rows)
-    return Factorised(regression, program, m, rows[order], np.arange(m)[:, None] < size[order])
+    scaled = [term.R[:, program.columns] * program.scale for term in regression.terms]
+    terms = tuple(replace(term, R=R) for term, R in zip(regression.terms, scaled, strict=True))
+    return Factorised(regression, program, m, rows[order], np.arange(m)[:, None] < size[order], terms)
 
 
 def vectors(problem: Factorised, b: Array) -> Array:
@@ -109,11 +139,16 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
         problem: The problem.
         b: The vectors, (size,), in the problem's units.
     """
-    regression, program = problem.regression, problem.program
-    pi = parameters(problem, b)
-    g = (f_m_gradient(regression, pi)[program.columns]) * program.scale
-    S = program.structure.gradient(g)
-    return f_m(regression, pi), (2 * vectors(problem, b) @ S)[:, problem.rows][problem.free]
+    s, V = problem.program.structure, vectors(problem, b)
+    x = (V[:, s.a] * V[:, s.b]).sum(axis=0)
+    value, g = 0.0, np.zeros(s.n)
+    for term in problem.terms:
+        residual = term.R @ x - term.z
+        rms = math.sqrt(residual @ residual + term.rest)
+        value += rms
+        if rms > 0:
+            g += residual @ term.R / rms
+    return value, (2 * V @ s.gradient(g))[:, problem.rows][problem.free]
 
 
 def costs(problem: Factorised, population: Array) -> Array:
@@ -129,16 +164,13 @@ def costs(problem: Factorised, population: Array) -> Array:
 
 
 def _costs(problem: Factorised, population: Array) -> Array:
-    s, program = problem.program.structure, problem.program
+    s = problem.program.structure
     V = np.zeros((problem.m, s.n_theta, population.shape[1]))
     part = np.zeros((*problem.free.shape, population.shape[1]))
     part[problem.free] = population
     V[:, problem.rows] = part
-    x = program.scale[:, None] * np.einsum("mns,mns->ns", V[:, s.a], V[:, s.b])
-    squares = [
-        ((term.R[:, program.columns] @ x - term.z[:, None]) ** 2).sum(axis=0) + term.rest
-        for term in problem.regression.terms
-    ]
+    x = np.einsum("mns,mns->ns", V[:, s.a], V[:, s.b])
+    squares = [((term.R @ x - term.z[:, None]) ** 2).sum(axis=0) + term.rest for term in problem.terms]
     return np.asarray(np.sqrt(squares).sum(axis=0))
 
 
@@ -158,11 +190,32 @@ def local_solve(
         threshold: F_M at which to stop early.
         observe: Told of every least F_M.
     """
+    found = descend(problem, start, threshold=threshold, observe=observe)
+    return found.b, found.f_m
+
+
+def descend(
+    problem: Factorised,
+    start: Array,
+    *,
+    evaluate: Evaluate = cost,
+    threshold: float = 0.0,
+    observe: Observe | None = None,
+) -> Descent:
+    """A local solve, as `local_solve`, and what it took.
+
+    Args:
+        problem: The problem.
+        start: Where to begin, (size,).
+        evaluate: F_M and its gradient.
+        threshold: F_M at which to stop early.
+        observe: Told of every least F_M.
+    """
     best, least = start, np.inf
 
-    def counted(b: Array) -> tuple[float, Array]:
+    def watched(b: Array) -> tuple[float, Array]:
         nonlocal best, least
-        value, gradient = cost(problem, b)
+        value, gradient = evaluate(problem, b)
         if value < least:
             best, least = b.copy(), value
             if observe is not None:
@@ -173,10 +226,10 @@ def local_solve(
         if least <= threshold:
             raise StopIteration
 
-    options = {"maxcor": MEMORY, "maxiter": MAX_STEPS, "maxfun": MAX_STEPS, "ftol": TOLERANCE, "gtol": 1e-9}
+    options = {"maxcor": MEMORY, "maxiter": MAX_STEPS, "maxfun": MAX_STEPS, "ftol": TOLERANCE, "gtol": FLAT}
     solver: Any = minimize  # its stubs know no cost that comes with its gradient
-    solver(counted, start, jac=True, method="L-BFGS-B", callback=stop, options=options)
-    return best, least
+    end = solver(watched, start, jac=True, method="L-BFGS-B", callback=stop, options=options)
+    return Descent(best, least, int(end.nfev), end.status != OUT_OF_STEPS)
 
 
 def gco_factorised(
@@ -212,21 +265,49 @@ def gco_factorised(
 def best_of(
     problem: Factorised, rng: np.random.Generator, *, starts: int, observe: Observe | None = None
 ) -> Estimate:
-    """The best of several local solves, as in `gco_factorised`.
+    """The best of several local solves, as in `gco_factorised`; `observe` is told of every least F_M of all.
+
+    Raises:
+        BenchError: When starts is below 1.
+    """
+    found = descents(problem, rng, starts=starts, observe=observe)
+    best = min(found, key=lambda descent: descent.f_m)
+    pi = parameters(problem, best.b)
+    word = "one local solve" if starts == 1 else f"best of {starts} local solves"
+    estimate = make_estimate(problem.regression, pi, method=f"GCO (factorised, m = {problem.m}, {word})")
+    certificate = certify(estimate)
+    if certificate.gap <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.unit:
+        status = "solved"
+    else:
+        status = "local optimum" if best.finished else f"not solved: {MAX_STEPS} steps were not enough"
+    return replace(estimate, certificate=certificate, status=status)
+
+
+def descents(
+    problem: Factorised, rng: np.random.Generator, *, starts: int, observe: Observe | None = None
+) -> list[Descent]:
+    """Local solves from random starts, one after the other.
+
+    Args:
+        problem: The problem.
+        rng: Source of the starts.
+        starts: Number of local solves.
+        observe: Told of every F_M that is the least of all solves so far.
 
     Raises:
         BenchError: When starts is below 1.
     """
     if starts < 1:
         raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
-    solutions = [local_solve(problem, random_start(problem, rng), observe=observe) for _ in range(starts)]
-    best, _ = min(solutions, key=lambda solution: solution[1])
-    pi = parameters(problem, best)
-    word = "one local solve" if starts == 1 else f"best of {starts} local solves"
-    estimate = make_estimate(problem.regression, pi, method=f"GCO (factorised, m = {problem.m}, {word})")
-    certificate = certify(estimate)
-    proven = certificate.gap <= CLOSE * estimate.f_m
-    return replace(estimate, certificate=certificate, status="solved" if proven else "local optimum")
+    least = np.inf
+
+    def tell(value: float) -> None:
+        nonlocal least
+        if observe is not None and value < least:
+            least = value
+            observe(value)
+
+    return [descend(problem, random_start(problem, rng), observe=tell) for _ in range(starts)]
 
 
 def order_range(structure: Structure, runs: int) -> tuple[float, float]:

@@ -25,8 +25,8 @@ from testbench.identify.factorised import (
     Factorised,
     Observe,
     costs,
+    descend,
     factorise,
-    local_solve,
     parameters,
 )
 from testbench.identify.regression import reduce
@@ -45,6 +45,8 @@ SHRINK = 0.2
 """Share by which a basin's radius is then cut."""
 PENALTY = 0.2
 """Share of 1 + threshold by which the threshold is then raised."""
+SAME = 1e-6
+"""Relative difference of b, and of F_M, within which two local optima are one."""
 
 
 @dataclass(frozen=True)
@@ -82,23 +84,33 @@ class Budget:
 DEFAULT_BUDGET = Budget()
 
 
-@dataclass
+@dataclass(eq=False)  # arrays have no one truth value
 class Basin:
     """A ball around a local optimum from which local solves are believed to lead back to it.
 
+    As any rotation of all vectors of a block gives the same compliance, optima are hardly ever met twice: a
+    basin is one point of many that are the same model.
+
     Attributes:
         centre: The optimum, (size,).
+        f_m: Its cost.
         radius: Distance from the farthest start that led there.
         waiting: Trial points in a row that fell into it.
     """
 
     centre: Array
+    f_m: float
     radius: float
     waiting: int = 0
 
     def holds(self, b: Array) -> bool:
         """Whether a trial point is too close to start from."""
         return bool(np.linalg.norm(b - self.centre) <= DISTANCE_FACTOR * self.radius)
+
+    def ends_at(self, b: Array, value: float) -> bool:
+        """Whether a local optimum is this one."""
+        near = np.linalg.norm(b - self.centre) <= SAME * max(1.0, float(np.linalg.norm(self.centre)))
+        return bool(near) and abs(value - self.f_m) <= SAME * max(1.0, abs(self.f_m))
 
 
 @dataclass
@@ -112,7 +124,8 @@ class Search:
         best: The best b so far, (size,).
         f_m: Its cost.
         basins: Of the local optima found.
-        solves: Local solves made.
+        descents: F_M that the local solves ended with.
+        evaluations: Of F_M, those of local solves with its gradient.
     """
 
     problem: Factorised
@@ -121,14 +134,15 @@ class Search:
     best: Array
     f_m: float = np.inf
     basins: list[Basin] = field(default_factory=list)
-    solves: int = 0
+    descents: list[float] = field(default_factory=list)
+    evaluations: int = 0
+    _told: float = np.inf
 
     def keep(self, b: Array, value: float) -> None:
         """Keep a point that is the best so far."""
         if value < self.f_m:
             self.best, self.f_m = b.copy(), value
-            if self.observe is not None:
-                self.observe(value)
+            self._tell(value)
 
     @property
     def reached(self) -> bool:
@@ -136,20 +150,23 @@ class Search:
         return self.f_m <= self.threshold
 
     def solve(self, start: Array) -> None:
-        """A local solve; its optimum becomes a basin, or widens the one that it lies in."""
-        self.solves += 1
-        end, value = local_solve(self.problem, start, threshold=self.threshold, observe=self._least)
-        self.keep(end, value)
-        radius = float(np.linalg.norm(start - end))
+        """A local solve; its optimum becomes a basin, or widens the one whose optimum it is."""
+        found = descend(self.problem, start, threshold=self.threshold, observe=self._tell)
+        self.evaluations += found.evaluations
+        self.descents.append(found.f_m)
+        self.keep(found.b, found.f_m)
+        radius = float(np.linalg.norm(start - found.b))
         for basin in self.basins:
-            if np.linalg.norm(end - basin.centre) <= DISTANCE_FACTOR * basin.radius:
-                basin.radius = max(basin.radius, float(np.linalg.norm(start - basin.centre)))
+            if basin.ends_at(found.b, found.f_m):
+                basin.radius = max(basin.radius, radius)
                 return
-        self.basins.append(Basin(end, radius))
+        self.basins.append(Basin(found.b, found.f_m, radius))
 
-    def _least(self, value: float) -> None:
-        if self.observe is not None and value < self.f_m:
-            self.observe(value)
+    def _tell(self, value: float) -> None:
+        if value < self._told:
+            self._told = value
+            if self.observe is not None:
+                self.observe(value)
 
 
 def gco_paper(
@@ -186,11 +203,30 @@ def gco_paper(
     goal = problem.regression.f_m_floor if threshold is None else threshold
     if not 0 <= goal < np.inf:
         raise BenchError(f"threshold: expected an F_M of 0 or more, got {goal:g}")
-    search = Search(problem, goal, observe, np.zeros(problem.size))
+    return _judge(explore(problem, goal, budget, rng, observe))
+
+
+def explore(
+    problem: Factorised,
+    threshold: float,
+    budget: Budget,
+    rng: np.random.Generator,
+    observe: Observe | None = None,
+) -> Search:
+    """Genetic algorithm, then global search, until F_M reaches the threshold or the budget is spent.
+
+    Args:
+        problem: F_M(b).
+        threshold: F_M at which to stop.
+        budget: How far the search goes.
+        rng: Source of all randomness.
+        observe: Told of every least F_M.
+    """
+    search = Search(problem, threshold, observe, np.zeros(problem.size))
     genetic_algorithm(search, budget, rng)
     if not search.reached:
         global_search(search, budget, rng)
-    return _judge(search)
+    return search
 
 
 def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) -> None:
@@ -202,7 +238,7 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
         return search.reached
 
     evolve: Any = differential_evolution  # its stubs know no costs of a whole population
-    evolve(
+    end = evolve(
         lambda population: costs(problem, population),
         [(-BOX, BOX)] * problem.size,
         popsize=budget.population,
@@ -213,16 +249,18 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
         updating="deferred",
         vectorized=True,
     )
+    search.evaluations += int(end.nfev)
 
 
 def global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
     """Local solves from the best point and from the trial points that pass both filters."""
     search.solve(search.best)
+    if search.reached:
+        return
     points = trial_points(search.problem, search.best, budget.trial_points, rng)
     values = costs(search.problem, points.T)
-    first = int(np.argmin(values[: budget.stage_one_points]))
-    if not search.reached:
-        search.solve(points[first])
+    search.evaluations += len(values)
+    search.solve(points[int(np.argmin(values[: budget.stage_one_points]))])
     threshold, waiting = search.f_m, 0
     for b, value in zip(points[budget.stage_one_points :], values[budget.stage_one_points :], strict=True):
         if search.reached:
@@ -297,7 +335,7 @@ def _judge(search: Search) -> Estimate:
     proof = None if best.certificate is None else best.certificate.dual
     certificate = certify(estimate, dual=proof)
     lower = estimate.f_m - certificate.gap
-    count = f"{search.solves} local solves found {len(search.basins)} basins"
+    count = _count(search)
     if search.reached:
         status = "threshold reached"
     elif lower > goal:
@@ -309,3 +347,10 @@ def _judge(search: Search) -> Estimate:
     else:
         status = "budget spent"
     return replace(estimate, status=status, certificate=certificate, advice=(*estimate.advice, count))
+
+
+def _count(search: Search) -> str:
+    if not search.descents:
+        return "the genetic algorithm got there without a local solve"
+    count = f"{len(search.descents)} local solves" if len(search.descents) > 1 else "one local solve"
+    return f"{count}: F_M of {min(search.descents):.6g} to {max(search.descents):.6g}"

@@ -34,8 +34,9 @@ def which_m(order: Report) -> str:
         shown = [row for row in rows if row["m"] in (least["m"] - 1, least["m"], rows[-1]["m"])]
         parts.append(f"{name} from m = {least['m']} on ({'; '.join(map(_order_in_words, shown))})")
     return (
-        "Which m? m = 6, the size of a compliance: only there no local minimum can be worse than the global one, "
-        f"and a smaller m saves nothing. F_M and check error are as good as with m = 6 for {', for '.join(parts)}."
+        "Which m? m = 6, the size of a compliance: only there no local minimum can be worse than the global "
+        "one, and a smaller m saves nothing. F_M and check error are as good as with m = 6 for "
+        f"{', for '.join(parts)}."
     )
 
 
@@ -116,7 +117,8 @@ def _redundant(models: dict[str, Report]) -> Report:
         "verdict": "not confirmed" if alike else "confirmed",
         "why": (
             "solved by SVD the two predict alike to rounding, whatever the noise: 24 redundant columns "
-            f"change nothing. The paper's 0.085 against 0.078 mm is no more than noise makes of one model: {spread} mm"
+            "change nothing. The paper's 0.085 against 0.078 mm is no more than noise makes of one model: "
+            f"{spread} mm"
         )
         if alike
         else f"ours {show(more)} against {show(less)} mm",
@@ -221,8 +223,8 @@ def markdown(report: Report) -> str:
             f"{report['which_m']}",
             "",
             f"Linear truth, {len(report['order']['seeds'])} seeds, best of several local solves of the "
-            "factorised problem; F_M also over the optimum of the conic program. The template of MGCO56 splits "
-            "a link into blocks of size 1 and 2, so that m = 2 already reaches all of it.",
+            "factorised problem; F_M also over the optimum of the conic program. The template of MGCO56 "
+            "splits a link into blocks of size 1 and 2, so that m = 2 already reaches all of it.",
             "",
             *_orders(report["order"]),
             "",
