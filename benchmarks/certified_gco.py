@@ -1,27 +1,19 @@
 """Certified GCO of every parameter of an arm: against Clarabel's own time, and against the model in cvxpy."""
 
-import importlib
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, note, seconds, spread
-from scipy import sparse
 
 from testbench.bench import Cell, build_cell
 from testbench.dataset import Dataset
 from testbench.identify import Estimate, gco, reduce
-from testbench.identify.certify import scaled_units
-from testbench.identify.conic import SOLVER_TOLERANCE, scale_program
-from testbench.identify.regression import Regression, f_m
+from testbench.identify.conic import SOLVER_TOLERANCE
+from testbench.identify.modelled import Entries, cvxpy, solve_modelled, vectorised
 from testbench.plant import settle_linear
 from testbench.structure import Structure, all153
 from testbench.tracker import Tracker, read_orientations, read_positions
-
-cp: Any = importlib.import_module("cvxpy")  # its types differ from its names; and lint may run without it
 
 ARMS = ("arm_6r", "kr500_l480")
 POSES = 18
@@ -29,6 +21,7 @@ LOAD = 1000.0
 """Force [N] and moment [N m] along every axis in turn."""
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6
 REPEATS = 9
+SOLVER = "CLARABEL"
 AGREE = 1e-5
 """Relative difference of F_M that the two models may have."""
 DEFAULT: dict[str, float] = {}
@@ -66,64 +59,7 @@ def entry_by_entry(s: Structure, blocks: list[Any]) -> Any:
     for a, b in zip(s.a, s.b, strict=True):
         (k, i), (_, j) = place[int(a)], place[int(b)]
         picked.append(blocks[k][i, j])
-    return cp.hstack(picked)
-
-
-def vectorised(s: Structure, blocks: list[Any]) -> Any:
-    """Parameters as sparse matrices times whole blocks: what a user of cvxpy does who wants it fast."""
-    return cp.sum(
-        [_picking(s, block) @ cp.vec(X, order="F") for X, block in zip(blocks, s.blocks, strict=True)]
-    )
-
-
-def _picking(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csr_array:
-    position = np.full(s.n_theta, -1)
-    position[block] = np.arange(len(block))
-    k = np.flatnonzero(position[s.a] >= 0)
-    entry = position[s.a[k]] + len(block) * position[s.b[k]]
-    return sparse.csr_array((np.ones(len(k)), (k, entry)), shape=(s.n, len(block) ** 2))
-
-
-@dataclass(frozen=True)
-class Modelled:
-    """A solution by way of cvxpy.
-
-    Attributes:
-        f_m: Cost of its parameters, Eq. (19).
-        solver_seconds: Clarabel's own time.
-    """
-
-    f_m: float
-    solver_seconds: float
-
-
-def solve_by_cvxpy(
-    regression: Regression, parameters: Callable[[Structure, list[Any]], Any], settings: dict[str, float]
-) -> Modelled:
-    """The program of `gco` in the same units, written down in cvxpy, solved by Clarabel on one thread.
-
-    Args:
-        regression: The reduced dataset.
-        parameters: How the model takes its parameters from the blocks.
-        settings: Of Clarabel.
-    """
-    program = scale_program(regression)
-    s = program.structure
-    blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
-    x = parameters(s, blocks)
-    trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
-    cost = program.trace_weight / program.unit * (trace @ x)
-    for term in regression.terms:
-        R = term.R[:, program.columns] * (program.scale / program.unit)
-        rest = np.sqrt(term.rest) / program.unit
-        cost += cp.norm(cp.hstack([R @ x - term.z / program.unit, rest]))
-    problem = cp.Problem(cp.Minimize(cost))
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Solution may be inaccurate")  # F_M is compared in the end
-        problem.solve(solver=cp.CLARABEL, max_threads=1, **settings)
-    pi = np.zeros(regression.structure.n)
-    pi[program.columns] = program.scale * x.value
-    return Modelled(f_m(regression, pi), float(problem.solver_stats.solve_time))
+    return cvxpy(SOLVER).hstack(picked)
 
 
 def gco_against_its_solver_and_cvxpy() -> list[Row]:
@@ -136,13 +72,13 @@ def rows_of(arm: Cell) -> list[Row]:
     name, data, structure = arm.arm.name, full_pose_runs(arm, seed=1), all153(arm.arm)
     regression = reduce(arm.vjm, structure, data)
     ours: list[Estimate] = []
-    theirs: dict[str, list[Modelled]] = {}
+    theirs: dict[str, list[Estimate]] = {}
 
-    def by_cvxpy(
-        label: str, parameters: Callable[[Structure, list[Any]], Any], settings: dict[str, float]
-    ) -> Callable[[], None]:
+    def by_cvxpy(label: str, entries: Entries, settings: dict[str, float]) -> Callable[[], None]:
         results = theirs.setdefault(label, [])
-        return lambda: results.append(solve_by_cvxpy(regression, parameters, settings))
+        return lambda: results.append(
+            solve_modelled(regression, SOLVER, entries=entries, max_threads=1, **settings)
+        )
 
     wall, *others = interleave(
         REPEATS,

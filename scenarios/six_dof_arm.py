@@ -25,6 +25,7 @@ from testbench.trials import run_trials
 ROOT = Path(__file__).resolve().parents[1]
 QUICK_SEEDS = 5
 ORDER_SEEDS, QUICK_ORDER_SEEDS = 20, 1
+ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
 CHUNK = 5
 
 app = typer.Typer(add_completion=False)
@@ -55,7 +56,8 @@ def main(
     )
     roots = range(seed, seed + (min(seeds, QUICK_SEEDS) if quick else seeds))
     ordered = roots[: QUICK_ORDER_SEEDS if quick else ORDER_SEEDS]
-    study = partial(six_dof.trials, arm, scenario, ordered, time.perf_counter)
+    starts = QUICK_ORDER_STARTS if quick else ORDER_STARTS
+    study = partial(six_dof.trials, arm, scenario, ordered, starts, time.perf_counter)
     with files.whole_folder(out) as folder:
         cell = build_cell(arm)
         chunks = -(-len(roots) // CHUNK)

@@ -17,7 +17,7 @@ from testbench.arm import load_arm
 from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
 from testbench.csvfile import read_csv, read_poses, write_csv
 from testbench.dataset import split
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 from testbench.evaluate import predict, score
 from testbench.plant import check_poses, settle_linear, write_elastic
 from testbench.plausibility import doubts
@@ -99,11 +99,17 @@ def identify(
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify"),
     model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None,
     check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None,
+    full_pose: Annotated[
+        bool, typer.Option("--full-pose", help="Insist on both terms of Eq. 19, positions and orientations.")
+    ] = False,
 ) -> None:
     """Identify stiffness models from measured runs; says what the data cannot see."""
     cell = build_cell(arm)
     chosen = named_models(cell, model or list(MODELS))
     data = read_csv(dataset, cell.arm)
+    if full_pose and data.rotation_before is None:
+        problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
+        raise InputError(dataset, "header", f"{problem} (--full-pose); it has positions only")
     check, used = split(data, np.array(check_pose)) if check_pose else (None, data)
     fits = []
     for entry in chosen:

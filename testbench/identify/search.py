@@ -125,7 +125,8 @@ class Search:
         f_m: Its cost.
         basins: Of the local optima found.
         descents: F_M that the local solves ended with.
-        evaluations: Of F_M, those of local solves with its gradient.
+        evaluations: Of F_M, those of local solves with its gradient; without those that only rank the pool
+            of the scatter search.
     """
 
     problem: Factorised
@@ -233,13 +234,17 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
     """The start b0: differential evolution in the role of the paper's genetic algorithm."""
     problem = search.problem
 
+    def counted(population: Array) -> Array:
+        search.evaluations += population.shape[1]  # scipy counts a whole population as one
+        return costs(problem, population)
+
     def enough(intermediate_result: OptimizeResult) -> bool:
         search.keep(intermediate_result.x, float(intermediate_result.fun))
         return search.reached
 
     evolve: Any = differential_evolution  # its stubs know no costs of a whole population
-    end = evolve(
-        lambda population: costs(problem, population),
+    evolve(
+        counted,
         [(-BOX, BOX)] * problem.size,
         popsize=budget.population,
         maxiter=budget.generations,
@@ -249,8 +254,6 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
         updating="deferred",
         vectorized=True,
     )
-    search.evaluations += int(end.nfev)
-
 
 def global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
     """Local solves from the best point and from the trial points that pass both filters."""

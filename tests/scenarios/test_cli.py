@@ -175,3 +175,10 @@ def test_an_arm_in_pieces_is_one_line(tmp_path):
     arm = shutil.copytree(ARM, tmp_path / "arm")
     (arm / "elastic.toml").unlink()
     assert "elastic.toml: cannot be read" in refused(run("check", arm))
+
+
+def test_rotation_term_is_refused_where_the_runs_have_positions_only(simulated, tmp_path):
+    flags = ["--full-pose", "--model", "MGCO56", "--out", tmp_path / "out"]
+    message = refused(run("identify", ARM, simulated / "data.csv", *flags))
+    assert "data.csv: header: expected rotation_before_*_rad" in message
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,124 @@
+"""The conic program of GCO written down in cvxpy: any of its solvers may be the referee.
+
+cvxpy is no dependency of the package: it is imported where it is used, and its absence is one line.
+"""
+
+import importlib
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from testbench.dataset import Dataset
+from testbench.errors import Array, BenchError
+from testbench.identify.certify import scaled_units
+from testbench.identify.conic import check_symmetric, scale_program
+from testbench.identify.estimate import Estimate, Estimator, make_estimate
+from testbench.identify.regression import Regression, reduce
+from testbench.structure import Structure
+from testbench.vjm import Vjm
+
+Entries = Callable[[Structure, list[Any]], Any]
+"""How a model takes its parameters from its blocks, both expressions of cvxpy."""
+
+
+def cvxpy(solver: str) -> Any:
+    """The module cvxpy, with this solver.
+
+    Args:
+        solver: As cvxpy names it, such as SCS.
+
+    Raises:
+        BenchError: When cvxpy or the solver is not installed.
+    """
+    try:
+        module: Any = importlib.import_module("cvxpy")
+    except ImportError:
+        raise BenchError(f"{solver} is called through cvxpy, which is not installed: make bench") from None
+    if solver not in module.installed_solvers():
+        have = ", ".join(sorted(module.installed_solvers()))
+        raise BenchError(f"cvxpy has no solver {solver!r} here; it has {have}")
+    return module
+
+
+def modelled(solver: str) -> Estimator:
+    """GCO by way of cvxpy and one of its solvers, at the solver's default settings.
+
+    Args:
+        solver: As cvxpy names it, such as SCS.
+    """
+
+    def estimator(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        return solve_modelled(reduce(vjm, structure, data), solver)
+
+    return estimator
+
+
+def vectorised(s: Structure, blocks: list[Any]) -> Any:
+    """Parameters as sparse matrices times whole blocks: what a user of cvxpy does who wants it fast."""
+    cp = cvxpy("CLARABEL")
+    return cp.sum(
+        [_picking(s, block) @ cp.vec(X, order="F") for X, block in zip(blocks, s.blocks, strict=True)]
+    )
+
+
+def _picking(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csr_array:
+    position = np.full(s.n_theta, -1)
+    position[block] = np.arange(len(block))
+    k = np.flatnonzero(position[s.a] >= 0)
+    entry = position[s.a[k]] + len(block) * position[s.b[k]]
+    return sparse.csr_array((np.ones(len(k)), (k, entry)), shape=(s.n, len(block) ** 2))
+
+
+def solve_modelled(
+    regression: Regression, solver: str, *, entries: Entries = vectorised, **settings: float
+) -> Estimate:
+    """The program of `gco` in the same units, written down in cvxpy.
+
+    Args:
+        regression: The reduced dataset.
+        solver: As cvxpy names it.
+        entries: How the model takes its parameters from the blocks.
+        settings: Of the solver.
+
+    Raises:
+        BenchError: When cvxpy or the solver is not installed, or the structure is not symmetric.
+    """
+    cp = cvxpy(solver)
+    check_symmetric(regression.structure)
+    program = scale_program(regression)
+    s = program.structure
+    blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
+    x = entries(s, blocks)
+    trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
+    cost = program.trace_weight / program.unit * (trace @ x)
+    for term in regression.terms:
+        R = term.R[:, program.columns] * (program.scale / program.unit)
+        rest = np.sqrt(term.rest) / program.unit
+        cost += cp.norm(cp.hstack([R @ x - term.z / program.unit, rest]))
+    problem = cp.Problem(cp.Minimize(cost))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")  # the status tells
+        problem.solve(solver=solver, **settings)
+    pi = np.zeros(regression.structure.n)
+    pi[program.columns] = program.scale * s.entries(_conservative(s, [X.value for X in blocks]))
+    word = str(problem.status)
+    return make_estimate(
+        regression,
+        pi,
+        method=f"GCO (conic program, cvxpy with {solver})",
+        status="not certified" if word == "optimal" else f"not solved: {solver} says {word}",
+        solver_seconds=float(problem.solver_stats.solve_time),
+    )
+
+
+def _conservative(s: Structure, blocks: list[Array]) -> Array:
+    """C_theta of solved blocks, their negative eigenvalues, the solver's last digits, set to zero."""
+    C = np.zeros((s.n_theta, s.n_theta))
+    for i, X in zip(s.blocks, blocks, strict=True):
+        values, Q = np.linalg.eigh((X + X.T) / 2)
+        C[np.ix_(i, i)] = (Q * np.maximum(values, 0)) @ Q.T
+    return C

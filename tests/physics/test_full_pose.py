@@ -1,0 +1,114 @@
+"""Campaigns of section 5: loads, readings, check runs, and what both methods make of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testbench.bench import Model, named_models
+from testbench.errors import BenchError, PoseError
+from testbench.full_pose import FullPose, identify, random_wrenches, simulate
+from testbench.identify import gco, least_squares, reduce
+from testbench.structure import Structure, all153
+from testbench.vjm import observation
+
+PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
+
+
+def clock():
+    return 0.0
+
+
+def test_campaign_is_that_of_section_5_2(arm_6r):
+    campaign = simulate(arm_6r, FullPose(**PAPER), 1)
+    data = campaign.identification
+    assert (data.runs, len(np.unique(data.pose)), campaign.check.runs) == (108, 18, 120)
+    for pose in np.unique(data.pose):
+        runs = data.pose == pose
+        np.testing.assert_array_equal(data.wrench[runs], 1000 * np.eye(6))
+        assert len(np.unique(data.q[runs], axis=0)) == 1
+    size = np.linalg.norm(campaign.truth.deflection, axis=-1)
+    assert 9e-3 <= size.min() < size.max() <= 41e-3
+    assert len(np.unique(campaign.check.q, axis=0)) == 120
+    assert campaign.drawn >= 120
+
+
+def test_noise_of_a_deflection_is_root_two_of_a_readings(arm_6r):
+    scenario = FullPose(**PAPER, check_runs=1000, sigma=40e-6, sigma_rotation=300e-6)
+    campaign = simulate(arm_6r, scenario, 3)
+    error = campaign.check.deflection - campaign.truth.deflection
+    turn = (
+        Rotation.from_rotvec(campaign.truth.rotation).inv() * Rotation.from_rotvec(campaign.check.rotation)
+    ).as_rotvec()
+    # 3000 components: the standard error of their RMS is 1.3 %
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(2) * 40e-6, rel=0.05)
+    assert np.sqrt(np.mean(turn**2)) == pytest.approx(np.sqrt(2) * 300e-6, rel=0.05)
+
+
+def test_both_truths_see_the_same_poses_loads_and_noise(arm_6r):
+    linear, bent = (simulate(arm_6r, FullPose(**PAPER, truth=t), 2) for t in ("linear", "nonlinear"))
+    for name in ("q", "wrench", "pose"):
+        np.testing.assert_array_equal(getattr(linear.check, name), getattr(bent.check, name))
+    noise = [c.check.deflection - c.truth.deflection for c in (linear, bent)]
+    np.testing.assert_allclose(*noise, rtol=0, atol=1e-15)
+    assert np.abs(linear.truth.deflection - bent.truth.deflection).max() > 1e-5
+
+
+def test_noise_free_linear_runs_are_what_the_model_of_the_truth_predicts(arm_6r):
+    """MuJoCo's first order against Pinocchio's Eq. (12), positions and rotations."""
+    data = simulate(arm_6r, FullPose(**PAPER, noise=False), 4).identification
+    s = all153(arm_6r.arm)
+    C = s.entries(arm_6r.arm.C_theta)
+    args = (arm_6r.vjm, s, data.q, data.wrench, data.point)
+    moved = observation(*args, targets=arm_6r.vjm.markers) @ C
+    turned = (observation(*args, targets=arm_6r.vjm.markers, rotation=True) @ C)[:, 0]
+    np.testing.assert_allclose(data.deflection, moved, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(data.rotation, turned, rtol=0, atol=1e-12)
+
+
+def test_only_gco_is_conservative_and_both_predict_alike_in_every_seed(arm_6r):
+    models = named_models(arm_6r, ["MLS56", "MLS32", "MGCO56"])
+    for seed in range(1, 11):
+        results = identify(arm_6r, simulate(arm_6r, FullPose(**PAPER), seed), models, clock)
+        assert [r.estimate.conservative for r in results] == [False, False, True]
+        assert all(r.estimate.status == "solved" for r in results)
+        more, less, ours = (r.check.p95 for r in results)
+        assert more == pytest.approx(less, rel=1e-6)  # redundant columns change nothing
+        assert ours == pytest.approx(less, rel=0.1)  # the constraint hardly binds in 32 seen directions
+        for r in results:
+            assert r.check.rms < r.check.p95 < r.readings.p95
+
+
+def test_single_link_is_the_same_campaign_with_one_pose(single_link):
+    scenario = FullPose(arm="single_link", poses=1, force=10, moment=10, noise=False, check_runs=50)
+    campaign = simulate(single_link, scenario, 1)
+    assert campaign.identification.q.shape == (6, 0)
+    structure = Structure.of(single_link.arm, links=["link_0"], name="MGCO21")
+    for estimator in (gco, least_squares):
+        [result] = identify(single_link, campaign, [Model("x", structure, estimator)], clock)
+        assert result.check.max < 1e-9
+
+
+def test_random_wrenches_have_their_magnitudes_in_all_directions(rng):
+    wrench = random_wrenches(2000, 100.0, 7.0, rng)
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, :3], axis=1), 100, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), 7, rtol=1e-12)
+    # mean direction of 2000 unit vectors: 1/sqrt(3 * 2000) an axis, five of them
+    assert np.abs(wrench[:, :3].mean(axis=0)).max() < 5 * 100 / np.sqrt(6000)
+
+
+def test_deflections_out_of_reach_say_how_many_were_drawn(arm_6r):
+    with pytest.raises(
+        PoseError, match=r"found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
+    ):
+        simulate(arm_6r, FullPose(arm="arm_6r", least=0.9), 1)
+
+
+def test_rotation_term_needs_orientations(arm_6r):
+    full = simulate(arm_6r, FullPose(**PAPER), 1).identification
+    assert len(reduce(arm_6r.vjm, all153(arm_6r.arm), full).terms) == 2
+    plain = replace(full, rotation_before=None, rotation_after=None, sigma_rotation=None)
+    assert len(reduce(arm_6r.vjm, all153(arm_6r.arm), plain).terms) == 1
+    with pytest.raises(BenchError, match="expected orientations"):
+        _ = plain.rotation
