@@ -116,7 +116,9 @@ def measure(cell: Cell, study: Study, seed: int) -> Draw:
 
 
 def _read(cell: Cell, campaign: FullPose, wrench: Array, rng: np.random.Generator | None) -> Dataset:
-    return read_runs(cell, campaign, np.empty((len(wrench), 0)), wrench, np.zeros(len(wrench), dtype=int), rng)
+    return read_runs(
+        cell, campaign, np.empty((len(wrench), 0)), wrench, np.zeros(len(wrench), dtype=int), rng
+    )
 
 
 def wrenches_within(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:
@@ -261,21 +263,20 @@ def _orders(cell: Cell, study: Study, draw: Draw, optimum: float, seed: int) -> 
     ]
 
 
-def _of_every_order(
-    cell: Cell, data: Dataset, starts: int, seed: int
-) -> Iterable[tuple[int, Estimate]]:
+def _of_every_order(cell: Cell, data: Dataset, starts: int, seed: int) -> Iterable[tuple[int, Estimate]]:
     structure = models(cell)[-1].structure
     for m in range(1, LARGEST_ORDER + 1):
         rng = stream(seed, 10 + m)
         yield m, gco_factorised(cell.vjm, structure, data, rng=rng, m=m, starts=starts)
 
 
-def printed_matrices(cell: Cell, study: Study) -> Report:
+def printed_matrices(cell: Cell, study: Study, truth: Dataset) -> Report:
     """What the printed Eq. (22) and (23) tell of the paper's experiment.
 
     Args:
         cell: The link.
         study: Noise and starts.
+        truth: Noise-free readings under check loads.
     """
     ls, ours = np.array(EQ_22), np.array(EQ_23)
     matrix, symmetric = eigenvalues(ls)
@@ -287,7 +288,7 @@ def printed_matrices(cell: Cell, study: Study) -> Report:
             "eigenvalues_symmetric_part": symmetric.tolist(),
         },
         "eq_23": {"matrix": ours.tolist(), "eigenvalues": eigenvalues(ours)[1].tolist()},
-        "eq_23_from_the_data_of_eq_22": _papers_own_data(cell, study, ls, ours),
+        "eq_23_from_the_data_of_eq_22": _papers_own_data(cell, study, ls, ours, truth),
     }
 
 
@@ -309,12 +310,28 @@ def _pinning(cell: Cell, campaign: FullPose, ls: Array) -> Report:
         "p_as_large_if_sigma_is_of_a_deflection": float(stats.chi2.sf(total, e.size)),
         "p_as_small_if_sigma_is_of_a_reading": float(stats.chi2.cdf(total / 2, e.size)),
         "likelihood_ratio_deflection_to_reading": float(np.exp(e.size * np.log(2) / 2 - total / 4)),
+        "negative_eigenvalue_expected": _expected(cell, campaign),
         "random_loads_rms_over_sigma": merge(random.tolist()),
         "random_loads_share_as_small": float((random <= rms(e)).mean()),
     }
 
 
-def _papers_own_data(cell: Cell, study: Study, ls: Array, ours: Array) -> Report:
+def _expected(cell: Cell, campaign: FullPose) -> Report:
+    """How often C read directly has a negative eigenvalue, by what the paper's sigma belongs to."""
+    noise = noise_scale(campaign) * stream(0).standard_normal((ROUNDINGS, 6, 6))
+    shares: Report = {}
+    for name, factor in (("if_sigma_is_of_a_deflection", 1.0), ("if_sigma_is_of_a_reading", math.sqrt(2))):
+        C = cell.arm.C_theta + factor * noise
+        symmetric = np.linalg.eigvalsh((C + C.swapaxes(1, 2)) / 2)
+        matrix = np.linalg.eigvals(C).real
+        shares[name] = {
+            "of_the_matrix": float((matrix.min(axis=1) < 0).mean()),
+            "of_its_symmetric_part": float((symmetric[:, 0] < 0).mean()),
+        }
+    return shares
+
+
+def _papers_own_data(cell: Cell, study: Study, ls: Array, ours: Array, truth: Dataset) -> Report:
     """Least squares of axis loads reads C column by column, so Eq. (22) is the paper's dataset."""
     campaign = study.campaign
     load = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
@@ -336,6 +353,7 @@ def _papers_own_data(cell: Cell, study: Study, ls: Array, ours: Array) -> Report
         "optimum_eigenvalues": best.eigenvalues[0].tolist(),
         "optimum_rank": rank_beyond_noise(campaign, best.C_theta),
         "optimum_matrix": best.C_theta.tolist(),
+        "optimum_prediction": _prediction_errors(best.C_theta, truth),
         "order": [
             {
                 "m": m,
@@ -388,7 +406,13 @@ def summary(cell: Cell, study: Study, first: Draw, results: Sequence[Report]) ->
     """
     campaign, data = study.campaign, first.identification
     size = MM * np.linalg.norm(data.deflection, axis=-1)
-    printed = {LEAST_SQUARES: EQ_22, GCO: EQ_23}
+    found = printed_matrices(cell, study, first.truth)
+    printed = {
+        LEAST_SQUARES: _paper(cell, campaign, np.array(EQ_22), first.truth) | {"f_m": 0.0},
+        GCO: _paper(cell, campaign, np.array(EQ_23), first.truth)
+        | {"f_m": found["eq_23_from_the_data_of_eq_22"]["printed_f_m"]}
+        | dict.fromkeys(("negative_eigenvalue", "negative_eigenvalue_matrix")),  # within its rounding
+    }
     final: Report = {
         "scenario": NAME,
         "seed": results[0]["seed"],
@@ -415,15 +439,17 @@ def summary(cell: Cell, study: Study, first: Draw, results: Sequence[Report]) ->
                 "name": model.name,
                 **_over_draws([r["models"][model.name] for r in results]),
                 **_over_matrices(cell, [r["C"][model.name] for r in results]),
-                "paper": _paper(cell, campaign, printed.get(model.name), first.truth),
+                "paper": printed.get(model.name),
             }
             for model in models(cell)
         ],
         "paired": {other: _paired(results, other) for other in (LEAST_SQUARES, SYMMETRIC)},
         "order_draws": sum("order" in r for r in results),
         "order_range": list(order_range(models(cell)[-1].structure, data.runs)),
-        "order": [_over_draws(rows) for rows in zip(*(r["order"] for r in results if "order" in r), strict=True)],
-        "eq_22_23": printed_matrices(cell, study),
+        "order": [
+            _over_draws(rows) for rows in zip(*(r["order"] for r in results if "order" in r), strict=True)
+        ],
+        "eq_22_23": found,
         "first_draw": {name: _first(C) for name, C in results[0]["C"].items()},
         "truth_matrix": cell.arm.C_theta.tolist(),
         "units": "matrices: m/N, 1/N, rad/(N m); eigenvalues in these mixed units, as the paper's",
@@ -448,12 +474,11 @@ def _over_matrices(cell: Cell, found: Sequence[Array]) -> Report:
     }
 
 
-def _paper(cell: Cell, campaign: FullPose, printed: Any, truth: Dataset) -> Report | None:
-    """The printed matrix judged as ours are, on the check loads of the first draw."""
-    if printed is None:
-        return None
-    C = np.array(printed)
-    return {**judge(cell, campaign, C, truth), "conservative": bool((C == C.T).all())}
+def _paper(cell: Cell, campaign: FullPose, C: Array, truth: Dataset) -> Report:
+    """A printed matrix judged as ours are, on the check loads of the first draw; without its rank."""
+    found = judge(cell, campaign, C, truth)
+    found.pop("rank_of_C")  # digits that are not printed decide it
+    return {"conservative": found["symmetric"], **found}
 
 
 def _paired(results: Sequence[Report], other: str) -> Report:
@@ -474,3 +499,330 @@ def _first(C: Array) -> Report:
         "eigenvalues_matrix": matrix.tolist(),
         "eigenvalues_symmetric_part": symmetric.tolist(),
     }
+
+
+def which_m(report: Report) -> str:
+    """The answer to "which m" in one sentence, with its numbers."""
+    low, high = report["order_range"]
+    *smaller, full = [row for row in report["order"] if low <= row["m"]]
+    parts = [
+        f"m = {row['m']} {_reached(row['reaches_optimum'])} ({_excess(row['f_m_over_optimum'])}, "
+        f"{_position_error(row)} um)"
+        for row in smaller
+    ]
+    return (
+        f"Which m? Eq. (20) allows {low:g} to {high:g}. m = 6 {_reached(full['reaches_optimum'])} the "
+        "certified "
+        f"optimum of F_M (position error {_position_error(full)} um); {'; '.join(parts)}. Medians of "
+        f"{report['order_draws']} draws."
+    )
+
+
+def _reached(share: float) -> str:
+    words = {0.0: "never reaches", 1.0: "always reaches"}
+    return words.get(share, f"in {100 * share:.0f} % of draws reaches")
+
+
+def _excess(ratio: Any) -> str:
+    """Median F_M over the optimum in words, and the 95th percentile where that is another."""
+    high = ratio["p95"] if isinstance(ratio, dict) else ratio
+    share = [100 * max(0.0, x - 1) for x in (middle(ratio), high)]
+    return f"F_M {share[0]:.0f} % above it, 95 % of draws below {share[1]:.0f} %"
+
+
+def _position_error(row: Report) -> str:
+    return f"{middle(row['prediction']['position_rms_um']):.1f}"
+
+
+ROWS: tuple[tuple[str, tuple[str, ...], str, float], ...] = (
+    ("conservative, %", ("conservative",), ".1f", 100),
+    ("symmetric, %", ("symmetric",), ".1f", 100),
+    ("an eigenvalue < 0, %", ("negative_eigenvalue_matrix",), ".1f", 100),
+    ("  of symmetric part, %", ("negative_eigenvalue",), ".1f", 100),
+    ("smallest eigenvalue, 1e-6", ("min_eigenvalue_matrix",), ".3f", 1e6),
+    ("  of symmetric part, 1e-6", ("min_eigenvalue",), ".3f", 1e6),
+    ("F_M", ("f_m",), ".2f", 1),
+    ("F_M floor", ("f_m_floor",), ".2f", 1),
+    ("position error, um", ("prediction", "position_rms_um"), ".1f", 1),
+    ("  of the deflection, %", ("prediction", "position_relative_percent"), ".2f", 1),
+    ("rotation error, urad", ("prediction", "rotation_rms_urad"), ".0f", 1),
+    ("  of the rotation, %", ("prediction", "rotation_relative_percent"), ".2f", 1),
+    ("C force-position, um/N", ("entries", "translation_rms_um_per_N"), ".2f", 1),
+    ("C moment-pos., um/(N m)", ("entries", "coupling_translation_rms_um_per_Nm"), ".2f", 1),
+    ("C force-rot., urad/N", ("entries", "coupling_rotation_rms_urad_per_N"), ".2f", 1),
+    ("C mom.-rot., urad/(N m)", ("entries", "rotation_rms_urad_per_Nm"), ".2f", 1),
+)
+"""Rows of the table: words, place in a model's report, format, unit."""
+
+
+def _cell(model: Report | None, path: tuple[str, ...], form: str, factor: float, *, spread: bool) -> str:
+    value: Any = model
+    for key in path:
+        value = None if value is None else value.get(key)
+    if value is None:
+        return "-"
+    if isinstance(value, dict):
+        value = {key: factor * x for key, x in value.items()}
+        return show(value, form) if spread else format(value["median"] + 0.0, form)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return format(factor * value, form).replace("-0.00", "0.00")
+
+
+def title(report: Report) -> str:
+    """What was measured, in one line."""
+    data = report["dataset"]
+    loads = "10 N or 10 N m along one axis" if report["loads"] == "axes" else "random within 10 N and 10 N m"
+    return (
+        f"{report['scenario']}: Eq. (21), {data['runs']} loads ({loads}), noise of a deflection "
+        f"{data['sigma_of_a_deflection_um']:g} um and {data['sigma_of_a_deflection_urad']:g} urad, "
+        f"{report['draws']} draws from seed {report['seed']}; medians"
+    )
+
+
+def table(report: Report) -> Table:
+    """All models, and the paper's printed matrices, for a terminal of 80 columns."""
+    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
+    shown.add_column("", no_wrap=True)
+    rows = report["models"]
+    for m in rows:
+        shown.add_column(m["name"], justify="right", no_wrap=True)
+    for words in ("Eq. (22)\nLS", "Eq. (23)\nGCO"):
+        shown.add_column(words, justify="right", no_wrap=True, style="italic")
+    printed = [m["paper"] for m in rows if m["paper"]]
+    for name, path, form, factor in ROWS:
+        shown.add_row(name, *(_cell(m, path, form, factor, spread=False) for m in (*rows, *printed)))
+    return shown
+
+
+def verdict(report: Report) -> str:
+    """What a person should take home."""
+    ls, symmetric, ours = report["models"]
+    pairs = {other: report["paired"][other]["gco_better"] for other in (LEAST_SQUARES, SYMMETRIC)}
+    draws = report["draws"]
+
+    lines = [
+        f"GCO is conservative in {100 * ours['conservative']:.4g} % of {draws} draws, LS in "
+        f"{100 * ls['conservative']:.4g} %: it is never symmetric, and has a negative eigenvalue in "
+        f"{100 * ls['negative_eigenvalue_matrix']:.0f} % (its symmetric part in "
+        f"{100 * ls['negative_eigenvalue']:.0f} %).",
+        "LS has F_M = 0: 36 equations for 36 unknowns fit the noise exactly.",
+        f"GCO predicts positions better than LS in {pairs[LEAST_SQUARES]['position_rms_um']} of {draws} "
+        "draws "
+        f"({_position_error(ours)} against {_position_error(ls)} um), rotations in "
+        f"{pairs[LEAST_SQUARES]['rotation_rms_urad']}. Most "
+        f"of it is symmetry: LS with 21 entries has {_position_error(symmetric)} um (and is conservative in "
+        f"{100 * symmetric['conservative']:.0f} %); GCO beats that in {pairs[SYMMETRIC]['position_rms_um']}.",
+        report["which_m"],
+        _words_on_eq_23(report["eq_22_23"]["eq_23_from_the_data_of_eq_22"]),
+    ]
+    if report["loads"] == "random":
+        share = report["condition_of_the_loads"]
+        lines.append(
+            f"Random loads: condition number {show(share, '.1f')} instead of 1; LS passes it on in full, GCO "
+            f"in part, and errors of one draw may be many times those under axis loads."
+        )
+    return "\n".join(lines)
+
+
+def _words_on_eq_23(found: Report) -> str:
+    four = found["order"][3]
+    return (
+        "The paper's own data (Eq. 22 read column by column) have their optimum at F_M "
+        f"{found['optimum_f_m']:.3f}, "
+        f"rank {found['optimum_rank']}; the printed Eq. (23) has {found['printed_f_m']:.3f} and, within its "
+        f"rounding, rank {found['rank_within_rounding']}: m = 4 (inferred), whose best is {four['f_m']:.3f}."
+    )
+
+
+def first_draw(report: Report) -> str:
+    """LS and GCO of the first draw side by side in 80 columns, with their eigenvalues."""
+    ls, ours = (report["first_draw"][name] for name in (LEAST_SQUARES, GCO))
+    pairs = zip(ls["matrix"], ours["matrix"], strict=True)
+    lines = [f"{'first draw, 1e-6 SI: LS':<37}    {'GCO'}"]
+    lines += [f"{_short_row(a)}    {_short_row(b)}" for a, b in pairs]
+    lines += ["eigenvalues"]
+    lines += [f"{_short_row(ls['eigenvalues_matrix'])}    {_short_row(ours['eigenvalues_symmetric_part'])}"]
+    return "\n".join(lines)
+
+
+def _short_row(values: Sequence[float]) -> str:
+    return " ".join(f"{_short(UM * value):>5}" for value in values)
+
+
+def _short(value: float) -> str:
+    digits = 2 if abs(value) < 10 else 1 if abs(value) < 100 else 0
+    return f"{value:.{digits}f}".replace("-0.00", "0.00")
+
+
+def where(out: Path) -> str:
+    """Where the results are."""
+    return (
+        f"numbers    {out / 'report.json'}, {out / 'report.md'}\n"
+        f"readings   {out / 'dataset.csv'} (first draw)\n"
+        f"figure     {out / 'single_link.png'}\n"
+        f"to repeat  {out / 'manifest.json'}"
+    )
+
+
+def markdown(report: Report) -> str:
+    """report.md: verdict, tables, what the printed matrices tell, matrices of the first draw."""
+    rows = report["models"]
+    printed = [m["paper"] for m in rows if m["paper"]]
+    head = ["", *(m["name"] for m in rows), "paper, Eq. (22), LS", "paper, Eq. (23), GCO"]
+    body = [
+        [
+            name.strip(),
+            *(_cell(m, path, form, factor, spread=True) for m in (*rows, *printed)),
+        ]
+        for name, path, form, factor in ROWS
+    ]
+    ranks = [", ".join(f"{rank}: {count}" for rank, count in m["rank_of_C"].items()) for m in rows]
+    body.append(["rank: draws", *ranks, "-", "-"])
+    first, *others = verdict(report).split("\n")
+    blocks = [
+        f"# {report['scenario']}",
+        f"{title(report)} (5 % to 95 % of the draws).",
+        f"**{first}**",
+        *others,
+        "\n".join(grid(head, body)),
+        "LS has 36 equations for 36 unknowns: F_M = 0 whatever the noise, so F_M says nothing of it. The "
+        "floor is "
+        "that of noise spread evenly over both terms of F_M, 2 sqrt(3 (1 - 21/36)); with 15 equations to "
+        "spare "
+        "the RMS of so few stays below its own root mean square, and GCO, which minimises the sum of two "
+        "RMS, "
+        "moves misfit to the cheaper term. MLS21 is not in the paper: least squares with symmetry and "
+        "nothing "
+        "else. Prediction errors are distances from the true deflection over "
+        f"{report['dataset']['check_runs']} fresh loads spread over |F| <= 10 N, |M| <= 10 N m; entry "
+        "errors are "
+        "RMS over the nine entries of a block. The paper's columns are its printed matrices under the check "
+        "loads of our first draw. An eigenvalue is of the matrix in mixed SI units, as the paper's.",
+        *_paired_words(report),
+        "## The order m",
+        "\n".join(_order_table(report)),
+        "## What the printed Eq. (22) and (23) tell",
+        *_printed_words(report["eq_22_23"]),
+        "## One draw in the manner of Eq. (22) and (23)",
+        f"Seed {report['seed']}; dataset.csv holds its readings.",
+        *_matrices(report),
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _paired_words(report: Report) -> list[str]:
+    head = ["draws in which GCO is closer to the truth", "than MLS36", "than MLS21"]
+    wins = [report["paired"][other]["gco_better"] for other in (LEAST_SQUARES, SYMMETRIC)]
+    return ["\n".join(grid(head, [[key, *(str(w[key]) for w in wins)] for key in wins[0]]))]
+
+
+def _order_table(report: Report) -> list[str]:
+    head = ["m", "F_M", "F_M / optimum", "reaches it, %", "rank: draws", "eigenvalues, 1e-6 (medians)"]
+    head += ["position error, um", "rotation error, urad"]
+    body = [
+        [
+            str(row["m"]),
+            show(row["f_m"], ".3f"),
+            show(row["f_m_over_optimum"], ".4f"),
+            f"{100 * row['reaches_optimum']:.0f}",
+            ", ".join(f"{rank}: {count}" for rank, count in row["rank_of_C"].items()),
+            " ".join(_short(UM * middle(value)) for value in row["eigenvalues"]),
+            show(row["prediction"]["position_rms_um"], ".1f"),
+            show(row["prediction"]["rotation_rms_urad"], ".0f"),
+        ]
+        for row in report["order"]
+    ]
+    return grid(head, body)
+
+
+def _printed_words(found: Report) -> list[str]:
+    pin, own = found["pinning"], found["eq_23_from_the_data_of_eq_22"]
+    columns = " ".join(f"{value:.2f}" for value in pin["position_rms_by_column_over_sigma"])
+    expected = pin["negative_eigenvalue_expected"]
+    deflection, reading = (
+        f"{100 * expected[key]['of_the_matrix']:.0f} % (symmetric part "
+        f"{100 * expected[key]['of_its_symmetric_part']:.0f} %)"
+        for key in ("if_sigma_is_of_a_deflection", "if_sigma_is_of_a_reading")
+    )
+    low, high = own["printed_f_m_within_rounding"]
+    small = own["eigenvalues_within_rounding"][1]
+    best = own["optimum_prediction"]
+    return [
+        f"Eq. (22) differs from Eq. (21) by an RMS of {pin['position_rms_over_sigma']:.2f} times 25 um / "
+        "10 N in "
+        f"its translation rows (by column {columns}) and {pin['rotation_rms_over_sigma']:.2f} times 0.25 "
+        "mrad / "
+        f"10 N m in its rotation rows; the standard error of each is {pin['standard_error_percent']:.0f} "
+        "%. Single-"
+        "axis loads of 10 N and 10 N m read the columns of C directly and give 1.00 if sigma is the noise "
+        "of a "
+        "deflection, 1.41 if it is that of each of its two readings. Of all 36 entries the RMS is "
+        f"{pin['rms_over_sigma']:.2f}: as large or larger with p = "
+        f"{pin['p_as_large_if_sigma_is_of_a_deflection']:.2f} in the first case, as small or smaller with "
+        "p = "
+        f"{pin['p_as_small_if_sigma_is_of_a_reading']:.2f} in the second, a likelihood ratio of "
+        f"{pin['likelihood_ratio_deflection_to_reading']:.1f} for the deflection: likely, not proven. Six "
+        "random "
+        f"loads would give {show(pin['random_loads_rms_over_sigma'], '.1f')}, as small in "
+        f"{100 * pin['random_loads_share_as_small']:.1f} % of cases.",
+        f"A negative eigenvalue is to be expected in {deflection} of draws if sigma is that of a "
+        "deflection, in "
+        f"{reading} if it is that of a reading.",
+        f"Eigenvalues of Eq. (22): {_exact(found['eq_22']['eigenvalues_matrix'])}; of its symmetric part: "
+        f"{_exact(found['eq_22']['eigenvalues_symmetric_part'])}. Of Eq. (23): "
+        f"{_exact(found['eq_23']['eigenvalues'])}. Matrices that round to Eq. (23) have a second "
+        "eigenvalue of "
+        f"{small[0]:.1e} to {small[1]:.1e}: two are zero within rounding, rank "
+        f"{own['rank_within_rounding']}.",
+        "Eq. (22) times 10 is the paper's dataset. Its certified optimum over all conservative matrices "
+        "has F_M "
+        f"{own['optimum_f_m']:.3f} and rank {own['optimum_rank']}; Eq. (23) has {own['printed_f_m']:.3f} "
+        f"({low:.2f} to {high:.2f} within rounding). Against the truth the optimum errs by "
+        f"{best['position_rms_um']:.1f} um and {best['rotation_rms_urad']:.0f} urad under our check loads.",
+        "\n".join(
+            grid(
+                [
+                    "m",
+                    "F_M on the paper's data",
+                    "eigenvalues, 1e-6",
+                    "RMS distance to Eq. (23), sigma / 10 N",
+                ],
+                [
+                    [
+                        str(row["m"]),
+                        f"{row['f_m']:.3f}",
+                        " ".join(_short(UM * value) for value in row["eigenvalues"]),
+                        f"{row['rms_to_eq_23_over_sigma']:.2f}",
+                    ]
+                    for row in own["order"]
+                ],
+            )
+        ),
+    ]
+
+
+def _exact(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:.2e}" for value in values)
+
+
+def _matrices(report: Report) -> list[str]:
+    printed = report["eq_22_23"]
+    named = (
+        ("Eq. (21), truth", report["truth_matrix"]),
+        ("LS, first draw", report["first_draw"][LEAST_SQUARES]["matrix"]),
+        ("Eq. (22), the paper's LS", printed["eq_22"]["matrix"]),
+        ("GCO, first draw", report["first_draw"][GCO]["matrix"]),
+        ("Eq. (23), the paper's GCO", printed["eq_23"]["matrix"]),
+        ("GCO, certified optimum on the data of Eq. (22)",
+         printed["eq_23_from_the_data_of_eq_22"]["optimum_matrix"]),
+    )  # fmt: skip
+    blocks = []
+    for name, matrix in named:
+        rows = "\n".join(" ".join(f"{value:10.2e}" for value in row) for row in matrix)
+        matrix_values, symmetric_values = eigenvalues(np.array(matrix))
+        values = f"eigenvalues                {_exact(matrix_values.tolist())}"
+        if matrix != np.transpose(matrix).tolist():
+            values += f"\nof the symmetric part      {_exact(symmetric_values.tolist())}"
+        blocks.append(f"{name}:\n\n```\n{rows}\n\n{values}\n```")
+    return blocks

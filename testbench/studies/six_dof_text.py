@@ -201,7 +201,7 @@ def markdown(report: Report) -> str:
             "",
             "## Tables I and II, linear truth (as the paper)",
             "",
-            *_table(report["models"], paper=True),
+            *models_table(report["models"], paper=True),
             "",
             "The paper's number stands in square brackets where its text gives it. *Readings*: errors "
             "against noisy check runs; *truth*: against the same runs without noise. The paper does not say "
@@ -209,14 +209,11 @@ def markdown(report: Report) -> str:
             "",
             "## The same with MuJoCo's non-linear truth, own weight included",
             "",
-            *_table(report["nonlinear"]["models"], paper=False),
+            *models_table(report["nonlinear"]["models"], paper=False),
             "",
             "## The paper's statements",
             "",
-            *grid(
-                ["statement", "verdict", "why"],
-                [[row["claim"], row["verdict"], row["why"]] for row in report["claims"]],
-            ),
+            *claims_table(report),
             "",
             "## The order m, Eq. 20",
             "",
@@ -226,10 +223,16 @@ def markdown(report: Report) -> str:
             "factorised problem; F_M also over the optimum of the conic program. The template of MGCO56 "
             "splits a link into blocks of size 1 and 2, so that m = 2 already reaches all of it.",
             "",
-            *_orders(report["order"]),
+            *orders_table(report["order"]),
             "",
         ]
     )
+
+
+def claims_table(report: Report) -> list[str]:
+    """The paper's statements, in Markdown."""
+    rows = [[row["claim"], row["verdict"], row["why"]] for row in report["claims"]]
+    return grid(["statement", "verdict", "why"], rows)
 
 
 def _headline(report: Report) -> str:
@@ -240,7 +243,8 @@ def _headline(report: Report) -> str:
     )
 
 
-def _table(models: list[Report], *, paper: bool) -> list[str]:
+def models_table(models: list[Report], *, paper: bool) -> list[str]:
+    """Tables I and II in Markdown; with the paper's cells in brackets where asked for."""
     head = [
         "model",
         "unknowns",
@@ -272,7 +276,8 @@ def _table(models: list[Report], *, paper: bool) -> list[str]:
     return grid(head, rows)
 
 
-def _orders(order: Report) -> list[str]:
+def orders_table(order: Report) -> list[str]:
+    """F_M, rank, eigenvalue and error of every order m, in Markdown."""
     head = [
         "model",
         "m",

@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -16,10 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from testbench.bench import Cell, Model, build_cell, named_models, stream
 from testbench.errors import Array, BenchError
 from testbench.full_pose import Campaign, FullPose, judge, simulate
-from testbench.identify import Budget, Estimate, certify, gco, make_estimate, reduce
+from testbench.identify import Budget, Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
+    CLOSE,
     LARGEST_ORDER,
-    Descent,
     Factorised,
     Observe,
     costs,
@@ -36,16 +35,10 @@ from testbench.report import MM, UM, Report, estimate_report, score_report
 NAME = "solver_comparison"
 WITHIN = 1.01
 """F_M over the least one at which a solver is called there: within 1 %."""
-SAME = 1e-6
-"""Relative excess of F_M within which a local solve counts as global: they end at a relative gain of 1e-12."""
-NEVER_ABOVE = 1e-9
-"""Relative difference of F_M that rounding leaves."""
-WANTED_RATIO = 1000
-"""How much faster than the paper's optimiser the conic program is meant to be."""
 REPEATS = 5
 """Calls of the conic program, of which the median time counts; one more comes first, not timed."""
 DIFFERENCE = math.sqrt(np.finfo(float).eps)
-"""Step of the finite differences, in units where the entries of b are of order one; as MATLAB and scipy do."""
+"""Step of the finite differences, where the entries of b are of order one; as MATLAB and scipy take it."""
 ORDERS = (6, 4, 3)
 """Orders m of the vector space whose local minima are counted."""
 CURVE_POINTS = 150
@@ -87,9 +80,7 @@ class Study(BaseModel):
     def budget(self, generations: int) -> Budget:
         """The search with that many generations."""
         stage_one = min(Budget().stage_one_points, self.trial_points)
-        return Budget(
-            generations=generations, trial_points=self.trial_points, stage_one_points=stage_one
-        )
+        return Budget(generations=generations, trial_points=self.trial_points, stage_one_points=stage_one)
 
 
 @dataclass(frozen=True)
@@ -102,8 +93,7 @@ class Solved:
         way: How it came down.
         seconds: Wall time of the whole call, reduction of the dataset included.
         evaluations: Of F_M; None where nobody counts them.
-        solves: Local solves; None where there are none.
-        strayed: Of them, those that ended above the least F_M of all by more than `SAME`.
+        solves: F_M of its local solves; None where there are none.
     """
 
     key: str
@@ -112,6 +102,58 @@ class Solved:
     seconds: float
     evaluations: int | None = None
     solves: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a solver over b found.
+
+    Attributes:
+        b: The vectors, (size,).
+        evaluations: Of F_M.
+        solves: F_M that its local solves ended with.
+    """
+
+    b: Array
+    evaluations: int
+    solves: list[float]
+
+
+OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
+"""A solver over b: problem, source of its starts, who is told of every least F_M."""
+
+
+def search(budget: Budget) -> OverB:
+    """The paper's optimiser, run through its whole budget: no threshold stops it."""
+
+    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
+        found = explore(problem, 0.0, budget, rng, observe)
+        return Found(found.best, found.evaluations, found.descents)
+
+    return solver
+
+
+def local_solves(starts: int) -> OverB:
+    """Local solves on the analytic gradient, from random starts."""
+
+    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
+        found = descents(problem, rng, starts=starts, observe=observe)
+        best = min(found, key=lambda descent: descent.f_m)
+        return Found(best.b, sum(d.evaluations for d in found), [d.f_m for d in found])
+
+    return solver
+
+
+def differences(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
+    """One local solve that knows F_M alone and takes its gradient by finite differences."""
+    end = descend(problem, random_start(problem, rng), evaluate=forward_differences, observe=observe)
+    return Found(end.b, (problem.size + 1) * end.evaluations, [end.f_m])
+
+
+def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
+    """F_M(b) and its gradient by finite differences, all points at once, (size,)."""
+    values = costs(problem, np.hstack([b[:, None], b[:, None] + DIFFERENCE * np.eye(problem.size)]))
+    return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
 def gco_model(cell: Cell, name: str) -> Model:
@@ -126,7 +168,9 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def trials(folder: Path, study: Study, first: int, clock: Callable[[], float], seeds: Sequence[int]) -> list[Report]:
+def trials(
+    folder: Path, study: Study, first: int, clock: Callable[[], float], seeds: Sequence[int]
+) -> list[Report]:
     """Reports of some seeds.
 
     Args:
@@ -180,7 +224,7 @@ def _conic(cell: Cell, model: Model, campaign: Campaign, clock: Callable[[], flo
 
 
 def _timed_call(
-    key: str, estimator: Any, cell: Cell, model: Model, campaign: Campaign, clock: Callable[[], float]
+    key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign, clock: Callable[[], float]
 ) -> Solved:
     start = clock()
     estimate = estimator(cell.vjm, model.structure, campaign.identification)
@@ -192,56 +236,39 @@ def _over_b(
     cell: Cell, model: Model, study: Study, campaign: Campaign, clock: Callable[[], float]
 ) -> list[Solved]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
-
-    def searched(budget: Budget, rng: np.random.Generator) -> Callable[[Factorised, Observe], Any]:
-        def run(problem: Factorised, observe: Observe) -> tuple[Array, int, list[float]]:
-            found = explore(problem, 0.0, budget, rng, observe)  # no threshold: the whole budget
-            return found.best, found.evaluations, found.descents
-
-        return run
-
-    def solved(starts: int, rng: np.random.Generator) -> Callable[[Factorised, Observe], Any]:
-        def run(problem: Factorised, observe: Observe) -> tuple[Array, int, list[float]]:
-            return _best(descents(problem, rng, starts=starts, observe=observe))
-
-        return run
-
-    def differenced(rng: np.random.Generator) -> Callable[[Factorised, Observe], Any]:
-        def run(problem: Factorised, observe: Observe) -> tuple[Array, int, list[float]]:
-            start = random_start(problem, rng)
-            end = descend(problem, start, evaluate=forward_differences, observe=observe)
-            return end.b, (problem.size + 1) * end.evaluations, [end.f_m]
-
-        return run
-
     seed = campaign.seed
-    runs = (
-        ("a", searched(study.budget(study.generations), stream(seed, 10))),
-        ("a'", searched(study.budget(study.short_generations), stream(seed, 10))),
-        ("b", solved(1, stream(seed, 11))),
-        ("b'", differenced(stream(seed, 11))),  # the same start
-        ("c", solved(study.starts, stream(seed, 12))),
+    runs: tuple[tuple[str, OverB, int], ...] = (
+        ("a", search(study.budget(study.generations)), 10),
+        ("a'", search(study.budget(study.short_generations)), 10),
+        ("b", local_solves(1), 11),
+        ("b'", differences, 11),  # from the same start
+        ("c", local_solves(study.starts), 12),
     )
     rows = []
-    for key, run in runs:
-        way: Way = []
-        start = clock()
+    for key, solver, random in runs:
+        stamps = Stamps(clock)
         problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), study.m)
-        b, evaluations, solves = run(problem, lambda value, start=start, way=way: way.append((clock() - start, value)))
-        estimate = make_estimate(problem.regression, parameters(problem, b), method=f"GCO over b, m = {study.m}")
-        rows.append(Solved(key, estimate, way, clock() - start, evaluations, solves))
+        found = solver(problem, stream(seed, random), stamps.add)
+        method = f"GCO over b, m = {study.m}"
+        status = "budget spent" if key.startswith("a") else "local optimum"
+        pi = parameters(problem, found.b)
+        estimate = make_estimate(problem.regression, pi, method=method, status=status)
+        rows.append(
+            Solved(key, estimate, stamps.way, clock() - stamps.start, found.evaluations, found.solves)
+        )
     return rows
 
 
-def _best(found: list[Descent]) -> tuple[Array, int, list[float]]:
-    best = min(found, key=lambda descent: descent.f_m)
-    return best.b, sum(descent.evaluations for descent in found), [descent.f_m for descent in found]
+class Stamps:
+    """When a solver reached which F_M, from now on."""
 
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.clock, self.start = clock, clock()
+        self.way: Way = []
 
-def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
-    """F_M(b) and its gradient by finite differences: what a solver does that is given F_M alone."""
-    values = costs(problem, np.hstack([b[:, None], b[:, None] + DIFFERENCE * np.eye(problem.size)]))
-    return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
+    def add(self, value: float) -> None:
+        """Note an F_M."""
+        self.way.append((self.clock() - self.start, value))
 
 
 def _microseconds(problem: Factorised, study: Study, clock: Callable[[], float]) -> float:
@@ -249,8 +276,8 @@ def _microseconds(problem: Factorised, study: Study, clock: Callable[[], float])
     population = stream(0).uniform(-1, 1, (problem.size, study.budget(1).population * problem.size))
     costs(problem, population)
     start = clock()
-    costs(problem, population)
-    return UM * (clock() - start) / population.shape[1]
+    count = len(costs(problem, population))
+    return UM * (clock() - start) / count
 
 
 def _lower(conic: Solved) -> float:
@@ -265,7 +292,7 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
     gap = certify(estimate, dual=conic.estimate.certificate.dual).gap
     there = next((seconds for seconds, value in row.way if value <= WITHIN * best), None)
     result = judge(cell, campaign, model, estimate, row.seconds)
-    strayed = [value > min(row.solves) * (1 + SAME) for value in row.solves] if row.solves else []
+    elsewhere = [value > best * (1 + CLOSE) for value in row.solves or ()]
     return {
         "key": row.key,
         "f_m": estimate.f_m,
@@ -279,9 +306,9 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
         "whole_ratio_to_conic": row.seconds / conic.seconds,
         "evaluations": row.evaluations,
         "local_solves": len(row.solves) if row.solves else None,
-        "local_solves_elsewhere": sum(strayed) if row.solves else None,
+        "local_solves_elsewhere": int(sum(elsewhere)) if row.solves else None,
         "conservative": estimate.conservative,
-        "status": estimate.status if row.key in "de" else "budget spent" if row.key[0] == "a" else "ended by itself",
+        "status": estimate.status,
         "check": score_report(result.check),
     }
 

@@ -1,0 +1,86 @@
+"""Errors with their spread as dots on a logarithmic axis: drawn in a plane, so that every dot has its name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from testbench.recording.style import NOISE, Colour
+
+ROW, WIDTH = 60.0, 1000.0
+"""Height of a row and width of the axis, in the chart's own units."""
+LEFT, RIGHT = 260.0, 160.0
+"""Room for names on the left and for numbers on the right."""
+
+
+@dataclass(frozen=True)
+class Dot:
+    """One line of the chart.
+
+    Attributes:
+        name: What it is.
+        low: Low end of the spread; the value itself where there is none.
+        value: Positive.
+        high: High end of the spread.
+        colour: Of its role.
+        text: The value for people, unit included.
+    """
+
+    name: str
+    low: float
+    value: float
+    high: float
+    colour: Colour
+    text: str
+
+
+def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> None:
+    """Dots, whiskers, names and a grid of powers of ten.
+
+    Args:
+        stream: Where to.
+        path: Root of the chart's entities.
+        dots: From top to bottom.
+    """
+    first, last = _decades(dots)
+    rows = ROW * (np.arange(len(dots)) + 0.5)
+    x = np.array([[_place(v, first, last) for v in (d.low, d.value, d.high)] for d in dots])
+    colours = [d.colour for d in dots]
+    bottom = ROW * len(dots)
+    ticks = [_place(10.0**k, first, last) for k in range(first, last + 1)]
+    lines = [[(t, 0), (t, bottom)] for t in ticks]
+    stream.log(f"{path}/axis", rr.LineStrips2D(lines, colors=(*NOISE, 120), radii=-0.5), static=True)
+    marks = rr.Points2D(
+        [(t, bottom + ROW / 2) for t in ticks],
+        labels=[f"{10.0**k:g}" for k in range(first, last + 1)],
+        colors=NOISE,
+        radii=-1.0,
+        show_labels=True,
+    )
+    stream.log(f"{path}/ticks", marks, static=True)
+    spread = [[(low, y), (high, y)] for (low, _, high), y in zip(x, rows, strict=True)]
+    stream.log(f"{path}/spread", rr.LineStrips2D(spread, colors=colours, radii=-2.0), static=True)
+    stream.log(f"{path}/value", rr.Points2D(np.column_stack([x[:, 1], rows]), colors=colours, radii=-6.0), static=True)
+    for entity, at, texts in (("name", -LEFT / 2, [d.name for d in dots]), ("number", None, [d.text for d in dots])):
+        places = [(x[k, 2] + 20 + RIGHT / 2 if at is None else at, y) for k, y in enumerate(rows)]
+        labels = rr.Points2D(places, labels=texts, colors=colours, radii=0.0, show_labels=True)
+        stream.log(f"{path}/{entity}", labels, static=True)
+
+
+def chart_view(path: str, name: str, dots: Sequence[Dot]) -> rrb.Spatial2DView:
+    """The view of a chart, its unit in the name."""
+    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(-ROW / 4, ROW * (len(dots) + 1)))
+    return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
+
+
+def _decades(dots: Sequence[Dot]) -> tuple[int, int]:
+    """Powers of ten that hold all dots."""
+    low, high = min(d.low for d in dots), max(d.high for d in dots)
+    first = int(np.floor(np.log10(low)))
+    return first, max(int(np.ceil(np.log10(high))), first + 1)
+
+
+def _place(value: float, first: int, last: int) -> float:
+    return float(WIDTH * (np.log10(value) - first) / (last - first))

@@ -1,0 +1,224 @@
+"""The arm with its load and its markers, on the timelines of the runs and on that of the load."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import FillMode
+
+from testbench.errors import Array
+from testbench.plant.shapes import Frames
+from testbench.recording.arm import write_places, write_shapes
+from testbench.recording.style import LOAD, MEASURED, NOMINAL
+from testbench.recording.study import Study
+from testbench.report import MM
+
+STEEL = 7850.0
+"""Density [kg/m^3] of the drawn weight, a cube."""
+HALF_VIEW = np.tan(np.deg2rad(27.5))
+"""Tangent of half the viewer's vertical angle of view; the pane is a little wider than high."""
+THICKNESS = 0.04
+"""How far a shape reaches beyond the origin of its body, over the reach of the arm [1]."""
+ARROW = 0.2
+"""Length of the load's arrow over the reach of the arm [1]."""
+
+
+def write_scene(stream: rr.RecordingStream, study: Study, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn) -> None:
+    """Everything under `world`.
+
+    Args:
+        stream: Where to.
+        study: What to draw.
+        runs: Timelines of the runs, in the order of the dataset.
+        load: Timeline of loading.
+    """
+    moving = study.moving()
+    write_shapes(stream, study.cell, moving)
+    write_places(stream, study.cell, runs, study.rigid, study.ghost, moving)
+    write_places(stream, study.cell, [load], study.loading.rigid, study.loading.ghost, moving)
+    _write_styles(stream, study)
+    _write_markers(stream, study, runs)
+    _write_loading(stream, study, load)
+    wrench = study.data.wrench
+    _write_load(stream, study, runs, study.ghost, wrench, wrench)
+    run, share = study.loading.run, study.loading.share
+    whole = np.tile(wrench[run], (len(share), 1))
+    _write_load(stream, study, [load], study.loading.ghost, whole, share[:, None] * whole)
+
+
+def _write_styles(stream: rr.RecordingStream, study: Study) -> None:
+    """What does not change: colours and sizes."""
+    radius = 0.012 * study.reach
+    points = {"nominal": (NOMINAL, radius), "measured": (MEASURED, radius), "true": (MEASURED, radius)}
+    for k, (path, look) in enumerate(zip(study.paths, study.looks, strict=True)):
+        points[f"predicted_{path}"] = (look.colour, 0.8 * radius)
+        slim = (0.5 if k == study.best else 0.8) * radius  # so that arrows on one line are both seen
+        stream.log(_marker(f"residual_{path}"), rr.Arrows3D.from_fields(colors=look.colour, radii=slim), static=True)
+    for name, (colour, size) in points.items():
+        stream.log(_marker(name), rr.Points3D.from_fields(colors=colour, radii=size), static=True)
+    thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
+    stream.log(_marker("deflection"), thin, static=True)
+    label = rr.Points3D.from_fields(colors=study.looks[study.best].colour, radii=0.0, show_labels=True)
+    stream.log(_marker("worst_label"), label, static=True)
+
+
+def _marker(name: str) -> str:
+    return f"world/markers/{name}"
+
+
+def _write_markers(stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn]) -> None:
+    """Markers without load, as measured and as predicted; arrows from measured to predicted."""
+    data, M, scale = study.data, study.magnification, study.residual_scale
+    nominal = study.bodies(data.markers, study.rigid)
+    measured = nominal + M * data.deflection
+    _points(stream, "nominal", times, nominal)
+    _points(stream, "measured", times, measured)
+    _arrows(stream, "deflection", times, nominal, M * data.deflection)
+    for path, errors in zip(study.paths, study.errors, strict=True):
+        _points(stream, f"predicted_{path}", times, measured - M * errors)
+        _arrows(stream, f"residual_{path}", times, measured, -scale * errors)
+    _write_worst(stream, study, times, measured)
+
+
+def _write_worst(
+    stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn], measured: Array
+) -> None:
+    """One label a run, off its marker: labels at every marker would cover each other."""
+    length = MM * np.linalg.norm(study.errors[study.best], axis=-1)
+    worst, runs = length.argmax(axis=1), np.arange(len(length))
+    away = measured[runs, worst] - study.bodies([study.cell.arm.tool], study.ghost)[:, 0]
+    size = np.linalg.norm(away, axis=1, keepdims=True)
+    away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * study.reach) + [0, 0, 0.7]
+    at = measured[runs, worst] + 0.1 * study.reach * away
+    name = study.names[study.best]
+    labels = [
+        f"{study.data.markers[k]}: {name} errs by {mm:.3f} mm"
+        for k, mm in zip(worst, length[runs, worst], strict=True)
+    ]
+    columns = rr.Points3D.columns(positions=at, labels=labels).partition([1] * len(at))
+    stream.send_columns(_marker("worst_label"), times, columns)
+
+
+def _write_loading(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn) -> None:
+    """The same markers while the load grows: true instead of measured, predicted by the shown models."""
+    loading, M = study.loading, study.magnification
+    nominal = study.bodies(study.data.markers, loading.rigid)
+    _points(stream, "nominal", [time], nominal)
+    _points(stream, "true", [time], nominal + M * loading.deflection)
+    _arrows(stream, "deflection", [time], nominal, M * loading.deflection)
+    for k in study.shown:
+        _points(stream, f"predicted_{study.paths[k]}", [time], nominal + M * loading.predicted[k])
+
+
+def _points(stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], positions: Array) -> None:
+    """A point a marker: positions (times, m, 3) [m]."""
+    columns = rr.Points3D.columns(positions=positions.reshape(-1, 3))
+    stream.send_columns(_marker(name), times, columns.partition([positions.shape[1]] * len(positions)))
+
+
+def _arrows(
+    stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], origins: Array, vectors: Array
+) -> None:
+    """An arrow a marker: origins and vectors (times, m, 3) [m]."""
+    columns = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3))
+    stream.send_columns(_marker(name), times, columns.partition([origins.shape[1]] * len(origins)))
+
+
+def _write_load(
+    stream: rr.RecordingStream,
+    study: Study,
+    times: Sequence[rr.TimeColumn],
+    ghost: Frames,
+    whole: Array,
+    wrench: Array,
+) -> None:
+    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below.
+
+    Args:
+        stream: Where to.
+        study: Gives the arm and its payload.
+        times: Of the rows.
+        ghost: Where the load point is.
+        whole: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
+        wrench: What acts, (rows, 6) [N, N m].
+    """
+    hook = study.bodies([study.cell.arm.load], ghost)[:, 0]
+    payload = study.report.get("payload_kg")
+    thick = rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * study.reach, show_labels=payload is None)
+    for entity, part, unit in (("force", slice(0, 3), "N"), ("moment", slice(3, 6), "N m")):
+        size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
+        if not size.any():
+            continue
+        stream.log(f"world/load/{entity}", thick, static=True)
+        vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
+        labels = [f"{x:.0f} {unit}" if x > 0 else "" for x in np.linalg.norm(wrench[:, part], axis=1)]
+        scaled = ARROW * study.reach * vectors
+        columns = rr.Arrows3D.columns(origins=hook, vectors=scaled, labels=labels)
+        stream.send_columns(f"world/load/{entity}", times, columns)
+    if payload is not None:
+        _write_weight(stream, study, times, hook, whole[:, :3], wrench[:, :3])
+
+
+def _write_weight(
+    stream: rr.RecordingStream,
+    study: Study,
+    times: Sequence[rr.TimeColumn],
+    hook: Array,
+    whole: Array,
+    force: Array,
+) -> None:
+    """The hung weight; its label stands below it, away from the markers."""
+    payload = study.report["payload_kg"]
+    half = (payload / STEEL) ** (1 / 3) / 2
+    cube = rr.Boxes3D.from_fields(half_sizes=[half] * 3, colors=LOAD, fill_mode=FillMode.Solid)
+    stream.log("world/load/weight", cube, static=True)
+    label = rr.Points3D.from_fields(colors=LOAD, radii=0.0, show_labels=True)
+    stream.log("world/load/label", label, static=True)
+    size = np.linalg.norm(whole, axis=1, keepdims=True)
+    centre = hook + ARROW * study.reach * force / size + half * whole / size
+    stream.send_columns("world/load/weight", times, rr.Boxes3D.columns(centers=centre))
+    texts = [f"{share * payload:.4g} kg" for share in np.linalg.norm(force, axis=1) / size[:, 0]]
+    below = centre + (half + 0.04 * study.reach) * whole / size
+    columns = rr.Points3D.columns(positions=below, labels=texts).partition([1] * len(below))
+    stream.send_columns("world/load/label", times, columns)
+
+
+def world_view(study: Study) -> rrb.Spatial3DView:
+    """The arm; of the markers, only the best model of each method is visible at first."""
+    eye, target = _camera(study)
+    hidden: dict[str | rr.datatypes.EntityPath, Any] = {
+        f"/world/markers/{what}_{name}": rrb.EntityBehavior(visible=False)
+        for k, name in enumerate(study.paths)
+        if k not in study.shown
+        for what in ("predicted", "residual")
+    }
+    return rrb.Spatial3DView(
+        origin="world",
+        name=f"Arm (m): deflection x {study.magnification:g}, residual arrows x {study.residual_scale:g}",
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
+        ),
+        overrides=hidden,
+    )
+
+
+def _camera(study: Study) -> tuple[Array, Array]:
+    """Eye and target, each (3,) [m]: from the side and a little ahead, arm and ghost of all runs in view."""
+    weight = study.bodies([study.cell.arm.load], study.ghost) - [0, 0, 0.3 * study.reach]
+    drawn = (study.rigid.positions, study.ghost.positions, weight)
+    points = np.concatenate([positions.reshape(-1, 3) for positions in drawn])
+    tool = study.bodies([study.cell.arm.tool], study.rigid)[:, 0, :2].mean(axis=0)
+    length = float(np.linalg.norm(tool))
+    x, y = tool / length if length > 0 else (1.0, 0.0)
+    back = np.array([0.9 * y + 0.35 * x, -0.9 * x + 0.35 * y, 0.25])
+    back /= np.linalg.norm(back)
+    right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
+    axes = np.column_stack([back, right, np.cross(back, right)])
+    low, high = (points @ axes).min(axis=0), (points @ axes).max(axis=0)
+    target = axes @ ((low + high) / 2)
+    depth, across, up = ((points - target) @ axes).T
+    wide = np.maximum(np.abs(across) / 1.15, np.abs(up)) + THICKNESS * study.reach
+    distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
+    return target + distance * back, target

@@ -1,0 +1,93 @@
+"""One file a study: strict, closed with its footer in any case, and replaced only by a whole one."""
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from testbench.files import versions
+
+LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1}
+"""Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What identifies a recording.
+
+    Attributes:
+        kind: Key of LAYOUTS.
+        scenario: Name of the scenario.
+        parameters: The scenario as JSON.
+        seed: Root of what is drawn.
+        scales: Magnifications by name [1].
+    """
+
+    kind: str
+    scenario: str
+    parameters: str
+    seed: int
+    scales: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def application(self) -> str:
+        """Application id, a version in it."""
+        return f"testbench_{self.kind}_v{LAYOUTS[self.kind]}"
+
+
+@contextlib.contextmanager
+def recording(path: Path, header: Header, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`.
+
+    Args:
+        path: The .rrd file.
+        header: What identifies it.
+        blueprint: Its layout, embedded.
+    """
+    part = path.with_name(path.name + ".part")
+    strict = rr.strict_mode()
+    rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
+    words = f"{header.scenario} {header.parameters} {header.seed}"
+    digest = hashlib.sha256(words.encode()).hexdigest()[:16]
+    try:
+        # The stream's own properties would hold the time of writing: equal seeds would differ.
+        stream = rr.RecordingStream(header.application, recording_id=digest, send_properties=False)
+        try:
+            stream.set_log_time_enabled(False)
+            stream.set_log_tick_enabled(False)
+            stream.save(part, default_blueprint=blueprint)
+            _write_properties(stream, header)
+            yield stream
+        finally:
+            stream.disconnect()
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+        rr.set_strict_mode(strict)
+
+
+def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
+    stream.send_recording_name(f"{header.scenario}, seed {header.seed}")
+    about = {"scenario": header.scenario, "parameters": header.parameters, "seed": header.seed}
+    stream.send_property("study", rr.AnyValues(**about, **header.scales))
+    stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
+
+
+def write_texts(stream: rr.RecordingStream, documents: Mapping[str, str]) -> None:
+    """Markdown that does not change, by path."""
+    for path, document in documents.items():
+        stream.log(path, rr.TextDocument(document, media_type="text/markdown"), static=True)
+
+
+def layout(*tabs: rrb.Container | rrb.View, timeline: str) -> rrb.Blueprint:
+    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on."""
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="paused"),
+        auto_views=False,
+        collapse_panels=True,
+    )
