@@ -174,12 +174,13 @@ def _solve(regression: Regression, program: Program) -> clarabel.DefaultSolution
         sparse.csc_matrix(np.vstack(A)),
         np.concatenate(b),
         cones,
-        _settings(),
+        solver_settings(),
     )
     return solver.solve()
 
 
-def _settings() -> clarabel.DefaultSettings:
+def solver_settings() -> clarabel.DefaultSettings:
+    """Clarabel as every conic program of ours calls it: one thread, tight tolerances."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1

@@ -255,6 +255,7 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
         vectorized=True,
     )
 
+
 def global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
     """Local solves from the best point and from the trial points that pass both filters."""
     search.solve(search.best)

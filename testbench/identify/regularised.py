@@ -1,0 +1,155 @@
+"""Least squares and GCO with the same prior: the likelihood times a Gaussian around what was expected.
+
+Both minimise chi^2 + |x - s e|^2 / u^2 in the metric of the prior, x the compliance in units of what was
+expected, e its expectation, u the relative uncertainty; GCO keeps every block positive semi-definite. The
+scale s common to all compliances is left to the data: a CAD model that is wrong by one factor costs nothing.
+"""
+
+from dataclasses import dataclass
+
+import clarabel
+import numpy as np
+from scipy import sparse
+
+from testbench.errors import Array, BenchError
+from testbench.identify.conic import solver_settings
+from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.prior import Metric, whitened
+from testbench.identify.regression import Regression
+
+
+@dataclass(frozen=True)
+class Strength:
+    """How firmly a prior is believed.
+
+    Attributes:
+        uncertainty: Relative standard deviation u of a compliance around its expectation [1].
+        scale_uncertainty: The same of the factor common to all; infinite leaves it to the data.
+    """
+
+    uncertainty: float
+    scale_uncertainty: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Refuse what is no standard deviation.
+
+        Raises:
+            BenchError: When one is not above 0.
+        """
+        for name in ("uncertainty", "scale_uncertainty"):
+            if not getattr(self, name) > 0:
+                raise BenchError(f"{name}: expected more than 0, got {getattr(self, name)}")
+
+
+def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
+    """Rows that the prior adds to those of the data: B and c with |B x - c|^2 its penalty.
+
+    With s left to the data, |x - s e|^2 is least at s = <x, e> / <e, e>: a projection. A finite uncertainty v
+    of s gives back (s - 1)^2 / v^2 along e.
+
+    Returns:
+        B, (n, n), and c, (n,).
+    """
+    e = metric.expected / np.linalg.norm(metric.expected)
+    size = np.linalg.norm(metric.expected)
+    along = 1 / np.hypot(strength.uncertainty, size * strength.scale_uncertainty)
+    B = (np.eye(len(e)) - np.outer(e, e)) / strength.uncertainty + along * np.outer(e, e)
+    return B, along * size * e
+
+
+def least_squares_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
+    """Weighted least squares with a prior; not conservative where the data pull it out of the cone.
+
+    Args:
+        regression: The reduced dataset.
+        metric: The structure in the metric of the prior.
+        strength: How firmly it is believed.
+    """
+    M, r = _stack(regression, metric, strength)
+    x = np.linalg.lstsq(M, r, rcond=None)[0]
+    return _estimate(regression, metric, strength, x, "least squares", "solved")
+
+
+def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
+    """GCO with a prior: the conservative model of greatest posterior density, a conic program.
+
+    Args:
+        regression: The reduced dataset.
+        metric: The structure in the metric of the prior.
+        strength: How firmly it is believed.
+    """
+    M, r = _stack(regression, metric, strength)
+    n = metric.structure.n
+    R = np.linalg.qr(np.c_[M, r], mode="r")
+    unit = max(1.0, abs(R[n, n]))
+    cone = np.zeros((n + 2, n + 1))
+    cone[0, 0] = -1
+    cone[1:, 1:] = R[:, :n] / unit
+    psd = np.hstack([np.zeros((n, 1)), -np.eye(n)])
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix((n + 1, n + 1)),
+        np.r_[1.0, np.zeros(n)],
+        sparse.csc_matrix(np.vstack([cone, psd])),
+        np.r_[0.0, R[:, n] / unit, np.zeros(n)],
+        [clarabel.SecondOrderConeT(n + 2), *map(clarabel.PSDTriangleConeT, metric.sizes)],
+        solver_settings(),
+    )
+    solution = solver.solve()
+    solved = str(solution.status) == "Solved"
+    status = "solved" if solved else f"not solved: Clarabel says {solution.status}"
+    x = project(metric, np.array(solution.x)[1:])
+    return _estimate(regression, metric, strength, x, "GCO", status, solution.solve_time)
+
+
+def blocks_of(metric: Metric, x: Array) -> list[Array]:
+    """X of every block."""
+    found, first = [], 0
+    for n in metric.sizes:
+        X = np.zeros((n, n))
+        last = first + n * (n + 1) // 2
+        column, row = np.tril_indices(n)
+        X[row, column] = X[column, row] = x[first:last] * np.where(row == column, 1, np.sqrt(0.5))
+        found.append(X)
+        first = last
+    return found
+
+
+def project(metric: Metric, x: Array) -> Array:
+    """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
+    parts = []
+    for X in blocks_of(metric, x):
+        values, Q = np.linalg.eigh(X)
+        X = (Q * np.maximum(values, 0)) @ Q.T
+        column, row = np.tril_indices(len(X))
+        parts.append(X[row, column] * np.where(row == column, 1, np.sqrt(2)))
+    return np.concatenate(parts)
+
+
+def _stack(regression: Regression, metric: Metric, strength: Strength) -> tuple[Array, Array]:
+    """Rows of the data and of the prior."""
+    (A, y), (B, c) = whitened(regression, metric), precision_root(metric, strength)
+    return np.vstack([A, B]), np.r_[y, c]
+
+
+def _estimate(
+    regression: Regression,
+    metric: Metric,
+    strength: Strength,
+    x: Array,
+    method: str,
+    status: str,
+    solver_seconds: float = 0.0,
+) -> Estimate:
+    scale = (
+        "its scale left to the data"
+        if np.isinf(strength.scale_uncertainty)
+        else f"its scale known to {100 * strength.scale_uncertainty:g} %"
+    )
+    return make_estimate(
+        regression,
+        metric.L @ x,
+        method=f"{method} with prior",
+        status=status,
+        solver_seconds=solver_seconds,
+        advice=(f"prior: {metric.prior}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}",),
+    )
