@@ -25,7 +25,7 @@ from testbench.bench import (
 )
 from testbench.csvfile import write_csv
 from testbench.paper import SECTION_6
-from testbench.record import write_recording
+from testbench.recording import write_calibration
 from testbench.report import Report, report, summarise
 
 NAME = "gravity_calibration"
@@ -47,6 +47,9 @@ def main(
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0,
     truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear",
     noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True,
+    magnification: Annotated[
+        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
+    ] = 50.0,
 ) -> None:
     """Calibrate the arm under gravity as section 6 of the paper does, and judge five models."""
     console = Console(highlight=False)
@@ -68,7 +71,7 @@ def main(
             results = identify(cell, campaign, models, time.perf_counter)
             reports.append(report(NAME, campaign, results, paper))
             if k == 0:
-                write_views(folder, reports[0], cell, campaign, results)
+                write_views(folder, reports[0], cell, campaign, results, magnification)
         final = reports[0] if seeds == 1 else summarise(reports)
         write_numbers(folder, final, scenario, seed, seeds, arm)
         figures.models(final, folder / "models.png")
@@ -79,12 +82,20 @@ def main(
     console.print(tables.where(out, figures=("models.png", "residuals.png")), soft_wrap=True)
 
 
-def write_views(folder: Path, first: Report, cell: Cell, campaign: Campaign, results: list[Result]) -> None:
+def write_views(
+    folder: Path,
+    first: Report,
+    cell: Cell,
+    campaign: Campaign,
+    results: list[Result],
+    magnification: float,
+) -> None:
     """Dataset, residual figure and recording of the first seed."""
     joints = tuple(j.name for j in cell.arm.joints)
     write_csv(campaign.measured, joints, folder / "dataset.csv")
     figures.residuals(campaign, results, folder / "residuals.png")
-    write_recording(folder / "recording.rrd", first, cell, campaign, results)
+    path = folder / "recording.rrd"
+    write_calibration(path, first, cell, campaign, results, magnification=magnification)
 
 
 def write_numbers(folder: Path, final: Report, scenario: Scenario, seed: int, seeds: int, arm: Path) -> None:

@@ -14,6 +14,7 @@ from rich.progress import track
 
 from testbench import command, figures_loaded, files, tables
 from testbench.bench import build_cell
+from testbench.recording import sweeps, write_sweep
 from testbench.studies import loaded, loaded_text
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -47,6 +48,8 @@ def main(
         loadings = [loaded.hang(cell, plants, q, float(load), study.max_load / 100) for load in bar]
         report = loaded.summary(study, seed, loadings)
         files.write_json(report, folder / "report.json")
+        sweep = sweeps.loaded_stiffness(report, study.model_dump(mode="json"))
+        write_sweep(folder / "recording.rrd", sweep)
         files.write_manifest(
             folder,
             command=f"scenarios/{loaded.NAME}.py",

@@ -16,7 +16,7 @@ from rich.progress import track
 from testbench import command, figures_single_link, files
 from testbench.bench import build_cell
 from testbench.csvfile import write_csv
-from testbench.studies import single_link
+from testbench.studies import single_link, single_link_report, single_link_text
 from testbench.trials import run_trials
 
 ARM = Path(__file__).resolve().parents[1] / "models" / single_link.NAME
@@ -52,10 +52,10 @@ def main(
         bar = track(chunks, "draws", total=count, console=console, transient=True)
         results = [result for chunk in bar for result in chunk]
         first = single_link.measure(cell, study, seed)
-        report = single_link.summary(cell, study, first, results)
+        report = single_link_report.summary(cell, study, first, results)
         write_csv(first.identification, (), folder / "dataset.csv")
         files.write_json(report, folder / "report.json")
-        (folder / "report.md").write_text(single_link.markdown(report), encoding="utf-8")
+        (folder / "report.md").write_text(single_link_text.markdown(report), encoding="utf-8")
         files.write_manifest(
             folder,
             command=f"scenarios/{single_link.NAME}.py",
@@ -65,14 +65,14 @@ def main(
             arms=[ARM],
         )
         figures_single_link.single_link(report, folder / "single_link.png")
-    console.print(single_link.title(report))
-    console.print(single_link.table(report))
+    console.print(single_link_text.title(report))
+    console.print(single_link_text.table(report))
     console.print()
-    console.print(single_link.first_draw(report))
+    console.print(single_link_text.first_draw(report))
     console.print()
-    console.print(single_link.verdict(report))
+    console.print(single_link_text.verdict(report))
     console.print()
-    console.print(single_link.where(out), soft_wrap=True)
+    console.print(single_link_text.where(out), soft_wrap=True)
 
 
 if __name__ == "__main__":

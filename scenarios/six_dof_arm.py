@@ -15,10 +15,11 @@ from rich.console import Console
 from rich.progress import track
 
 from testbench import command, files, tables
-from testbench.bench import build_cell
+from testbench.bench import build_cell, named_models
 from testbench.csvfile import write_csv
 from testbench.figures_six_dof import six_dof_arm
-from testbench.full_pose import FullPose, simulate
+from testbench.full_pose import FullPose, identify, simulate
+from testbench.recording import write_calibration
 from testbench.studies import six_dof, six_dof_text
 from testbench.trials import run_trials
 
@@ -42,6 +43,9 @@ def main(
         Literal["deflection", "reading"],
         typer.Option(help="What the noise of 25 um and 250 urad is that of."),
     ] = "deflection",
+    magnification: Annotated[
+        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
+    ] = 10.0,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if not given.")] = None,
 ) -> None:
     """Identify the five models of Table I from 108 runs, and check them on 120 others."""
@@ -67,6 +71,9 @@ def main(
         campaign = simulate(cell, scenario, seed)
         joints = tuple(j.name for j in cell.arm.joints)
         write_csv(campaign.identification, joints, folder / "dataset.csv")
+        results = identify(cell, campaign, named_models(cell, six_dof.MODELS), time.perf_counter)
+        path = folder / "recording.rrd"
+        write_calibration(path, report, cell, campaign, results, magnification=magnification)
         files.write_json(report, folder / "report.json")
         (folder / "report.md").write_text(six_dof_text.markdown(report), encoding="utf-8")
         six_dof_arm(report, folder / "six_dof_arm.png")

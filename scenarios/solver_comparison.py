@@ -25,7 +25,7 @@ from testbench.trials import run_trials
 
 ROOT = Path(__file__).resolve().parents[1]
 ARM = ROOT / "models" / "arm_6r"
-QUICK_SEEDS, QUICK_GENERATIONS, QUICK_STARTS = 2, 60, 10
+QUICK_SEEDS, QUICK_GENERATIONS, QUICK_STARTS = 2, 60, 5
 PER_READING = math.sqrt(2)
 """The paper's 25 um and 250 urad as those of a deflection, a difference of two readings."""
 
@@ -60,7 +60,7 @@ def main(
         m=m,
         generations=min(generations, QUICK_GENERATIONS) if quick else generations,
         trial_points=trial_points,
-        starts=starts,
+        starts=min(starts, QUICK_STARTS) if quick else starts,
         scs=scs,
         minima_starts=QUICK_STARTS if quick else 50,
         minima_seeds=1 if quick else 3,

@@ -1,6 +1,7 @@
 """The `testbench` command: an engineer's own arm and own data.
 
-check ARM, elastic ARM FILE, simulate ARM POSES --out DATA, identify ARM DATA --out DIR.
+check ARM, elastic ARM FILE, simulate ARM POSES --out DATA, identify ARM DATA --out DIR; view DIR and
+shot DIR for the recordings of any run.
 """
 
 import sys
@@ -21,6 +22,7 @@ from testbench.errors import BenchError, InputError
 from testbench.evaluate import predict, score
 from testbench.plant import check_poses, settle_linear, write_elastic
 from testbench.plausibility import doubts
+from testbench.recording import viewer
 from testbench.report import fit_report
 from testbench.tracker import Tracker
 from testbench.vjm import chain
@@ -32,6 +34,7 @@ AGREEMENT, AGREEMENT_POSES = 1e-9, 20
 """Distance of the tool between the two readings of an arm [m], and poses in which it is compared."""
 
 ArmFolder = Annotated[Path, typer.Argument(help="Folder with rigid.xml and elastic.toml.")]
+RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
 
 
 @app.command()
@@ -130,6 +133,26 @@ def identify(
     for sentence in dict.fromkeys(sentence for fit in fits for sentence in fit["advice"]):
         console.print(f"- {sentence}")
     console.print(f"models     {out / 'models.json'}", soft_wrap=True)
+
+
+@app.command()
+def view(folder: RunFolder) -> None:
+    """Open the newest recording of a run in the Rerun viewer."""
+    viewer.view(folder)
+
+
+@app.command()
+def shot(
+    folder: RunFolder,
+    out: Annotated[Path, typer.Option(help="PNG to write.")] = Path("recording.png"),
+    tab: Annotated[str | None, typer.Option(help="Tab in front, such as Errors.")] = None,
+    timeline: Annotated[str | None, typer.Option(help="Active timeline, such as load.")] = None,
+    at: Annotated[int, typer.Option(min=0, help="Place on the timeline.")] = 0,
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "1600x1000",
+) -> None:
+    """Render the newest recording of a run without a screen."""
+    file = viewer.shot(folder, out, size=size, tab=tab, timeline=timeline, at=at)
+    console.print(f"{out}: {file}", soft_wrap=True)
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "testbench"
 DOORS = {
     "mujoco": lambda p: p.parts[0] == "plant",
     "pinocchio": lambda p: p == Path("vjm.py"),
-    "rerun": lambda p: p == Path("record.py"),
+    "rerun": lambda p: p.parts[0] == "recording",
     "clarabel": lambda p: p == Path("identify/conic.py"),
     "matplotlib": lambda p: p.name.startswith("figures"),
 }

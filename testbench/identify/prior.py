@@ -153,8 +153,8 @@ def _root(P: Array, what: str) -> Array:
     smallest = float(np.linalg.eigvalsh(P / np.outer(d, d))[0])
     if smallest <= SMALLEST:
         raise BenchError(
-            f"{what}: expected a positive definite block, got smallest eigenvalue {smallest:.3g} (of the block "
-            "scaled to unit diagonal)"
+            f"{what}: expected a positive definite block, got smallest eigenvalue {smallest:.3g} (of the "
+            "block scaled to unit diagonal)"
         )
     values, Q = np.linalg.eigh(P / np.outer(d, d))
     return np.asarray(d[:, None] * (Q * np.sqrt(values)) @ Q.T)

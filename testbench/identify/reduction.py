@@ -3,12 +3,37 @@
 import numpy as np
 from scipy.linalg import qr
 
+from testbench.errors import Array
 from testbench.identify.regression import rank
 from testbench.structure import Structure
 from testbench.vjm import Vjm, observation
 
 GENERIC_RUNS = 60
 """Random runs of a full wrench, read in full pose: they see all that any experiment can."""
+
+
+def generic_rows(vjm: Vjm, structure: Structure) -> Array:
+    """Observation matrix, Eq. (12), of an experiment that sees all that any experiment can.
+
+    Random poses within the joint limits, a random full wrench at a random point, the full pose read. Its rank
+    is generic: it does not depend on the draw.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns, n of them.
+
+    Returns:
+        Rows of positions, then of rotations, (rows, n).
+    """
+    rng = np.random.Generator(np.random.Philox(0))
+    lower, upper = vjm.arm.limits
+    q = rng.uniform(lower, upper, (GENERIC_RUNS, vjm.arm.n_joints))
+    wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
+    rows = [
+        observation(vjm, structure, q, wrench, point, targets=vjm.markers, rotation=turned)
+        for turned in (False, True)
+    ]
+    return np.concatenate([row.reshape(-1, structure.n) for row in rows])
 
 
 def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
@@ -22,15 +47,7 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
         structure: The redundant structure.
         name: Name of the reduced one.
     """
-    rng = np.random.Generator(np.random.Philox(0))  # rank is generic: it does not depend on the draw
-    lower, upper = vjm.arm.limits
-    q = rng.uniform(lower, upper, (GENERIC_RUNS, vjm.arm.n_joints))
-    wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
-    rows = [
-        observation(vjm, structure, q, wrench, point, targets=vjm.markers, rotation=turned)
-        for turned in (False, True)
-    ]
-    A = np.concatenate([row.reshape(-1, structure.n) for row in rows])
+    A = generic_rows(vjm, structure)
     A = A / np.linalg.norm(A, axis=0)
     _, order = qr(A, mode="r", pivoting=True)
     return structure.keep(np.sort(order[: rank(A)]), name)

@@ -18,6 +18,10 @@ from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import Regression
 
 
+GAP = 1e-6
+"""Duality gap, relative to the cost, below which a conic program counts as solved."""
+
+
 @dataclass(frozen=True)
 class Strength:
     """How firmly a prior is believed.
@@ -66,8 +70,8 @@ def least_squares_with(regression: Regression, metric: Metric, strength: Strengt
         strength: How firmly it is believed.
     """
     M, r = _stack(regression, metric, strength)
-    x = np.linalg.lstsq(M, r, rcond=None)[0]
-    return _estimate(regression, metric, strength, x, "least squares", "solved")
+    x = np.asarray(np.linalg.lstsq(M, r, rcond=None)[0], dtype=float)
+    return estimate_of(regression, metric, strength, x, method="least squares with prior", status="solved")
 
 
 def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
@@ -80,7 +84,7 @@ def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Esti
     """
     M, r = _stack(regression, metric, strength)
     n = metric.structure.n
-    R = np.linalg.qr(np.c_[M, r], mode="r")
+    R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
     unit = max(1.0, abs(R[n, n]))
     cone = np.zeros((n + 2, n + 1))
     cone[0, 0] = -1
@@ -95,10 +99,24 @@ def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Esti
         solver_settings(),
     )
     solution = solver.solve()
-    solved = str(solution.status) == "Solved"
-    status = "solved" if solved else f"not solved: Clarabel says {solution.status}"
     x = project(metric, np.array(solution.x)[1:])
-    return _estimate(regression, metric, strength, x, "GCO", status, solution.solve_time)
+    return estimate_of(
+        regression,
+        metric,
+        strength,
+        x,
+        method="GCO with prior",
+        status=status_of(solution),
+        solver_seconds=solution.solve_time,
+    )
+
+
+def status_of(solution: clarabel.DefaultSolution) -> str:
+    """Whether the cost of a conic program lies within GAP of the bound that its dual proves."""
+    cost, bound = solution.obj_val, solution.obj_val_dual
+    if abs(cost - bound) <= GAP * max(1.0, abs(cost)):
+        return "solved"
+    return f"not solved: Clarabel says {solution.status}"
 
 
 def blocks_of(metric: Metric, x: Array) -> list[Array]:
@@ -131,15 +149,17 @@ def _stack(regression: Regression, metric: Metric, strength: Strength) -> tuple[
     return np.vstack([A, B]), np.r_[y, c]
 
 
-def _estimate(
+def estimate_of(
     regression: Regression,
     metric: Metric,
     strength: Strength,
     x: Array,
+    *,
     method: str,
     status: str,
     solver_seconds: float = 0.0,
 ) -> Estimate:
+    """The estimate of x; it says which prior filled what the data cannot see."""
     scale = (
         "its scale left to the data"
         if np.isinf(strength.scale_uncertainty)
@@ -148,7 +168,7 @@ def _estimate(
     return make_estimate(
         regression,
         metric.L @ x,
-        method=f"{method} with prior",
+        method=method,
         status=status,
         solver_seconds=solver_seconds,
         advice=(f"prior: {metric.prior}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}",),

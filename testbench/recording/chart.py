@@ -1,4 +1,4 @@
-"""Errors with their spread as dots on a logarithmic axis: drawn in a plane, so that every dot has its name."""
+"""Values with their spread on a logarithmic axis: drawn in a plane, so that every dot has its name."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +11,12 @@ from testbench.recording.style import NOISE, Colour
 
 ROW, WIDTH = 60.0, 1000.0
 """Height of a row and width of the axis, in the chart's own units."""
-LEFT, RIGHT = 260.0, 160.0
+LEFT, RIGHT = 300.0, 240.0
 """Room for names on the left and for numbers on the right."""
+PANE = 1580.0, 760.0
+"""About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
+BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
+"""How far a label stands below its point, half the width of a letter, space before a number [ui points]."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,7 @@ def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> N
     x = np.array([[_place(v, first, last) for v in (d.low, d.value, d.high)] for d in dots])
     colours = [d.colour for d in dots]
     bottom = ROW * len(dots)
+    unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (bottom + ROW) / PANE[1])  # of the chart a ui point
     ticks = [_place(10.0**k, first, last) for k in range(first, last + 1)]
     lines = [[(t, 0), (t, bottom)] for t in ticks]
     stream.log(f"{path}/axis", rr.LineStrips2D(lines, colors=(*NOISE, 120), radii=-0.5), static=True)
@@ -62,9 +67,17 @@ def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> N
     stream.log(f"{path}/ticks", marks, static=True)
     spread = [[(low, y), (high, y)] for (low, _, high), y in zip(x, rows, strict=True)]
     stream.log(f"{path}/spread", rr.LineStrips2D(spread, colors=colours, radii=-2.0), static=True)
-    stream.log(f"{path}/value", rr.Points2D(np.column_stack([x[:, 1], rows]), colors=colours, radii=-6.0), static=True)
-    for entity, at, texts in (("name", -LEFT / 2, [d.name for d in dots]), ("number", None, [d.text for d in dots])):
-        places = [(x[k, 2] + 20 + RIGHT / 2 if at is None else at, y) for k, y in enumerate(rows)]
+    stream.log(
+        f"{path}/value",
+        rr.Points2D(np.column_stack([x[:, 1], rows]), colors=colours, radii=-6.0),
+        static=True,
+    )
+    for entity, at, texts in (
+        ("name", -LEFT / 2, [d.name for d in dots]),
+        ("number", None, [d.text for d in dots]),
+    ):
+        ahead = [x[k, 2] + unit * (SPACE + LETTER * len(text)) for k, text in enumerate(texts)]
+        places = [(ahead[k] if at is None else at, y) for k, y in enumerate(rows - BELOW * unit)]
         labels = rr.Points2D(places, labels=texts, colors=colours, radii=0.0, show_labels=True)
         stream.log(f"{path}/{entity}", labels, static=True)
 

@@ -16,16 +16,21 @@ from testbench.report import MM, UM
 
 SETS = ("identification", "check")
 BINS = 17
+MANY = 60
+"""Runs beyond which dots are small."""
+ALIKE = 0.02
+"""Models whose residuals differ by less than this share lie on each other in the plot."""
 
 
 def write_residuals(stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn]) -> None:
     """Worst marker residual of every run and model, and what noise alone stays below in 95 % of runs."""
+    size = 5.0 if study.data.runs <= MANY else 2.5
     for k, (model, look) in enumerate(zip(study.names, study.looks, strict=True)):
         path, name = f"residual_mm/{study.paths[k]}", f"{model} (mm)"
         _line(stream, path, name, look)
         shape = rr.SeriesPoints(colors=look.colour, markers=look.shape, names=name)
         stream.log(path, shape, static=True)
-        sizes = rr.SeriesPoints.columns(marker_sizes=np.where(study.checked, 5.0, 0.0))
+        sizes = rr.SeriesPoints.columns(marker_sizes=np.where(study.checked, size, 0.0))
         values = rr.Scalars.columns(scalars=MM * study.residual[k])
         # In one chunk: of two the viewer pairs the rows wrongly on a timeline that is not sorted.
         stream.send_columns(path, times, [*values, *sizes])
@@ -46,18 +51,26 @@ def residual_view(study: Study) -> rrb.TimeSeriesView:
     if study.noise:
         top = max(top, 1.2 * MM * noise_limit(study))
     largest = MM * study.residual.max(axis=1)
+    first = study.residual[study.best]
+    off = np.abs(study.residual - first).max(axis=1)
+    same = [
+        n
+        for n, x in zip(study.names, off, strict=True)
+        if x < ALIKE * first.max() and n != study.names[study.best]
+    ]
+    twins = f"; {', '.join(same)} as {study.names[study.best]}" if same else ""
     names = [name for name, mm in zip(study.names, largest, strict=True) if mm > top]
     beyond = f"; {', '.join(names)} beyond, up to {largest.max():.3g} mm" if names else ""
     return rrb.TimeSeriesView(
         origin="residual_mm",
-        name=f"Worst marker residual of each run (mm), dots: check runs{beyond}",
+        name=f"Worst marker residual of each run (mm), dots: check runs{beyond}{twins}",
         axis_y=rrb.ScalarAxis(range=(0.0, float(top))),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
 
 
 def write_sag(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn) -> None:
-    """Deflection of the marker that moves most while the load grows, true and by the shown models."""
+    """Deflection of the marker that moves most while the load grows, and what the shown models miss of it."""
     loading = study.loading
     marker = int(np.linalg.norm(loading.deflection[-1], axis=-1).argmax())
     true = np.linalg.norm(loading.deflection[:, marker], axis=-1)
@@ -68,16 +81,21 @@ def write_sag(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn) -> 
         sag = np.linalg.norm(loading.predicted[k, :, marker], axis=-1)
         _line(stream, path, f"{study.names[k]} (mm)", study.looks[k])
         stream.send_columns(path, [time], rr.Scalars.columns(scalars=MM * sag))
+        missed = UM * np.linalg.norm(loading.predicted[k] - loading.deflection, axis=-1)[:, marker]
+        path = f"sag_error_um/{study.paths[k]}"
+        _line(stream, path, f"{study.names[k]} (um)", study.looks[k])
+        stream.send_columns(path, [time], rr.Scalars.columns(scalars=missed))
 
 
-def sag_view(study: Study) -> rrb.TimeSeriesView:
-    """Blank on the other timelines: its title says which one it needs."""
+def sag_views(study: Study) -> list[rrb.TimeSeriesView]:
+    """Blank on the other timelines: a title says which one they need."""
     run = study.data.run[study.loading.run]
-    return rrb.TimeSeriesView(
-        origin="sag_mm",
-        name=f"Sag of run {run} (mm) over its load (%): choose timeline `load`",
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
-    )
+    titles = {
+        "sag_mm": f"Deflection of run {run} (mm) over its load (%): choose timeline load below",
+        "sag_error_um": "Model against truth (um), noise-free, over the load (%)",
+    }
+    legend = rrb.PlotLegend(rrb.Corner2D.LeftTop)
+    return [rrb.TimeSeriesView(origin=k, name=name, plot_legend=legend) for k, name in titles.items()]
 
 
 @dataclass(frozen=True)

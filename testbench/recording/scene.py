@@ -11,21 +11,27 @@ from rerun.components import FillMode
 from testbench.errors import Array
 from testbench.plant.shapes import Frames
 from testbench.recording.arm import write_places, write_shapes
-from testbench.recording.style import LOAD, MEASURED, NOMINAL
 from testbench.recording.study import Study
+from testbench.recording.style import LOAD, MEASURED, NOMINAL, Colour
 from testbench.report import MM
 
 STEEL = 7850.0
 """Density [kg/m^3] of the drawn weight, a cube."""
 HALF_VIEW = np.tan(np.deg2rad(27.5))
-"""Tangent of half the viewer's vertical angle of view; the pane is a little wider than high."""
-THICKNESS = 0.04
+"""Tangent of half the viewer's vertical angle of view."""
+ASPECT = 0.8
+"""Width over height of the narrowest pane that shows the arm [1]."""
+THICKNESS = 0.06
 """How far a shape reaches beyond the origin of its body, over the reach of the arm [1]."""
+CLOSER = 0.6
+"""The eye is at least at this share of the distance from which all runs are in view [1]."""
 ARROW = 0.2
 """Length of the load's arrow over the reach of the arm [1]."""
 
 
-def write_scene(stream: rr.RecordingStream, study: Study, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn) -> None:
+def write_scene(
+    stream: rr.RecordingStream, study: Study, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn
+) -> None:
     """Everything under `world`.
 
     Args:
@@ -51,11 +57,17 @@ def write_scene(stream: rr.RecordingStream, study: Study, runs: Sequence[rr.Time
 def _write_styles(stream: rr.RecordingStream, study: Study) -> None:
     """What does not change: colours and sizes."""
     radius = 0.012 * study.reach
-    points = {"nominal": (NOMINAL, radius), "measured": (MEASURED, radius), "true": (MEASURED, radius)}
+    points: dict[str, tuple[Colour, float]] = {
+        "nominal": (NOMINAL, radius),
+        "measured": (MEASURED, radius),
+        "true": (MEASURED, radius),
+    }
     for k, (path, look) in enumerate(zip(study.paths, study.looks, strict=True)):
         points[f"predicted_{path}"] = (look.colour, 0.8 * radius)
         slim = (0.5 if k == study.best else 0.8) * radius  # so that arrows on one line are both seen
-        stream.log(_marker(f"residual_{path}"), rr.Arrows3D.from_fields(colors=look.colour, radii=slim), static=True)
+        stream.log(
+            _marker(f"residual_{path}"), rr.Arrows3D.from_fields(colors=look.colour, radii=slim), static=True
+        )
     for name, (colour, size) in points.items():
         stream.log(_marker(name), rr.Points3D.from_fields(colors=colour, radii=size), static=True)
     thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
@@ -90,12 +102,11 @@ def _write_worst(
     worst, runs = length.argmax(axis=1), np.arange(len(length))
     away = measured[runs, worst] - study.bodies([study.cell.arm.tool], study.ghost)[:, 0]
     size = np.linalg.norm(away, axis=1, keepdims=True)
-    away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * study.reach) + [0, 0, 0.7]
-    at = measured[runs, worst] + 0.1 * study.reach * away
-    name = study.names[study.best]
+    away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * study.reach)
+    away[:, 2] += 0.5
+    at = measured[runs, worst] + 0.16 * study.reach * away
     labels = [
-        f"{study.data.markers[k]}: {name} errs by {mm:.3f} mm"
-        for k, mm in zip(worst, length[runs, worst], strict=True)
+        f"{study.data.markers[k]}: {mm:.3f} mm" for k, mm in zip(worst, length[runs, worst], strict=True)
     ]
     columns = rr.Points3D.columns(positions=at, labels=labels).partition([1] * len(at))
     stream.send_columns(_marker("worst_label"), times, columns)
@@ -146,19 +157,28 @@ def _write_load(
     """
     hook = study.bodies([study.cell.arm.load], ghost)[:, 0]
     payload = study.report.get("payload_kg")
-    thick = rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * study.reach, show_labels=payload is None)
-    for entity, part, unit in (("force", slice(0, 3), "N"), ("moment", slice(3, 6), "N m")):
+    label = rr.Points3D.from_fields(colors=LOAD, radii=0.0, show_labels=True)
+    stream.log("world/load/label", label, static=True)
+    for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
         size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
         if not size.any():
             continue
-        stream.log(f"world/load/{entity}", thick, static=True)
+        look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * study.reach)
+        stream.log(f"world/load/{entity}", look, static=True)
         vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
-        labels = [f"{x:.0f} {unit}" if x > 0 else "" for x in np.linalg.norm(wrench[:, part], axis=1)]
-        scaled = ARROW * study.reach * vectors
-        columns = rr.Arrows3D.columns(origins=hook, vectors=scaled, labels=labels)
+        columns = rr.Arrows3D.columns(origins=hook, vectors=ARROW * study.reach * vectors)
         stream.send_columns(f"world/load/{entity}", times, columns)
     if payload is not None:
         _write_weight(stream, study, times, hook, whole[:, :3], wrench[:, :3])
+        return
+    texts = [
+        " and ".join(f"{x:.0f} {unit}" for x, unit in zip(sizes, ("N", "N m"), strict=True) if x > 0)
+        or "no load"
+        for sizes in np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
+    ]
+    at = hook - [0, 0, 0.5 * ARROW * study.reach]
+    columns = rr.Points3D.columns(positions=at, labels=texts).partition([1] * len(at))
+    stream.send_columns("world/load/label", times, columns)
 
 
 def _write_weight(
@@ -174,8 +194,6 @@ def _write_weight(
     half = (payload / STEEL) ** (1 / 3) / 2
     cube = rr.Boxes3D.from_fields(half_sizes=[half] * 3, colors=LOAD, fill_mode=FillMode.Solid)
     stream.log("world/load/weight", cube, static=True)
-    label = rr.Points3D.from_fields(colors=LOAD, radii=0.0, show_labels=True)
-    stream.log("world/load/label", label, static=True)
     size = np.linalg.norm(whole, axis=1, keepdims=True)
     centre = hook + ARROW * study.reach * force / size + half * whole / size
     stream.send_columns("world/load/weight", times, rr.Boxes3D.columns(centers=centre))
@@ -205,11 +223,25 @@ def world_view(study: Study) -> rrb.Spatial3DView:
 
 
 def _camera(study: Study) -> tuple[Array, Array]:
-    """Eye and target, each (3,) [m]: from the side and a little ahead, arm and ghost of all runs in view."""
+    """Eye and target, each (3,) [m]: the worst run in view, and the others not much beyond it."""
     weight = study.bodies([study.cell.arm.load], study.ghost) - [0, 0, 0.3 * study.reach]
-    drawn = (study.rigid.positions, study.ghost.positions, weight)
-    points = np.concatenate([positions.reshape(-1, 3) for positions in drawn])
-    tool = study.bodies([study.cell.arm.tool], study.rigid)[:, 0, :2].mean(axis=0)
+    points = np.hstack([study.rigid.positions, study.ghost.positions, weight])
+    worst = points[study.worst]
+    tool = study.bodies([study.cell.arm.tool], study.rigid)[study.worst, 0, :2]
+    eye, target = _frame(worst, tool, study.reach)
+    far, middle = _frame(points.reshape(-1, 3), tool, study.reach)
+    closer = CLOSER * np.linalg.norm(far - middle) / np.linalg.norm(eye - target)
+    return target + max(1.0, float(closer)) * (eye - target), target
+
+
+def _frame(points: Array, tool: Array, reach: float) -> tuple[Array, Array]:
+    """Eye and target from the side and a little ahead, all points in view.
+
+    Args:
+        points: To see, (points, 3) [m].
+        tool: Where the arm reaches, seen from above, (2,) [m].
+        reach: Of the arm [m].
+    """
     length = float(np.linalg.norm(tool))
     x, y = tool / length if length > 0 else (1.0, 0.0)
     back = np.array([0.9 * y + 0.35 * x, -0.9 * x + 0.35 * y, 0.25])
@@ -219,6 +251,6 @@ def _camera(study: Study) -> tuple[Array, Array]:
     low, high = (points @ axes).min(axis=0), (points @ axes).max(axis=0)
     target = axes @ ((low + high) / 2)
     depth, across, up = ((points - target) @ axes).T
-    wide = np.maximum(np.abs(across) / 1.15, np.abs(up)) + THICKNESS * study.reach
+    wide = np.maximum(np.abs(across) / ASPECT, np.abs(up)) + THICKNESS * reach
     distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
     return target + distance * back, target

@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -73,7 +74,8 @@ def recording(path: Path, header: Header, blueprint: rrb.Blueprint) -> Iterator[
 def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
     stream.send_recording_name(f"{header.scenario}, seed {header.seed}")
     about = {"scenario": header.scenario, "parameters": header.parameters, "seed": header.seed}
-    stream.send_property("study", rr.AnyValues(**about, **header.scales))
+    values: dict[str, Any] = {**about, **header.scales}
+    stream.send_property("study", rr.AnyValues(**values))
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
 
 

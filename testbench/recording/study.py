@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -197,13 +198,9 @@ def _runs(campaign: Campaign) -> tuple[Dataset, Mask]:
         return campaign.measured, np.isin(campaign.measured.pose, campaign.check.pose)
     a, b = campaign.identification, campaign.check
     checked = np.arange(a.runs + b.runs) >= a.runs
-    joined = {
-        f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)])
-        if isinstance(getattr(a, f.name), np.ndarray)
-        else getattr(a, f.name)
-        for f in fields(a)
-    }
-    return Dataset(**{**joined, "run": np.arange(len(checked)) + 1}), checked
+    names = [f.name for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)]
+    joined: dict[str, Any] = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
+    return replace(a, **{**joined, "run": np.arange(len(checked)) + 1}), checked
 
 
 def _load_up(

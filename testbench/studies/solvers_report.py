@@ -144,10 +144,10 @@ def _targets(reports: Sequence[Report], final: Report) -> Report:
     elsewhere = sum(row["local_solves_elsewhere"] for row in counted)
     return {
         "conic_never_above_paper": {
-            "met": above <= NEVER_ABOVE,
+            "met": bool(above <= NEVER_ABOVE),
             "largest_relative_excess_of_d_over_a": above,
             "largest_relative_excess_of_d_over_any": above_any,
-            "met_up_to_the_certified_gap": gap_excess <= 0,
+            "met_up_to_the_certified_gap": bool(gap_excess <= 0),
         },
         "conic_1000_times_faster_than_paper_to_1_percent": {
             "met": len(slow) == len(ratios),
@@ -157,7 +157,7 @@ def _targets(reports: Sequence[Report], final: Report) -> Report:
             "least_ratio": min((ratio for ratio in ratios if ratio is not None), default=None),
         },
         "the_same_without_bookkeeping": {
-            "met": lean / middle(by_key["d"]["seconds"]) >= WANTED_RATIO,
+            "met": bool(lean / middle(by_key["d"]["seconds"]) >= WANTED_RATIO),
             "ratio": lean / middle(by_key["d"]["seconds"]),
             "seconds_of_f_m_alone": lean,
         },

@@ -2,21 +2,17 @@
 
 import re
 import shutil
-import subprocess
-import sys
 import time
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
+from read_back import chunks_of, columns, document, layout, on, rerun, series
 
-from testbench import record
 from testbench.bench import Scenario, build_cell, identify, named_models, simulate
 from testbench.paper import SECTION_6
+from testbench.plant import settle
 from testbench.plant.shapes import (
     body_names,
     elastic_frames,
@@ -25,8 +21,9 @@ from testbench.plant.shapes import (
     visual_shapes,
 )
 from testbench.poses import WorkArea
-from testbench.record import write_recording
-from testbench.recording_study import RESIDUAL_FACTOR, build_study
+from testbench.recording import calibration, write_calibration
+from testbench.recording.compliance import compress, scaled
+from testbench.recording.study import build_study
 from testbench.report import report
 
 BUDGET = 2 * 2**20
@@ -56,83 +53,27 @@ def heavy(kr500):
 @pytest.fixture(scope="module")
 def file(heavy, tmp_path_factory):
     path = tmp_path_factory.mktemp("heavy") / "recording.rrd"
-    write_recording(path, *heavy)
+    write_calibration(path, *heavy)
     return path
 
 
 @pytest.fixture(scope="module")
 def chunks(file):
-    return list(RrdReader(file).stream())
+    return chunks_of(file)
 
 
-def columns(chunks, path):
-    """All components of an entity by name, as lists of lists."""
-    found = {}
+def test_timelines_are_the_place_by_residual_and_the_order_of_the_dataset_or_the_load(chunks):
     for chunk in chunks:
-        if chunk.entity_path == path:
-            batch = chunk.to_record_batch()
-            names = [name for name in batch.schema.names if name != "log_time"]  # of the blueprint
-            found |= {name: batch.column(name).to_pylist() for name in names}
-    return found
-
-
-def series(chunks, path):
-    """Scalars of an entity, sorted by worst_first."""
-    data = columns(chunks, path)
-    return [v[0] for _, v in sorted(zip(data["worst_first"], data["Scalars:scalars"], strict=True))]
-
-
-def document(chunks, path):
-    return columns(chunks, path)["TextDocument:text"][0][0]
-
-
-def views(path):
-    """Origin, class and name of every view of the embedded blueprint."""
-    reader = RrdReader(path)
-    (blueprint,) = reader.blueprints()
-    stream = list(reader.stream(store=blueprint))
-    found = [columns(stream, c.entity_path) for c in stream]
-    keys = [f"ViewBlueprint:{key}" for key in ("space_origin", "class_identifier", "display_name")]
-    return {tuple(data[key][0][0] for key in keys) for data in found if keys[0] in data}
-
-
-def rerun(*args):
-    """Exit code and output of the viewer's own tool; `python -m rerun_cli` would lose the exit code."""
-    command = [str(Path(sys.executable).with_name("rerun")), "rrd", *map(str, args)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-    return done.returncode, done.stdout + done.stderr
-
-
-def test_the_file_is_one_whole_recording_within_budget(file):
-    assert "1 file verified without error" in rerun("verify", file)[1]
-    assert file.stat().st_size < BUDGET
-    (entry,) = RrdReader(file).recordings()
-    assert re.fullmatch(r"testbench_calibration_v\d+", entry.application_id)
-
-
-def test_every_view_of_the_blueprint_has_data_under_its_origin(file, chunks):
-    paths = {chunk.entity_path for chunk in chunks}
-    assert 0 < len(views(file)) <= 8
-    for origin, *_ in views(file):
-        assert any(f"{path}/".startswith(f"/{origin}/") for path in paths), origin
-
-
-def test_every_view_of_numbers_has_its_unit_in_the_title(file):
-    for origin, kind, name in views(file):
-        assert kind == "TextDocument" or re.search(r"\((m|mm|um)\)", name), origin
-
-
-def test_timelines_are_the_place_by_residual_and_the_order_of_the_dataset(chunks):
-    for chunk in chunks:
-        assert set(chunk.timeline_names) == (set() if chunk.is_static else {"worst_first", "pose"})
+        names = set(chunk.timeline_names)
+        assert names in (set(), {"load"}, {"worst_first", "pose"})
+        assert chunk.is_static == (not names)
     residual = columns(chunks, "/residual_mm/mgco56")
     assert residual["pose"] == list(range(21))
     assert sorted(residual["worst_first"]) == list(range(21))
 
 
 def test_the_reviewer_lands_on_the_worst_run(file, chunks, heavy):
-    reader = RrdReader(file)
-    panel = columns(list(reader.stream(store=reader.blueprints()[0])), "/time_panel")
+    panel = layout(file)["/time_panel"]
     assert panel["TimePanelBlueprint:timeline"] == [["worst_first"]]
     row = min((m for m in heavy[0]["models"] if m["conservative"]), key=lambda m: m["check"]["rms_mm"])
     residual = series(chunks, f"/residual_mm/{row['name'].lower()}")
@@ -181,31 +122,12 @@ def test_the_answer_is_one_bold_line_with_the_best_conservative_model(chunks, he
     assert re.search(r"in run \d+, (check|identification) pose \d+", answer)
 
 
-def test_all_numbers_are_finite(chunks):
-    for chunk in chunks:
-        batch = chunk.to_record_batch()
-        for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            while pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
-                column = column.flatten()
-            if pa.types.is_floating(column.type):
-                assert np.isfinite(column.to_numpy(zero_copy_only=False)).all(), name
-
-
-def test_entity_paths_are_few_and_in_snake_case_and_carry_units(chunks):
-    paths = {chunk.entity_path for chunk in chunks}
-    assert len(paths) < 100
-    for path in paths - {"/__properties", "/__properties/study", "/__properties/versions"}:
-        assert re.fullmatch(r"(/[a-z][a-z0-9_]*)+|(/[a-z_]+)+/P\d", path), path
-        numbers = {"Scalars:scalars", "BarChart:values"} & set(columns(chunks, path))
-        assert not numbers or re.match(r"/[a-z]+_(mm|um)/", path), path
-
-
 def test_seed_scenario_versions_and_magnification_are_properties(chunks):
     properties = columns(chunks, "/__properties/study")
     assert properties["seed"] == [[1]]
     assert properties["scenario"] == [["gravity_calibration"]]
     assert properties["deflection_magnification"] == [[50.0]]
-    assert properties["residual_magnification"] == [[50.0 * RESIDUAL_FACTOR]]
+    assert properties["residual_magnification"] == [[1000.0]]
     assert '"payload":460.3' in properties["parameters"][0][0]
     versions = columns(chunks, "/__properties/versions")
     assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
@@ -214,7 +136,7 @@ def test_seed_scenario_versions_and_magnification_are_properties(chunks):
 def test_measured_markers_are_drawn_at_the_magnified_deflection(chunks, heavy):
     campaign = heavy[2]
     nominal, measured = (
-        np.array(columns(chunks, f"/world/markers/{name}")["Points3D:positions"])
+        np.array(columns(on(chunks, "pose"), f"/world/markers/{name}")["Points3D:positions"])
         for name in ("nominal", "measured")
     )
     # single precision of a viewer: 1e-7 of a few metres
@@ -222,18 +144,13 @@ def test_measured_markers_are_drawn_at_the_magnified_deflection(chunks, heavy):
 
 
 def test_load_is_labelled_with_the_payload(chunks):
-    assert columns(chunks, "/world/load")["Arrows3D:labels"] == [["460.3 kg"]]
-
-
-def test_same_seed_gives_the_same_recording(kr500, file, tmp_path):
-    again = tmp_path / "again.rrd"
-    write_recording(again, *study(kr500))
-    assert rerun("compare", "--unordered", file, again)[0] == 0
+    labels = columns(on(chunks, "pose"), "/world/load/label")["Points3D:labels"]
+    assert labels == [["460.3 kg"]] * 21
 
 
 def test_another_magnification_gives_another_recording(heavy, file, tmp_path):
     other = tmp_path / "other.rrd"
-    write_recording(other, *heavy, magnification=51.0)
+    write_calibration(other, *heavy, magnification=51.0)
     assert rerun("compare", "--unordered", file, other)[0] != 0
 
 
@@ -244,9 +161,9 @@ def test_a_failure_half_way_leaves_the_earlier_file_whole(heavy, file, tmp_path,
     def fail(*_):
         raise RuntimeError("half-way")
 
-    monkeypatch.setattr(record, "_write_load", fail)
+    monkeypatch.setattr(calibration, "write_histograms", fail)
     with pytest.raises(RuntimeError, match="half-way"):
-        write_recording(path, *heavy)
+        write_calibration(path, *heavy)
     assert path.read_bytes() == file.read_bytes()
     assert list(tmp_path.iterdir()) == [path]
     assert not rr.strict_mode()
@@ -257,15 +174,15 @@ def test_two_hundred_runs_stay_within_budget(kr500, tmp_path):
     runs = {"identification_runs": 140, "check_runs": 60}
     data = study(kr500, ("MLS56", "MGCO56"), identification_poses=40, check_poses=20, **runs)
     start = time.perf_counter()
-    write_recording(path, *data)
+    write_calibration(path, *data)
     assert time.perf_counter() - start < 2  # takes 0.2 s; the rest is for a busy machine
     assert path.stat().st_size < BUDGET
 
 
 def test_noise_free_linear_truth_is_drawn_too(kr500, tmp_path):
     path = tmp_path / "quiet.rrd"
-    write_recording(path, *study(kr500, ("MLS56", "MGCO56"), truth="linear", noise=False))
-    assert max(series(list(RrdReader(path).stream()), "/residual_mm/mgco56")) < 1e-6
+    write_calibration(path, *study(kr500, ("MLS56", "MGCO56"), truth="linear", noise=False))
+    assert max(series(chunks_of(path), "/residual_mm/mgco56")) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -274,18 +191,92 @@ def test_noise_free_linear_truth_is_drawn_too(kr500, tmp_path):
 )
 def test_one_model_alone_is_a_study_too(name, answer, kr500, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(path, *study(kr500, (name,)))
-    summary = document(list(RrdReader(path).stream()), "/summary")
+    write_calibration(path, *study(kr500, (name,)))
+    summary = document(chunks_of(path), "/summary")
     assert f"**{answer}" in summary
     assert "(best" not in summary
 
 
 def test_illustrative_arm_with_one_marker_is_drawn(arm_6r, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(path, *study(arm_6r, ("MLS56", "MGCO56"), **SMALL))
-    paths = {chunk.entity_path for chunk in RrdReader(path).stream()}
+    write_calibration(path, *study(arm_6r, ("MLS56", "MGCO56"), **SMALL))
+    paths = {chunk.entity_path for chunk in chunks_of(path)}
     assert {"/world/arm/link_2", "/world/arm_deflected/link_2"} <= paths
     assert "/world/arm_deflected/link_0" not in paths  # it never moves
+
+
+def test_loading_ends_where_the_loaded_arm_stands(heavy):
+    made = build_study(*heavy, 50.0)
+    loading, worst = made.loading, made.worst
+    assert loading.run == worst
+    assert loading.share[[0, -1]].tolist() == [0, 1]
+    true = heavy[2].after.markers[worst] - heavy[2].before.markers[worst]
+    assert loading.deflection[0] == pytest.approx(0, abs=1e-12)
+    assert loading.deflection[-1] == pytest.approx(true, abs=1e-12)
+    assert loading.ghost.positions[-1] == pytest.approx(made.ghost.positions[worst], abs=1e-12)
+    assert loading.ghost.positions[0] == pytest.approx(made.rigid.positions[worst], abs=1e-12)
+
+
+def test_loading_is_an_equilibrium_of_its_share_of_the_load(kr500, heavy):
+    made = build_study(*heavy, 50.0)
+    data, k = made.data, made.worst
+    half = settle(kr500.plant, data.q[[k]], 0.5 * data.wrench[[k]], data.point[[k]])
+    rest = settle(kr500.plant, data.q[[k]])
+    middle = np.flatnonzero(made.loading.share == 0.5)[0]
+    assert made.loading.deflection[middle] == pytest.approx((half.markers - rest.markers)[0], abs=1e-12)
+    # not half of the whole: the truth is not linear
+    assert np.abs(made.loading.deflection[middle] - 0.5 * made.loading.deflection[-1]).max() > 1e-6
+
+
+def test_the_arm_sags_on_the_load_timeline(chunks, heavy):
+    data = columns(on(chunks, "load"), "/world/markers/true")
+    assert data["load"] == list(range(0, 101, 5))
+    nominal = np.array(columns(on(chunks, "load"), "/world/markers/nominal")["Points3D:positions"])
+    sag = np.linalg.norm(np.array(data["Points3D:positions"]) - nominal, axis=-1).max(axis=1)
+    assert (np.diff(sag) > 0).all()
+    plotted = series(chunks, "/sag_mm/true", "load")
+    assert sag == pytest.approx(50 * 1e-3 * np.array(plotted), abs=2e-6)
+    labels = columns(on(chunks, "load"), "/world/load/label")["Points3D:labels"]
+    assert (labels[0], labels[10], labels[20]) == (["0 kg"], ["230.2 kg"], ["460.3 kg"])
+
+
+def test_heatmaps_hold_truth_and_the_best_of_each_method(chunks, heavy, kr500):
+    report, _, _, results = heavy
+    shown = [k for k, m in enumerate(report["models"]) if m["name"] in ("MLS56", "MGCO56")]
+    true = kr500.arm.links[2].compliance
+    tensor = columns(chunks, "/compliance/link_2")["Tensor:data"][0][0]
+    picture = np.array(tensor["buffer"]).reshape([int(n) for n in tensor["shape"]])
+    assert picture.shape == (7, 21)
+    blocks = [true, *(results[k].estimate.C_theta[12:18, 12:18] for k in shown)]
+    for first, C in zip((1, 8, 15), blocks, strict=True):
+        assert picture[1:, first : first + 6] == pytest.approx(compress(scaled(C, true)))
+    assert compress(np.array([-11.0, -1, 0, 1, 11])) == pytest.approx([-2, -1, 0, 1, 2])
+    assert f"{true[1, 1]:.3e}" in document(chunks, "/compliance_table")
+
+
+def test_models_of_one_method_have_shades_of_their_own(chunks, heavy):
+    colours = [
+        tuple(columns(chunks, f"/residual_mm/{m['name'].lower()}")["SeriesLines:colors"][0])
+        for m in heavy[0]["models"]
+    ]
+    assert len(set(colours)) == 5
+
+
+def test_only_the_worst_marker_of_a_run_is_labelled(chunks, heavy):
+    labels = columns(on(chunks, "pose"), "/world/markers/worst_label")["Points3D:labels"]
+    best = min((m for m in heavy[0]["models"] if m["conservative"]), key=lambda m: m["check"]["rms_mm"])
+    result = next(r for r in heavy[3] if r.model.name == best["name"])
+    size = 1e3 * np.linalg.norm(result.residuals, axis=-1)
+    names = np.array(heavy[1].arm.markers)[size.argmax(axis=1)]
+    assert labels == [[f"{name}: {mm:.3f} mm"] for name, mm in zip(names, size.max(axis=1), strict=True)]
+
+
+def test_without_noise_there_is_no_line_of_noise(kr500, tmp_path):
+    path = tmp_path / "quiet.rrd"
+    write_calibration(path, *study(kr500, ("MLS56", "MGCO56"), noise=False))
+    quiet = chunks_of(path)
+    assert not [c for c in quiet if "noise" in c.entity_path]
+    assert "Readings are noise-free." in document(quiet, "/summary")
 
 
 # --- geometry ---------------------------------------------------------------------------------------------
@@ -392,8 +383,8 @@ def test_joined_meshes_keep_their_triangles(mesh_arm):
 
 def test_an_arm_with_a_mesh_is_drawn(mesh_arm, tmp_path):
     path = tmp_path / "recording.rrd"
-    write_recording(path, *study(mesh_arm, ("MLS56", "MGCO56"), **SMALL))
-    data = columns(list(RrdReader(path).stream()), "/world/arm/link_2")
+    write_calibration(path, *study(mesh_arm, ("MLS56", "MGCO56"), **SMALL))
+    data = columns(chunks_of(path), "/world/arm/link_2")
     assert len(data["Mesh3D:triangle_indices"][0]) == 4
     assert len(data["Mesh3D:vertex_positions"][0]) == len(data["Mesh3D:vertex_normals"][0])
 
@@ -411,5 +402,5 @@ def test_an_arm_without_visual_geoms_is_drawn_as_sticks_between_its_bodies(arm_6
     tip = upper.position + upper.rotation[:, 2] * upper.size[2]
     assert tip == pytest.approx([0.9, 0, 0], abs=1e-9)
     path = tmp_path / "recording.rrd"
-    write_recording(path, *study(bare, ("MLS56", "MGCO56"), **SMALL))
-    assert "/world/arm/link_2" in {chunk.entity_path for chunk in RrdReader(path).stream()}
+    write_calibration(path, *study(bare, ("MLS56", "MGCO56"), **SMALL))
+    assert "/world/arm/link_2" in {chunk.entity_path for chunk in chunks_of(path)}

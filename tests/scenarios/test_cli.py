@@ -182,3 +182,15 @@ def test_rotation_term_is_refused_where_the_runs_have_positions_only(simulated, 
     message = refused(run("identify", ARM, simulated / "data.csv", *flags))
     assert "data.csv: header: expected rotation_before_*_rad" in message
     assert not (tmp_path / "out").exists()
+
+
+def test_view_and_shot_need_a_recording(tmp_path):
+    for verb in ("view", "shot"):
+        assert f"no recording (*.rrd) in {tmp_path}" in refused(run(verb, tmp_path))
+
+
+def test_view_without_a_display_names_shot(tmp_path, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    (tmp_path / "recording.rrd").write_bytes(b"")
+    assert "testbench shot" in refused(run("view", tmp_path))

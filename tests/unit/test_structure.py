@@ -7,18 +7,26 @@ import numpy as np
 import pytest
 
 from testbench.arm import Arm, load_arm
+from testbench.bench import Cell
 from testbench.errors import BenchError
+from testbench.full_pose import FullPose, simulate
+from testbench.identify import reduce
+from testbench.identify.conic import optimum
+from testbench.identify.factorised import factorise
 from testbench.structure import (
+    FREE,
     FULL,
     TEMPLATE,
     Structure,
     all153,
+    free36,
     mgco47,
     mgco68,
     mgco69,
     mgco147,
     template56,
 )
+from testbench.vjm import observation
 
 MODELS = Path(__file__).parents[2] / "models"
 MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]
@@ -171,3 +179,55 @@ def test_structure_of_a_longer_arm_says_how_many_links_it_needs(
 def test_single_link_has_21_parameters_in_full_and_8_in_the_template() -> None:
     arm = load_arm(MODELS / "single_link")
     assert [make(arm).n for make in (mgco147, all153, template56)] == [21, 21, 8]
+
+
+def test_free36_leaves_the_symmetry_open() -> None:
+    arm = load_arm(MODELS / "single_link")
+    structure = free36(arm)
+    assert (structure.name, structure.n, structure.symmetric) == ("MLS36", 36, False)
+    assert not structure.mirrored.any()
+    assert [block.tolist() for block in structure.blocks] == [list(range(6))]
+    assert set(zip(structure.a.tolist(), structure.b.tolist(), strict=True)) == set(FREE)
+
+
+def test_matrix_of_free36_is_any_matrix_and_entries_give_it_back() -> None:
+    structure = free36(load_arm(MODELS / "single_link"))
+    C = np.random.default_rng(4).standard_normal((6, 6))
+    np.testing.assert_array_equal(structure.matrix(structure.entries(C)), C)
+    pi = np.random.default_rng(5).standard_normal(36)
+    np.testing.assert_array_equal(structure.entries(structure.matrix(pi)), pi)
+
+
+def test_gradient_of_free36_is_the_adjoint_of_matrix_without_halves() -> None:
+    structure = free36(load_arm(MODELS / "single_link"))
+    g, pi = np.random.default_rng(6).standard_normal((2, 36))
+    S = structure.gradient(g)
+    np.testing.assert_array_equal(structure.entries(S), g)
+    np.testing.assert_allclose(np.sum(S * structure.matrix(pi)), g @ pi, rtol=0, atol=1e-13)
+
+
+def test_unsymmetric_structure_predicts_with_its_unsymmetric_matrix(single_link: Cell) -> None:
+    structure, rng = free36(single_link.arm), np.random.default_rng(7)
+    C, wrench = rng.standard_normal((6, 6)), rng.standard_normal((4, 6))
+    args = (single_link.vjm, structure, np.empty((4, 0)), wrench, np.zeros((4, 3)))
+    moved = observation(*args, targets=np.zeros((1, 3)))[:, 0] @ structure.entries(C)
+    turned = observation(*args, targets=np.zeros((1, 3)), rotation=True)[:, 0] @ structure.entries(C)
+    # one link without joints: the twist is C w; sums of six products of order one
+    np.testing.assert_allclose(np.hstack([moved, turned]), wrench @ C.T, rtol=0, atol=1e-13)
+
+
+def test_gco_refuses_an_unsymmetric_structure_in_either_form(single_link: Cell) -> None:
+    scenario = FullPose(arm="single_link", poses=1, force=10.0, moment=10.0, check_runs=1)
+    data = simulate(single_link, scenario, 1).identification
+    regression = reduce(single_link.vjm, free36(single_link.arm), data)
+    for refuse in (optimum, factorise):
+        with pytest.raises(
+            BenchError, match="expected a symmetric structure, MLS36 leaves the symmetry open"
+        ):
+            refuse(regression)
+
+
+@pytest.mark.parametrize("entries", [((0, 1), (1, 0), (0, 2)), ((0, 1), (1, 0), (1, 0))])
+def test_unsymmetric_entries_need_every_mirror_once(arm: Arm, entries: tuple) -> None:
+    with pytest.raises(BenchError, match="or every pair with its mirror"):
+        Structure.of(arm, links=["link_1"], entries=entries)

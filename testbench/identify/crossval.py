@@ -1,0 +1,166 @@
+"""Cross-validation over poses: how firmly to believe a prior, and which model to use.
+
+Runs of one pose share its geometry, so that a pose is held out whole: what counts is the error at poses that
+were never fitted.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from testbench.dataset import Dataset, select
+from testbench.errors import Array, BenchError
+from testbench.identify.estimate import Estimate
+from testbench.identify.prior import Metric, Prior, metric
+from testbench.identify.regression import Regression, f_m, reduce
+from testbench.identify.regularised import Strength
+from testbench.structure import Structure
+from testbench.vjm import Vjm
+
+UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
+"""Relative uncertainties of a prior that cross-validation tries [1]."""
+FOLDS = 8
+
+Fit = Callable[[Regression], Estimate]
+Regularised = Callable[[Regression, Metric, Strength], Estimate]
+
+
+@dataclass(frozen=True)
+class Fold:
+    """The runs outside and inside the poses that are held out.
+
+    Attributes:
+        fitted: Of the other poses.
+        held_out: Of these.
+    """
+
+    fitted: Regression
+    held_out: Regression
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One of the choices that cross-validation compares.
+
+    Attributes:
+        name: For reports.
+        errors: F_M on the poses held out, one a fold, (folds,) [1].
+    """
+
+    name: str
+    errors: Array
+
+    @property
+    def error(self) -> float:
+        """Mean F_M over the poses held out [1]."""
+        return float(self.errors.mean())
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of that mean [1]."""
+        return float(self.errors.std(ddof=1) / np.sqrt(len(self.errors)))
+
+
+def fold_poses(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS) -> list[Fold]:
+    """Split a dataset by pose into folds, each reduced.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+        folds: How many; poses are dealt out in turn.
+
+    Raises:
+        BenchError: When there are fewer poses than folds, or fewer than two folds.
+    """
+    poses = np.unique(data.pose)
+    if not 2 <= folds <= len(poses):
+        raise BenchError(
+            f"cross-validation: expected 2 to {len(poses)} folds, as many as poses at most, got {folds}"
+        )
+    found = []
+    for k in range(folds):
+        held_out = np.isin(data.pose, poses[k::folds])
+        parts = [reduce(vjm, structure, select(data, mask)) for mask in (~held_out, held_out)]
+        found.append(Fold(*parts))
+    return found
+
+
+def held_out_errors(folds: Sequence[Fold], fit: Fit) -> Array:
+    """F_M on the poses held out, fitted to the others, (folds,) [1]."""
+    return np.array([f_m(fold.held_out, fit(fold.fitted).pi) for fold in folds])
+
+
+def choose_strength(
+    folds: Sequence[Fold], metric: Metric, fit: Regularised, uncertainties: Sequence[float] = UNCERTAINTIES
+) -> tuple[Strength, list[Candidate]]:
+    """The uncertainty of a prior that predicts poses held out best, its scale left to the data.
+
+    Args:
+        folds: The dataset, split.
+        metric: The structure in the metric of the prior.
+        fit: The method that will use it.
+        uncertainties: What to try [1].
+    """
+    tried = [
+        Candidate(
+            f"uncertainty {100 * u:g} %",
+            held_out_errors(folds, partial(_call, fit, metric, Strength(u))),
+        )
+        for u in uncertainties
+    ]
+    best = int(np.argmin([candidate.error for candidate in tried]))
+    return Strength(uncertainties[best]), tried
+
+
+def _call(fit: Regularised, metric: Metric, strength: Strength, regression: Regression) -> Estimate:
+    return fit(regression, metric, strength)
+
+
+def with_prior(
+    vjm: Vjm,
+    structure: Structure,
+    data: Dataset,
+    *,
+    prior: Prior,
+    fit: Regularised,
+    strength: Strength | None = None,
+    folds: int = FOLDS,
+) -> Estimate:
+    """An estimator with a prior: its strength given, or chosen by cross-validation over poses.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+        prior: Expected compliances.
+        fit: The method, such as `gco_with`.
+        strength: How firmly to believe the prior; None to choose.
+        folds: Folds of the cross-validation; no more than there are poses.
+
+    Raises:
+        BenchError: When the dataset is empty, the prior does not fit the arm, or the poses are fewer than two.
+    """
+    whole = reduce(vjm, structure, data)
+    chosen = metric(prior, vjm, structure)
+    if strength is None:
+        poses = len(np.unique(data.pose))
+        strength, _ = choose_strength(fold_poses(vjm, structure, data, min(folds, poses)), chosen, fit)
+    return fit(whole, chosen, strength)
+
+
+def one_standard_error(candidates: Mapping[str, tuple[int, Array]]) -> str:
+    """The simplest model whose error is within one standard error of the best (Breiman et al. 1984).
+
+    Args:
+        candidates: By name the number of unknowns and the errors on the poses held out, (folds,).
+
+    Returns:
+        Its name.
+    """
+    rows = {name: (n, Candidate(name, errors)) for name, (n, errors) in candidates.items()}
+    best = min((candidate for _, candidate in rows.values()), key=lambda candidate: candidate.error)
+    good = [name for name, (_, c) in rows.items() if c.error <= best.error + best.standard_error]
+    return min(good, key=lambda name: (rows[name][0], rows[name][1].error))

@@ -1,0 +1,11 @@
+"""Studies as Rerun recordings: views of report.json, never an input. The only importer of rerun.
+
+One layout a kind of study, one module a layout; `stream`, `style` and the rest are what they share.
+"""
+
+from testbench.recording.calibration import write_calibration
+from testbench.recording.single_link import write_single_link
+from testbench.recording.solver import write_solver
+from testbench.recording.sweep import Point, Sweep, write_sweep
+
+__all__ = ["Point", "Sweep", "write_calibration", "write_single_link", "write_solver", "write_sweep"]

@@ -1,0 +1,210 @@
+"""Recordings on a screen, and as pictures where there is none: the viewer as a program of its own."""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rerun.experimental import ViewerClient
+
+from testbench.errors import BenchError
+
+SOFTWARE = "lvp_icd*.json"
+"""Vulkan's description of lavapipe, Mesa's driver that needs no graphics card."""
+DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+START, LOAD, SETTLE = 30.0, 60.0, 3.0
+"""Longest waits for the viewer and for the data, least wait for its messages to fade [s]."""
+LOOK_EVERY = 0.25
+ALIKE = 3
+"""Equal pictures in a row after which nothing moves any more."""
+
+
+def newest(folder: Path) -> Path:
+    """The newest recording of a run's folder.
+
+    Args:
+        folder: The folder, or one recording.
+
+    Raises:
+        BenchError: When there is none.
+    """
+    if folder.is_file() and folder.suffix == ".rrd":
+        return folder
+    found = [(file.stat().st_mtime, file) for file in folder.rglob("*.rrd")] if folder.is_dir() else []
+    if not found:
+        raise BenchError(f"no recording (*.rrd) in {folder}: a scenario writes one into its --out folder")
+    return max(found)[1]
+
+
+def view(folder: Path) -> None:
+    """Open the newest recording of a folder in the Rerun viewer, and wait until it is closed.
+
+    Args:
+        folder: Of a run.
+
+    Raises:
+        BenchError: When there is no recording, no display, or the viewer fails.
+    """
+    file = newest(folder)
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise BenchError(f"no display to open {file} on; `testbench shot` renders it to a PNG without one")
+    code = subprocess.run(
+        [_program(), str(file), "--port", "auto", "--bind", "127.0.0.1"], check=False
+    ).returncode
+    if code != 0:
+        raise BenchError(f"the Rerun viewer ended with exit code {code}")
+
+
+def shot(
+    folder: Path,
+    png: Path,
+    *,
+    size: str = "1600x1000",
+    tab: str | None = None,
+    timeline: str | None = None,
+    at: int = 0,
+) -> Path:
+    """Render the newest recording of a folder without a screen, by Mesa's software Vulkan.
+
+    Args:
+        folder: Of a run.
+        png: The picture to write.
+        size: Of the picture, WIDTHxHEIGHT [pixel].
+        tab: Name of the tab in front; None for the first.
+        timeline: Active timeline; None for the recording's own.
+        at: Place on it.
+
+    Returns:
+        The recording.
+
+    Raises:
+        BenchError: When there is no recording, no driver, no such tab, or the viewer fails.
+    """
+    file, driver = newest(folder), _software_driver()
+    with _headless(driver, size) as client:
+        client.open(str(file.resolve()))
+        _wait(lambda: _loaded(client), LOAD, f"the viewer did not load {file} in {LOAD:g} s")
+        if tab is not None:
+            _bring_forward(client, tab)
+        if timeline is not None:
+            client.set_time(timeline, sequence=at, play_state="paused")
+        _settle(client)
+        png.parent.mkdir(parents=True, exist_ok=True)
+        client.save_screenshot(str(png.resolve()))
+    return file
+
+
+def _program() -> str:
+    """The viewer beside this interpreter: as a module of Python it would lose its exit codes."""
+    program = Path(sys.executable).with_name("rerun")
+    if not program.exists():
+        raise BenchError(f"no program rerun beside {sys.executable}: install rerun-sdk there")
+    return str(program)
+
+
+def _software_driver() -> Path:
+    for folder in DRIVERS:
+        for file in sorted(folder.glob(SOFTWARE)):
+            return file
+    raise BenchError(
+        "no software Vulkan (lavapipe) to render with: install the Debian package mesa-vulkan-drivers"
+    )
+
+
+@contextmanager
+def _headless(driver: Path, size: str) -> Iterator[ViewerClient]:
+    """A viewer without a window and without traces, ended with the block."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with tempfile.TemporaryDirectory(prefix="testbench-shot-") as home:
+        state = dict.fromkeys(
+            ("HOME", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"), home
+        )
+        vulkan = {"VK_DRIVER_FILES": str(driver), "VK_ICD_FILENAMES": str(driver), "WGPU_BACKEND": "vulkan"}
+        quiet = {"CI": "1", "NO_COLOR": "1"}  # CI: the viewer sends no usage data
+        flags = ["--headless", "--hide-welcome-screen", "--window-size", size]
+        process = subprocess.Popen(
+            [_program(), *flags, "--bind", "127.0.0.1", "--port", str(port)],
+            env={**os.environ, **state, **vulkan, **quiet},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            url = f"rerun+http://127.0.0.1:{port}/proxy"
+            yield _wait(lambda: _connected(process, url), START, f"the viewer did not answer in {START:g} s")
+        finally:
+            process.terminate()
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _connected(process: subprocess.Popen[bytes], url: str) -> ViewerClient | None:
+    if process.poll() is not None:
+        raise BenchError(f"the viewer ended with exit code {process.returncode} before it drew anything")
+    try:
+        client = ViewerClient.connect(url)
+        client.get_state()
+    except Exception:  # of several kinds while it is not listening yet
+        return None
+    return client
+
+
+def _loaded(client: ViewerClient) -> bool:
+    state = client.get_state()
+    return bool(not state.loading and state.active_recording and state.views)
+
+
+def _wait(look: Callable[[], Any], seconds: float, complaint: str) -> Any:
+    """The first answer that is true."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        answer = look()
+        if answer:
+            return answer
+        time.sleep(LOOK_EVERY)
+    raise BenchError(complaint)
+
+
+def _settle(client: ViewerClient) -> None:
+    """Wait until nothing moves: data come in pieces, and messages of the start fade."""
+    time.sleep(SETTLE)
+    pictures: list[bytes] = []
+
+    def still() -> bool:
+        pictures.append(client.take_screenshot(max_size=400))
+        return len(pictures) >= ALIKE and len(set(pictures[-ALIKE:])) == 1
+
+    _wait(still, LOAD, f"the picture did not come to rest in {LOAD:g} s")
+
+
+def _bring_forward(client: ViewerClient, tab: str) -> None:
+    """Make a tab of the layout the active one."""
+    blueprint = client.get_blueprint("recording").blueprint
+    names = {path.strip("/"): _name(entity) for path, entity in blueprint.items()}
+    known = []
+    for entity in blueprint.values():
+        container = entity.get("ContainerBlueprint", {})
+        if container.get("container_kind") == "Tabs":
+            for child in container["contents"]:
+                known.append(names.get(child))
+                if known[-1] == tab:
+                    container["active_tab"] = child
+    if tab not in known:
+        raise BenchError(f"no tab {tab!r}; tabs are {', '.join(filter(None, known))}")
+    client.set_blueprint(blueprint, "recording")
+
+
+def _name(entity: dict[str, Any]) -> str | None:
+    """Display name of a view or container."""
+    parts = [part for part in entity.values() if isinstance(part, dict)]
+    return next((part["display_name"] for part in parts if "display_name" in part), None)

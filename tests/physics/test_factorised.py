@@ -1,0 +1,233 @@
+"""GCO over b as the paper writes it: gradients, ranks, where local solves end, and the paper's search."""
+
+import numpy as np
+import pytest
+
+from testbench.bench import stream
+from testbench.errors import BenchError
+from testbench.full_pose import FullPose, simulate
+from testbench.identify import Budget, gco, gco_factorised, gco_paper, reduce
+from testbench.identify.factorised import (
+    best_of,
+    cost,
+    costs,
+    descents,
+    factorise,
+    local_solve,
+    order_range,
+    parameters,
+    random_start,
+)
+from testbench.identify.regression import f_m
+from testbench.identify.search import BOX, Basin, Search, explore, trial_points
+from testbench.structure import free36, mgco69, mgco147, template56
+
+SECTION_5_2 = FullPose(
+    arm="arm_6r", sigma=25e-6 / 2**0.5, sigma_rotation=250e-6 / 2**0.5, least=9e-3, most=41e-3
+)
+TINY = Budget(population=2, generations=3, trial_points=40, stage_one_points=10)
+
+
+def data_of(cell, seed):
+    return simulate(cell, SECTION_5_2, seed).identification
+
+
+@pytest.fixture(scope="module")
+def data(arm_6r):
+    return data_of(arm_6r, 1)
+
+
+@pytest.fixture(scope="module")
+def regression(arm_6r, data):
+    return reduce(arm_6r.vjm, mgco69(arm_6r.arm), data)
+
+
+@pytest.fixture(scope="module")
+def best(arm_6r, data):
+    return gco(arm_6r.vjm, mgco69(arm_6r.arm), data)
+
+
+@pytest.mark.parametrize("m", [1, 3, 6])
+def test_gradient_of_the_cost_is_its_finite_difference(regression, rng, m):
+    problem = factorise(regression, m)
+    b = random_start(problem, rng)
+    _, gradient = cost(problem, b)
+    h = 1e-5
+    steps = h * np.eye(problem.size)
+    numeric = [(cost(problem, b + step)[0] - cost(problem, b - step)[0]) / (2 * h) for step in steps]
+    # truncation h^2 and rounding 1e-16 F_M / h, both about 1e-10 of the gradient
+    np.testing.assert_allclose(gradient, numeric, rtol=0, atol=1e-7 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("structure", [mgco69, mgco147, template56])
+def test_costs_of_a_population_are_the_cost_of_each_and_f_m_of_its_parameters(arm_6r, data, rng, structure):
+    problem = factorise(reduce(arm_6r.vjm, structure(arm_6r.arm), data), 4)
+    population = rng.uniform(-1, 1, (problem.size, 70))  # more than one block of points
+    each = [cost(problem, b)[0] for b in population.T]
+    by_parameters = [f_m(problem.regression, parameters(problem, b)) for b in population.T]
+    np.testing.assert_allclose(costs(problem, population), each, rtol=1e-12)
+    np.testing.assert_allclose(by_parameters, each, rtol=1e-12)
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 6])
+def test_parameters_are_gramians_of_at_most_rank_m(regression, rng, m):
+    problem = factorise(regression, m)
+    C = regression.structure.matrix(parameters(problem, random_start(problem, rng)))
+    for block in regression.structure.blocks:
+        part = C[np.ix_(block, block)]
+        unit = np.sqrt(np.diag(part))
+        values = np.linalg.eigvalsh(part / np.outer(unit, unit))
+        assert values[0] > -1e-12  # rounding of a matrix of unit diagonal
+        assert (values > 1e-9).sum() == min(m, len(block))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_local_solve_of_full_order_reaches_the_conic_optimum(arm_6r, seed):
+    data = data_of(arm_6r, seed)
+    conic = gco(arm_6r.vjm, mgco69(arm_6r.arm), data)
+    problem = factorise(conic.regression)
+    _, value = local_solve(problem, random_start(problem, stream(seed)))
+    # solves end where a step gains less than 1e-12; in flat valleys that leaves up to some 1e-6
+    assert value == pytest.approx(conic.f_m, rel=1e-5)
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 4, 5])
+def test_a_lower_order_never_beats_the_conic_optimum(best, m):
+    found = min(d.f_m for d in descents(factorise(best.regression, m), stream(7, m), starts=2))
+    assert found >= best.f_m * (1 - 1e-9)  # rounding: the trace term costs the conic one less than that
+
+
+def test_a_rank_of_one_cannot_explain_a_link(best):
+    assert best_of(factorise(best.regression, 1), stream(7), starts=2).f_m > 1.1 * best.f_m
+
+
+def test_a_local_solve_stops_at_its_threshold(regression):
+    problem = factorise(regression)
+    _, value = local_solve(problem, random_start(problem, stream(1)), threshold=20.0)
+    assert 8.4 < value <= 20.0  # the optimum is 8.33
+
+
+@pytest.mark.parametrize("m", [0, 7, -1])
+def test_an_order_out_of_range_is_refused(arm_6r, data, m):
+    with pytest.raises(BenchError, match=f"m: expected an order of the vector space of 1 to 6, got {m}"):
+        gco_factorised(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), m=m)
+    with pytest.raises(BenchError, match="m: expected"):
+        gco_paper(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), m=m)
+
+
+def test_no_start_at_all_is_refused(arm_6r, data):
+    with pytest.raises(BenchError, match="starts: expected at least 1 local solve, got 0"):
+        gco_factorised(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), starts=0)
+
+
+def test_a_structure_that_is_not_symmetric_is_refused(arm_6r, data):
+    with pytest.raises(BenchError, match="expected a symmetric structure"):
+        factorise(reduce(arm_6r.vjm, free36(arm_6r.arm), data))
+
+
+@pytest.mark.parametrize("name", ["population", "generations", "trial_points", "stage_one_points"])
+def test_a_budget_of_nothing_is_refused(name):
+    with pytest.raises(BenchError, match=f"{name}: expected at least 1, got 0"):
+        Budget(**{name: 0})
+
+
+def test_more_trial_points_of_stage_one_than_there_are_is_refused():
+    with pytest.raises(BenchError, match="stage_one_points: expected at most the 100 trial points, got 200"):
+        Budget(trial_points=100)
+
+
+@pytest.mark.parametrize("threshold", [-1.0, np.nan, np.inf])
+def test_a_threshold_that_is_no_f_m_is_refused(arm_6r, data, threshold):
+    with pytest.raises(BenchError, match="threshold: expected an F_M of 0 or more"):
+        gco_paper(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), threshold=threshold)
+
+
+def paper(cell, data, threshold, observe=None, seed=1):
+    structure = mgco69(cell.arm)
+    return gco_paper(
+        cell.vjm, structure, data, rng=stream(seed), threshold=threshold, budget=TINY, observe=observe
+    )
+
+
+def test_the_papers_search_stops_at_a_threshold_within_reach(arm_6r, data, best):
+    estimate = paper(arm_6r, data, 1.2 * best.f_m)
+    assert estimate.status == "threshold reached"
+    assert best.f_m < estimate.f_m <= 1.2 * best.f_m
+    assert estimate.conservative
+    assert estimate.certificate.gap >= estimate.f_m - best.f_m
+
+
+def test_a_threshold_that_the_first_generation_meets_needs_no_local_solve(arm_6r, data):
+    estimate = paper(arm_6r, data, 1e6)
+    assert estimate.status == "threshold reached"
+    assert "without a local solve" in estimate.advice[-1]
+
+
+def test_a_threshold_out_of_reach_is_told_with_its_certified_bound(arm_6r, data, best):
+    estimate = paper(arm_6r, data, None)  # what noise alone leaves: MGCO69 leaves links out
+    lower = best.f_m - best.certificate.gap
+    assert estimate.status == "threshold cannot be reached"
+    assert f"F_M of {estimate.f_m_floor:.4g} cannot be reached" in estimate.advice[-1]
+    assert f"has one below {lower:.4g}" in estimate.advice[-1]
+    assert estimate.f_m == pytest.approx(best.f_m, rel=1e-5)
+
+
+def test_a_threshold_between_bound_and_optimum_is_a_budget_spent(arm_6r, data, best):
+    estimate = paper(arm_6r, data, best.f_m - 0.5 * best.certificate.gap)
+    assert estimate.status == "budget spent"
+
+
+def test_the_same_random_numbers_give_the_same_estimate(arm_6r, data):
+    one, two = paper(arm_6r, data, 10.0), paper(arm_6r, data, 10.0)
+    np.testing.assert_array_equal(one.pi, two.pi)
+    assert one.pi.tolist() != paper(arm_6r, data, 10.0, seed=2).pi.tolist()
+
+
+def test_observers_see_f_m_fall_until_that_of_the_estimate(arm_6r, data, regression):
+    seen, of_several = [], []
+    estimate = paper(arm_6r, data, 0.0, observe=seen.append)
+    best_of_three = best_of(factorise(regression, 3), stream(4), starts=3, observe=of_several.append)
+    for values, found in ((seen, estimate), (of_several, best_of_three)):
+        assert len(values) > 10
+        assert (np.diff(values) < 0).all()
+        assert values[-1] == pytest.approx(found.f_m, rel=1e-12)
+
+
+def test_trial_points_lie_inside_the_box_and_differ(regression):
+    problem = factorise(regression)
+    points = trial_points(problem, np.zeros(problem.size), 700, stream(3))
+    assert points.shape == (700, problem.size)
+    assert np.abs(points).max() <= BOX
+    assert len(np.unique(points, axis=0)) == 700
+    from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, stream(3))
+    assert np.abs(from_outside).max() <= BOX
+
+
+def test_optima_that_differ_are_basins_of_their_own(regression):
+    """All are the same model, rotated: the search sees points of b."""
+    search = explore(factorise(regression), 0.0, TINY, stream(2))
+    assert len(search.basins) == len(search.descents) >= 2
+    assert max(search.descents) == pytest.approx(min(search.descents), rel=1e-5)
+
+
+def test_an_optimum_met_again_widens_its_basin(regression):
+    problem = factorise(regression)
+    end, value = local_solve(problem, random_start(problem, stream(1)))
+    search = Search(problem, 0.0, None, end, basins=[Basin(end, value, 0.1)])
+    search.solve(end)  # where nothing goes down
+    assert len(search.basins) == 1
+    assert search.basins[0].radius == pytest.approx(0.1)
+
+
+def test_a_search_counts_its_evaluations(regression):
+    problem = factorise(regression)
+    search = explore(problem, 0.0, TINY, stream(2))
+    genetic = (1 + TINY.generations) * TINY.population * problem.size
+    assert search.evaluations > genetic + TINY.trial_points + 2 * len(search.descents)
+
+
+def test_order_of_the_vector_space_by_counting_is_that_of_eq_20(arm_6r):
+    # n = 6; 108 runs: seven links bound m by 6 * 108 / (6 * 7), three by 6 * 108 / (6 * 3)
+    assert order_range(mgco147(arm_6r.arm), 108) == (3.5, pytest.approx(108 / 7))
+    assert order_range(mgco69(arm_6r.arm), 108) == (3.5, 36.0)
+    assert order_range(template56(arm_6r.arm), 108) == (1.5, pytest.approx(648 / (2 * 14)))

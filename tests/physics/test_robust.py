@@ -1,0 +1,308 @@
+"""Robust identification: nothing lost without outliers, planted ones found by run and marker, bad input refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from testbench.bench import Scenario, simulate
+from testbench.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.evaluate import predict, score
+from testbench.identify import gco, least_squares, reduce, robust
+from testbench.identify.prior import cad_prior, distorted, metric
+from testbench.identify.reduction import non_redundant
+from testbench.identify.regression import f_m
+from testbench.identify.regularised import (
+    Strength,
+    blocks_of,
+    gco_with,
+    least_squares_with,
+    precision_root,
+    project,
+)
+from testbench.identify.robust import DELTA, REJECT, TOOL, gco_robust, huber, least_squares_robust, weigh
+from testbench.outliers import spoil
+from testbench.structure import Structure, all153, mgco68, template56
+from testbench.vjm import observation
+
+STRENGTH = Strength(0.3)
+
+
+def campaign(cell, seed, truth="linear", **settings):
+    settings = {"workspace_poses": 20, **settings}
+    return simulate(cell, Scenario(arm="kr500_l480", truth=truth, **settings), seed)
+
+
+def rough(cell, structure, seed):
+    """The CAD prior, 2 times wrong in scale and 30 % in shape."""
+    wrong = distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
+    return metric(wrong, cell.vjm, structure)
+
+
+def program(cell, structure, seed):
+    """Readings of a spoiled campaign in the metric of a rough prior, and the prior's rows."""
+    data, _ = spoil(campaign(cell, seed).identification, 0.05, 1e-3, np.random.default_rng(seed))
+    units = rough(cell, structure, seed)
+    readings = weigh(cell.vjm, structure, data)
+    return readings.A @ units.L, readings.y, *precision_root(units, STRENGTH), units
+
+
+def cost(x, A, y, B, c):
+    """Huber's loss of every reading's residual and the prior's penalty, with the gradient."""
+    residual, off = A @ x - y, B @ x - c
+    length = np.linalg.norm(residual, axis=1)
+    loss = np.where(length <= DELTA, length**2 / 2, DELTA * (length - DELTA / 2))
+    pull = np.minimum(1, DELTA / np.maximum(length, 1e-300))[:, None] * residual
+    return loss.sum() + off @ off / 2, np.einsum("ikn,ik->n", A, pull) + B.T @ off
+
+
+def planted(data, mask):
+    return {(data.run[i], data.markers[j]) for i, j in np.argwhere(mask)}
+
+
+def found(fit):
+    return {(reading.run, reading.marker) for reading in fit.rejected}
+
+
+def orientation_data(cell, rng):
+    """20 poses, 6 loads each, a probe's position and the tool's orientation; linear truth, 25 um, 250 urad."""
+    sigma, sigma_rotation = 25e-6, 250e-6
+    q = np.repeat(rng.uniform(*cell.arm.limits, (20, 6)), 6, axis=0)
+    runs = len(q)
+    wrench, point = np.tile(1000 * np.eye(6), (20, 1)), np.zeros((runs, 3))
+    s = all153(cell.arm)
+    args = (cell.vjm, s, q, wrench, point)
+    C = s.entries(cell.arm.C_theta)
+    moved = observation(*args, targets=cell.vjm.markers) @ C
+    turned = (observation(*args, targets=cell.vjm.markers, rotation=True) @ C)[:, 0]
+    m = len(cell.vjm.markers)
+    return Dataset(
+        markers=cell.arm.markers,
+        run=np.arange(runs) + 1,
+        pose=np.repeat(np.arange(20), 6),
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=sigma * rng.standard_normal((runs, m, 3)),
+        after=moved + sigma * rng.standard_normal((runs, m, 3)),
+        sigma=sigma,
+        rotation_before=sigma_rotation * rng.standard_normal((runs, 3)),
+        rotation_after=turned + sigma_rotation * rng.standard_normal((runs, 3)),
+        sigma_rotation=sigma_rotation,
+    )
+
+
+def test_huber_of_least_squares_reaches_the_optimum_of_a_quasi_newton_method(kr500):
+    A, y, B, c, _ = program(kr500, mgco68(kr500.arm), 1)
+    by_cone = huber(A, y, B, c)
+    assert by_cone.status == "solved"
+    # L-BFGS in coordinates where the quadratic part is a unit ball: it would crawl otherwise
+    T = np.linalg.inv(np.linalg.cholesky(np.einsum("ikn,ikm->nm", A, A) + B.T @ B).T)
+    settings = {"maxiter": 5000, "gtol": 1e-9, "ftol": 1e-15}
+    start = np.zeros(len(c))
+    args = (A @ T, y, B @ T, c)
+    other = minimize(cost, start, args, jac=True, method="L-BFGS-B", options=settings)
+    assert cost(by_cone.x, A, y, B, c)[0] == pytest.approx(other.fun, rel=1e-8)
+    np.testing.assert_allclose(by_cone.x, T @ other.x, atol=1e-4)  # X, of order one
+
+
+def test_huber_of_gco_meets_the_optimality_conditions_of_the_cone(kr500):
+    """The gradient S of the loss is PSD in every block and orthogonal to X: no conservative model is better."""
+    A, y, B, c, units = program(kr500, mgco68(kr500.arm), 2)
+    x = project(units, huber(A, y, B, c, units.sizes).x)
+    value, gradient = cost(x, A, y, B, c)
+    for X, S in zip(blocks_of(units, x), blocks_of(units, gradient), strict=True):
+        assert np.linalg.eigvalsh(S)[0] > -1e-5 * value
+        assert abs((S * X).sum()) < 1e-5 * value
+
+
+@pytest.mark.parametrize("structure", [mgco68, template56])
+def test_without_outliers_the_robust_fit_is_the_plain_one_to_the_last_digit(kr500, structure):
+    """One sound reading in a thousand lies beyond the 99.9 % quantile: seeds in which none does."""
+    s = structure(kr500.arm)
+    for seed in range(3):
+        data = campaign(kr500, seed).identification
+        units, regression = rough(kr500, s, seed), reduce(kr500.vjm, s, data)
+        pairs = [
+            (gco_robust(kr500.vjm, s, data), gco(kr500.vjm, s, data)),
+            (least_squares_robust(kr500.vjm, s, data), least_squares(kr500.vjm, s, data)),
+            (
+                gco_robust(kr500.vjm, s, data, metric=units, strength=STRENGTH),
+                gco_with(regression, units, STRENGTH),
+            ),
+            (
+                least_squares_robust(kr500.vjm, s, data, metric=units, strength=STRENGTH),
+                least_squares_with(regression, units, STRENGTH),
+            ),
+        ]
+        for fit, plain in pairs:
+            assert fit.rejected == ()
+            assert fit.estimate.method == f"{plain.method}, Huber loss"
+            np.testing.assert_array_equal(fit.estimate.pi, plain.pi)
+
+
+@pytest.mark.parametrize("truth", ["linear", "nonlinear"])
+def test_five_percent_of_readings_off_by_a_millimetre_cost_at_most_a_fifth(kr500, truth):
+    """Medians over 12 seeds: measured 1.0 times the clean fit, the plain one 1.5 times."""
+    s = mgco68(kr500.arm)
+    ratios, plain, hits, wrong, missed = [], [], 0, 0, 0
+    for seed in range(12):
+        run = campaign(kr500, seed, truth, workspace_poses=100)
+        data, mask = spoil(run.identification, 0.05, 1e-3, np.random.default_rng([seed, 8]))
+        units = rough(kr500, s, seed)
+        fit = gco_robust(kr500.vjm, s, data, metric=units, strength=STRENGTH)
+        assert fit.estimate.status == "solved"
+        assert fit.estimate.conservative
+
+        def rms(estimate, run=run):
+            return score(predict(kr500.vjm, estimate, run.workspace), run.workspace.deflection).rms
+
+        clean = rms(gco_with(reduce(kr500.vjm, s, run.identification), units, STRENGTH))
+        ratios.append(rms(fit.estimate) / clean)
+        plain.append(rms(gco_with(reduce(kr500.vjm, s, data), units, STRENGTH)) / clean)
+        hits += len(found(fit) & planted(data, mask))
+        wrong += len(found(fit) - planted(data, mask))
+        missed += len(planted(data, mask) - found(fit))
+    assert np.median(ratios) <= 1.2
+    assert np.median(plain) > 1.3
+    assert hits / (hits + missed) >= 0.95  # 1 mm is 14 standard deviations
+    assert hits / (hits + wrong) >= 0.9  # of 516 sound readings 0.5 lie beyond the 99.9 % quantile
+
+
+def test_a_rejected_reading_is_listed_with_its_distance_from_the_model(kr500):
+    data = campaign(kr500, 1).identification
+    off = np.zeros_like(data.after)
+    off[4, 1] = [0, 0, 3e-3]
+    spoiled = replace(data, after=data.after + off)
+    s = mgco68(kr500.arm)
+    fit = gco_robust(kr500.vjm, s, spoiled, metric=rough(kr500, s, 1), strength=STRENGTH)
+    (reading,) = fit.rejected
+    assert (reading.run, reading.marker) == (data.run[4], data.markers[1])
+    assert reading.residual == pytest.approx(3e-3, abs=4 * np.sqrt(3) * 50e-6)  # noise and fit: 4 sd
+    assert reading.sigmas == pytest.approx(reading.residual / (np.sqrt(2) * 50e-6))
+    assert fit.estimate.regression.equations == 3 * (45 - 1)
+    assert f"1 of 45 readings rejected, beyond {REJECT} standard deviations" in fit.estimate.advice
+
+
+def test_f_m_of_a_robust_fit_is_eq_19_over_the_readings_that_are_left(kr500):
+    data, mask = spoil(campaign(kr500, 3).identification, 0.1, 1e-2, np.random.default_rng(3))
+    fit = least_squares_robust(kr500.vjm, template56(kr500.arm), data)
+    assert found(fit) == planted(data, mask)
+    residual = (predict(kr500.vjm, fit.estimate, data) - data.deflection)[~mask]
+    expected = np.sqrt((residual**2).sum() / len(residual)) / (np.sqrt(2) * data.sigma)
+    assert fit.estimate.f_m == pytest.approx(expected, rel=1e-9)
+    assert fit.estimate.f_m == pytest.approx(f_m(fit.estimate.regression, fit.estimate.pi))
+    assert fit.estimate.f_m < 1.5 * fit.estimate.f_m_floor
+
+
+def test_least_squares_takes_structures_that_no_prior_covers(kr500):
+    """MLS32 lacks entries inside a block: without a prior that does not matter."""
+    s = non_redundant(kr500.vjm, template56(kr500.arm), name="MLS32")
+    data, mask = spoil(campaign(kr500, 5).identification, 0.05, 1e-2, np.random.default_rng(5))
+    fit = least_squares_robust(kr500.vjm, s, data)
+    assert found(fit) == planted(data, mask)
+
+
+def test_the_robust_fit_is_conservative_however_many_readings_are_wild(kr500):
+    for seed, share in enumerate((0.1, 0.3, 0.5)):
+        data, _ = spoil(campaign(kr500, seed).identification, share, 1e-2, np.random.default_rng(seed))
+        for structure in (mgco68, template56):
+            fit = gco_robust(kr500.vjm, structure(kr500.arm), data)
+            assert fit.estimate.conservative
+
+
+def test_a_run_without_any_reading_left_is_named(kr500):
+    data = campaign(kr500, 2).identification
+    off = np.zeros_like(data.after)
+    off[6] = [0, 0, 20e-3]  # the tracker was pushed between the two readings
+    s = mgco68(kr500.arm)
+    spoiled = replace(data, after=data.after + off)
+    fit = gco_robust(kr500.vjm, s, spoiled, metric=rough(kr500, s, 2), strength=STRENGTH)
+    assert found(fit) == {(data.run[6], name) for name in data.markers}
+    assert any(f"no reading is left of run {data.run[6]}:" in said for said in fit.estimate.advice)
+
+
+def test_too_many_rejections_are_no_outliers_and_none_left_is_an_error(kr500):
+    data, s = campaign(kr500, 2, "nonlinear").identification, mgco68(kr500.arm)
+    kwargs = {"metric": rough(kr500, s, 2), "strength": STRENGTH}
+    strict = replace(data, sigma=5e-6)  # a tenth of the noise that there is
+    fit = gco_robust(kr500.vjm, s, strict, **kwargs)
+    assert any("too many to be outliers" in said for said in fit.estimate.advice)
+    flipped = replace(data, before=data.after, after=data.before)  # no conservative model moves that way
+    for estimator in (gco_robust,):
+        with pytest.raises(BenchError, match="all 45 readings rejected"):
+            estimator(kr500.vjm, s, flipped, **kwargs)
+
+
+def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
+    data = orientation_data(arm_6r, rng)
+    off = np.zeros_like(data.rotation_after)
+    off[[10, 50]] = [5e-3, 0, 0]  # 14 standard deviations
+    spoiled = replace(data, rotation_after=data.rotation_after + off)
+    s = mgco68(arm_6r.arm)
+    units = metric(cad_prior(arm_6r.arm), arm_6r.vjm, all153(arm_6r.arm))
+    fit = gco_robust(arm_6r.vjm, all153(arm_6r.arm), spoiled, metric=units, strength=STRENGTH)
+    assert {(data.run[10], TOOL), (data.run[50], TOOL)} <= found(fit)
+    assert len(fit.rejected) <= 5  # of 480 sound readings 0.5 lie beyond the 99.9 % quantile
+    kinds = [term.equations for term in fit.estimate.regression.terms]
+    assert sum(kinds) == 3 * (4 * data.runs - len(fit.rejected))
+    assert fit.estimate.f_m < 1.1 * fit.estimate.f_m_floor
+    del s
+
+
+def test_an_orientation_sensor_that_is_all_wild_leaves_the_positions(arm_6r, rng):
+    data = orientation_data(arm_6r, rng)
+    upside = replace(data, rotation_after=data.rotation_after + rng.uniform(0.5, 1, (data.runs, 3)))
+    units = metric(cad_prior(arm_6r.arm), arm_6r.vjm, template56(arm_6r.arm))
+    fit = least_squares_robust(
+        arm_6r.vjm, template56(arm_6r.arm), upside, metric=units, strength=STRENGTH
+    )
+    assert len(fit.estimate.regression.terms) == 1
+    assert {reading.marker for reading in fit.rejected} >= {TOOL}
+
+
+def test_no_load_leaves_nothing_to_reject_and_nothing_to_find(kr500):
+    data = campaign(kr500, 4).identification
+    idle = replace(data, wrench=np.zeros_like(data.wrench), after=data.before)
+    for estimator in (gco_robust, least_squares_robust):
+        fit = estimator(kr500.vjm, template56(kr500.arm), idle)
+        assert fit.rejected == ()
+        assert np.abs(fit.estimate.pi).max() == 0
+
+
+def test_a_search_that_did_not_converge_is_never_called_solved(kr500, monkeypatch):
+    settings = robust.solver_settings()
+    settings.max_iter = 2
+    monkeypatch.setattr(robust, "solver_settings", lambda: settings)
+    s = template56(kr500.arm)
+    data = campaign(kr500, 4).identification
+    fit = least_squares_robust(
+        kr500.vjm, s, data, metric=rough(kr500, s, 4), strength=Strength(0.3)
+    )
+    assert fit.estimate.status.startswith("not solved: Clarabel says")
+
+
+def test_bad_input_is_refused(kr500, monkeypatch):
+    data, s = campaign(kr500, 1).identification, template56(kr500.arm)
+    units = rough(kr500, s, 1)
+    with pytest.raises(BenchError, match="together, or none"):
+        gco_robust(kr500.vjm, s, data, metric=units)
+    with pytest.raises(BenchError, match="expected one of MGCO68, got one of MGCO56"):
+        gco_robust(kr500.vjm, mgco68(kr500.arm), data, metric=units, strength=STRENGTH)
+    monkeypatch.setattr(robust, "MOST_READINGS", 44)
+    with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
+        least_squares_robust(kr500.vjm, s, data)
+    with pytest.raises(BenchError, match="share: expected 0 to 1"):
+        spoil(data, 1.2, 1e-3, np.random.default_rng(0))
+    with pytest.raises(BenchError, match="size"):
+        spoil(data, 0.1, np.inf, np.random.default_rng(0))
+
+
+def test_spoiling_moves_as_many_readings_as_asked_by_as_much(kr500, rng):
+    data = campaign(kr500, 1).identification
+    spoiled, mask = spoil(data, 0.1, 1e-3, rng)
+    moved = np.linalg.norm(spoiled.deflection - data.deflection, axis=-1)
+    assert mask.sum() == round(0.1 * 45)
+    np.testing.assert_allclose(moved, 1e-3 * mask, atol=1e-15)

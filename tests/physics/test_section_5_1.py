@@ -1,0 +1,142 @@
+"""Section 5.1: what six axis loads tell of a link, and what the printed Eq. (22), (23) tell of the paper."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.full_pose import simulate
+from testbench.paper import EQ_22, EQ_23
+from testbench.studies.single_link import (
+    GCO,
+    LEAST_SQUARES,
+    Study,
+    measure,
+    models,
+    noise_scale,
+    rank_beyond_noise,
+    trials,
+    wrenches_within,
+)
+from testbench.studies.single_link_printed import printed_matrices, readings
+
+STUDY = Study(draws=1, order_draws=1)
+LOADS = np.diag([10.0] * 6)
+
+
+def estimates(cell, data):
+    return {m.name: m.estimator(cell.vjm, m.structure, data).C_theta for m in models(cell)}
+
+
+@pytest.fixture(scope="module")
+def printed(single_link):
+    return printed_matrices(single_link, STUDY, measure(single_link, STUDY, 1).truth)
+
+
+def test_the_truth_is_eq_21_and_its_entries_are_the_papers(single_link):
+    C = single_link.arm.C_theta
+    diagonal = [4.50e-8, 8.01e-5, 3.64e-5, 3.76e-3, 1.09e-3, 2.65e-3]
+    np.testing.assert_array_equal(np.diag(C), diagonal)
+    assert (C[1, 5], C[2, 4]) == (3.98e-4, -1.71e-4)
+    np.testing.assert_array_equal(C, C.T)
+
+
+def test_noise_free_data_give_eq_21_back(single_link):
+    campaign = STUDY.campaign.model_copy(update={"noise": False})
+    data = measure(single_link, STUDY.model_copy(update={"campaign": campaign}), 1).identification
+    found = estimates(single_link, data)
+    C, unit = single_link.arm.C_theta, noise_scale(STUDY.campaign)
+    # rounding of marker positions of order one, over 10 N
+    np.testing.assert_allclose(found[LEAST_SQUARES], C, rtol=0, atol=1e-15)
+    # the interior point stops at 1e-7 of the data; noise would be of order one
+    assert np.abs((found[GCO] - C) / unit).max() < 1e-3
+
+
+def test_least_squares_of_axis_loads_reads_the_columns_directly(single_link):
+    data = measure(single_link, STUDY, 3).identification
+    columns = np.hstack([data.deflection[:, 0], data.rotation]).T / 10
+    C = estimates(single_link, data)[LEAST_SQUARES]
+    np.testing.assert_allclose(C, columns, rtol=0, atol=1e-15)
+    assert np.abs(columns - columns.T).max() > 1e-6
+
+
+def test_readings_are_those_of_the_full_pose_campaign(single_link):
+    ours = measure(single_link, STUDY, 3).identification
+    theirs = simulate(single_link, STUDY.campaign, 3).identification
+    np.testing.assert_array_equal(ours.after, theirs.after)
+    np.testing.assert_array_equal(ours.rotation_after, theirs.rotation_after)
+
+
+def test_noise_of_a_deflection_is_25_um_and_250_urad(single_link):
+    errors = []
+    for seed in range(60):
+        draw = measure(single_link, STUDY, seed).identification
+        true = draw.wrench @ single_link.arm.C_theta.T
+        errors.append(np.hstack([draw.deflection[:, 0], draw.rotation]) - true)
+    position, rotation = np.split(np.array(errors), 2, axis=2)
+    # 1080 components each: 2 % standard error
+    assert np.std(position) == pytest.approx(25e-6, rel=0.08)
+    assert np.std(rotation) == pytest.approx(250e-6, rel=0.08)
+
+
+def test_check_loads_fill_the_balls(rng):
+    wrench = wrenches_within(4000, 10.0, 5.0, rng)
+    for part, limit in ((wrench[:, :3], 10.0), (wrench[:, 3:], 5.0)):
+        size = np.linalg.norm(part, axis=1)
+        assert size.max() <= limit * (1 + 1e-12)
+        # half of a ball's volume lies within 0.794 of its radius; a share of 4000 scatters by 0.8 %
+        assert (size < 0.7937 * limit).mean() == pytest.approx(0.5, abs=0.04)
+
+
+def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(printed):
+    pin = printed["pinning"]
+    assert pin["position_rms_over_sigma"] == pytest.approx(1.02, abs=0.005)
+    assert pin["rotation_rms_over_sigma"] == pytest.approx(1.21, abs=0.005)
+    by_column = [0.80, 1.18, 0.83, 0.56, 0.73, 1.64]
+    np.testing.assert_allclose(pin["position_rms_by_column_over_sigma"], by_column, rtol=0, atol=0.005)
+    assert pin["likelihood_ratio_deflection_to_reading"] > 2
+    assert pin["random_loads_share_as_small"] < 0.03
+
+
+def test_eq_22_has_a_negative_eigenvalue_and_eq_23_is_of_rank_4_within_its_rounding(printed):
+    assert printed["eq_22"]["eigenvalues_matrix"][0] == pytest.approx(-1.14e-6, abs=0.005e-6)
+    assert printed["eq_22"]["eigenvalues_symmetric_part"][0] == pytest.approx(-4.07e-6, abs=0.005e-6)
+    assert printed["eq_23"]["eigenvalues"][0] == pytest.approx(-3.9e-9, abs=0.1e-9)
+    assert printed["eq_23_from_the_data_of_eq_22"]["rank_within_rounding"] == 4
+    ours = np.array(EQ_23)
+    np.testing.assert_array_equal(ours, ours.T)
+
+
+def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, printed):
+    data = readings(single_link, STUDY.campaign, LOADS, LOADS @ np.array(EQ_22).T)
+    C = estimates(single_link, data)[LEAST_SQUARES]
+    np.testing.assert_allclose(C, EQ_22, rtol=0, atol=1e-15)
+    own = printed["eq_23_from_the_data_of_eq_22"]
+    assert own["optimum_f_m"] + own["optimum_duality_gap"] < own["printed_f_m_within_rounding"][0]
+    distance = [row["rms_to_eq_23_over_sigma"] for row in own["order"]]
+    assert int(np.argmin(distance)) + 1 == 4  # the order that the paper seems to have used
+    assert own["order"][-1]["f_m"] == pytest.approx(own["optimum_f_m"], rel=1e-6)
+
+
+def test_expected_share_of_negative_eigenvalues_grows_with_the_noise(printed):
+    expected = printed["pinning"]["negative_eigenvalue_expected"]
+    less, more = expected["if_sigma_is_of_a_deflection"], expected["if_sigma_is_of_a_reading"]
+    for key in less:
+        assert 0.4 < less[key] < more[key] < 0.9
+    # the symmetric part has the smaller least eigenvalue (Bendixson)
+    assert less["of_the_matrix"] < less["of_its_symmetric_part"]
+
+
+def test_rank_counts_what_is_beyond_rounding_in_units_of_the_noise(single_link):
+    C = single_link.arm.C_theta
+    assert rank_beyond_noise(STUDY.campaign, C) == 6
+    values, Q = np.linalg.eigh(C)
+    values[:2] = 0, 1e-14
+    assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
+
+
+def test_a_draw_is_the_same_alone_and_among_others(single_link):
+    folder = Path(__file__).resolve().parents[2] / "models" / "single_link"
+    [alone] = trials(folder, STUDY, (), lambda: 0.0, [8])
+    among = trials(folder, STUDY, (), lambda: 0.0, [7, 8])[1]
+    assert alone["models"] == among["models"]

@@ -1,0 +1,342 @@
+"""What holds for the recording of every kind of study."""
+
+import functools
+import re
+import time
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+from read_back import chunks_of, columns, document, layout, on, panes, rerun, series, views
+from rerun.chunk import RrdReader
+
+from testbench import full_pose
+from testbench.bench import Scenario, build_cell, identify, named_models, simulate
+from testbench.errors import BenchError
+from testbench.full_pose import FullPose
+from testbench.paper import SECTION_6
+from testbench.recording import (
+    Point,
+    Sweep,
+    sweeps,
+    write_calibration,
+    write_single_link,
+    write_solver,
+    write_sweep,
+)
+from testbench.report import middle, report
+from testbench.studies import loaded, loaded_text, single_link, six_dof, solvers, solvers_report, solvers_text
+
+BUDGET = 2 * 2**20
+TIMELINES = {
+    "gravity": {"worst_first", "pose", "load"},
+    "full_pose": {"worst_first", "pose", "load"},
+    "loaded": {"sweep"},
+    "single_link": {"sweep"},
+    "solver": {"iteration"},
+}
+APPLICATIONS = {"gravity": "calibration", "full_pose": "calibration", "loaded": "sweep"}
+
+
+def gravity(models):
+    """Report of a gravity campaign, and its writer."""
+    cell = build_cell(models / "kr500_l480")
+    campaign = simulate(cell, Scenario(arm="kr500_l480", workspace_poses=5), 1)
+    results = identify(cell, campaign, named_models(cell), time.perf_counter)
+    numbers = report("gravity_calibration", campaign, results, SECTION_6)
+    return numbers, lambda path: write_calibration(path, numbers, cell, campaign, results)
+
+
+def poses(models):
+    """The same of section 5.2, small, over two seeds."""
+    folder, scenario = models / "arm_6r", FullPose(arm="arm_6r", poses=6, check_runs=10)
+    cell = build_cell(folder)
+    trials = six_dof.trials(folder, scenario, [1], 1, time.perf_counter, [1, 2])
+    numbers = six_dof.summary(folder, scenario, "reading", trials)
+    campaign = full_pose.simulate(cell, scenario, 1)
+    results = full_pose.identify(cell, campaign, named_models(cell, six_dof.MODELS), time.perf_counter)
+    return numbers, lambda path: write_calibration(path, numbers, cell, campaign, results, magnification=10.0)
+
+
+def load(models):
+    cell = build_cell(models / "kr500_l480")
+    study = loaded.Study(arm="kr500_l480", loads=2, poses=3)
+    plants = dict(zip(loaded.TRUTHS, (loaded.weightless(cell.arm), cell.plant), strict=True))
+    q = loaded.draw(cell, study, 1)
+    numbers = loaded.summary(study, 1, [loaded.hang(cell, plants, q, x, 100.0) for x in (1e3, 1e4)])
+    return numbers, lambda path: write_sweep(path, sweeps.loaded_stiffness(numbers, {"poses": 3}))
+
+
+def link(models):
+    cell, study = build_cell(models / "single_link"), single_link.Study(draws=2, order_draws=1, loads="axes")
+    trials = single_link.trials(models / "single_link", study, [1], time.perf_counter, [1, 2])
+    numbers = single_link.summary(cell, study, single_link.measure(cell, study, 1), trials)
+    claims = single_link.verdict(numbers).split("\n")
+    return numbers, lambda path: write_single_link(path, numbers, {"draws": 2}, claims)
+
+
+def solver(models):
+    study = solvers.Study(
+        scenario=FullPose(arm="arm_6r", poses=6, check_runs=10),
+        model="MGCO56",
+        generations=3,
+        short_generations=2,
+        trial_points=10,
+        starts=1,
+        minima_starts=2,
+        minima_seeds=1,
+    )
+    trials = solvers.trials(models / "arm_6r", study, 1, time.perf_counter, [1, 2])
+    numbers = solvers_report.summary(models / "arm_6r", study, trials)
+    return numbers, lambda path: write_solver(path, numbers, {"m": 6}, solvers_text.claims(numbers))
+
+
+KINDS = {"gravity": gravity, "full_pose": poses, "loaded": load, "single_link": link, "solver": solver}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, kr500):
+    """File, report and writer of a kind, made once."""
+    models = kr500.arm.rigid.parents[1]
+
+    @functools.cache
+    def make(kind):
+        numbers, write = KINDS[kind](models)
+        file = tmp_path_factory.mktemp(kind) / "recording.rrd"
+        write(file)
+        return file, numbers, write
+
+    return make
+
+
+@pytest.fixture(params=KINDS)
+def kind(request):
+    return request.param
+
+
+@pytest.fixture
+def file(made, kind):
+    return made(kind)[0]
+
+
+@pytest.fixture
+def chunks(file):
+    return chunks_of(file)
+
+
+def test_the_file_is_one_whole_recording_of_a_versioned_layout(file, kind):
+    assert "1 file verified without error" in rerun("verify", file)[1]
+    assert file.stat().st_size < BUDGET
+    (entry,) = RrdReader(file).recordings()
+    assert re.fullmatch(rf"testbench_{APPLICATIONS.get(kind, kind)}_v\d+", entry.application_id)
+
+
+def test_every_view_of_the_blueprint_has_data_under_its_origin_on_one_timeline(file, chunks, kind):
+    assert views(file)
+    for origin, *_ in views(file):
+        under = [c for c in chunks if f"{c.entity_path}/".startswith(f"/{origin}/")]
+        found = {t for c in under for t in (TIMELINES[kind] if c.is_static else c.timeline_names)}
+        assert found & TIMELINES[kind], origin
+
+
+def test_a_tab_has_at_most_eight_panes(file):
+    assert max(panes(file)) <= 8
+
+
+def test_timelines_are_exactly_those_of_the_kind(chunks, kind):
+    assert {name for chunk in chunks for name in chunk.timeline_names} == TIMELINES[kind]
+
+
+def test_the_reader_lands_on_a_timeline_of_the_kind(file, kind):
+    panel = layout(file)["/time_panel"]
+    assert panel["TimePanelBlueprint:timeline"][0][0] in TIMELINES[kind]
+
+
+def test_all_numbers_are_finite(chunks):
+    for chunk in chunks:
+        batch = chunk.to_record_batch()
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            while pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
+                column = column.flatten()
+            if pa.types.is_floating(column.type):
+                assert np.isfinite(column.to_numpy(zero_copy_only=False)).all(), (chunk.entity_path, name)
+
+
+UNIT = r"(_|/)(mm|um|urad|s|percent|log10_gap)(/|$)"
+
+
+def test_every_number_has_its_unit_in_its_path_and_its_view_in_its_title(file, chunks):
+    for chunk in chunks:
+        if {"Scalars:scalars", "BarChart:values"} & set(chunk.to_record_batch().schema.names):
+            assert re.search(UNIT, chunk.entity_path), chunk.entity_path
+    for origin, kind, name in views(file):
+        unit = r"\((m|mm|um|urad|s|1|.*log10 .+|signed log; 1 = true diagonal)\)"
+        assert kind == "TextDocument" or re.search(unit, name), (origin, name)
+
+
+def test_every_line_of_a_plot_has_its_unit_in_its_name(chunks):
+    for chunk in chunks:
+        names = columns([chunk], chunk.entity_path).get("SeriesLines:names")
+        assert not names or re.search(r"\(.*(mm|um|log10).*\)", names[0][0]), chunk.entity_path
+
+
+def test_entities_are_few_and_in_snake_case(chunks):
+    paths = {chunk.entity_path for chunk in chunks}
+    assert len(paths) < 100
+    for path in paths - {"/__properties", "/__properties/study", "/__properties/versions"}:
+        assert re.fullmatch(r"(/[a-z][a-z0-9_]*)+|(/[a-z_]+)+/P\d", path), path
+
+
+def test_seed_scenario_and_versions_are_properties(chunks, made, kind):
+    properties = columns(chunks, "/__properties/study")
+    assert properties["seed"] == [[1]]
+    assert properties["scenario"] == [[made(kind)[1]["scenario"]]]
+    versions = columns(chunks, "/__properties/versions")
+    assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
+
+
+def test_the_same_study_gives_the_same_recording(made, kind, file, tmp_path):
+    again = tmp_path / "again.rrd"
+    made(kind)[2](again)
+    assert rerun("compare", "--unordered", file, again)[0] == 0
+
+
+def test_a_failure_half_way_closes_the_file_and_leaves_nothing(made, kind, tmp_path, monkeypatch):
+    closed = []
+
+    def fail(*_, **__):
+        assert rr.strict_mode()
+        raise RuntimeError("half-way")
+
+    original = rr.RecordingStream.disconnect
+
+    def disconnect(stream):
+        original(stream)
+        (part,) = tmp_path.iterdir()
+        closed.append(rerun("verify", part)[1])
+
+    monkeypatch.setattr(rr.RecordingStream, "disconnect", disconnect)
+    monkeypatch.setattr(rr.RecordingStream, "send_columns", fail)
+    with pytest.raises(RuntimeError, match="half-way"):
+        made(kind)[2](tmp_path / "recording.rrd")
+    assert "1 file verified without error" in closed[0]
+    assert not list(tmp_path.iterdir())
+    assert not rr.strict_mode()
+
+
+def test_the_summary_asks_and_answers_in_bold(chunks):
+    question, answer, *_ = document(chunks, "/summary").split("\n\n")
+    assert question.startswith("### ")
+    assert question.endswith("?")
+    assert re.fullmatch(r"#### \*\*.*\d.*\*\*", answer)
+    assert "**Scrub**" in document(chunks, "/summary")
+
+
+# --- numbers against report.json ---------------------------------------------------------------------------
+
+
+def table(text):
+    """Rows of the first markdown table, by their first cell."""
+    block = next(part for part in text.split("\n\n") if part.startswith("|"))
+    lines = [[c.strip(" *") for c in x.split("|")[1:-1]] for x in block.split("\n")]
+    return {line[0]: line[1:] for line in lines}
+
+
+def numbers(cells):
+    return [float(cell.split()[0].rstrip("%")) for cell in cells]
+
+
+def test_full_pose_table_is_the_reports(made):
+    file, found, _ = made("full_pose")
+    rows = table(document(chunks_of(file), "/summary"))
+    for heading, group, key in (
+        ("95 %, readings, mm", "readings", "p95_mm"),
+        ("95 %, truth, mm", "check", "p95_mm"),
+        ("RMS, truth, mm", "check", "rms_mm"),
+    ):
+        expected = [middle(m[group][key]) for m in found["models"]]
+        assert numbers(rows[heading]) == pytest.approx(expected, abs=5.1e-4)
+    assert rows[""] == [m["name"] for m in found["models"]]
+
+
+def test_full_pose_says_how_many_statements_hold_and_which_m(made):
+    file, found, _ = made("full_pose")
+    confirmed = sum(row["verdict"].startswith("confirmed") for row in found["claims"])
+    assert f"{confirmed} of {len(found['claims'])} statements" in document(chunks_of(file), "/summary")
+    assert found["which_m"] in document(chunks_of(file), "/log")
+
+
+def test_full_pose_loads_are_drawn_with_force_and_moment(made):
+    data = on(chunks_of(made("full_pose")[0]), "pose")
+    labels = columns(data, "/world/load/label")["Points3D:labels"]
+    assert labels[0] == ["1000 N"]
+    assert labels[3] == ["1000 N m"]
+    assert labels[-1] == ["1000 N and 1000 N m"]
+    vectors = np.array(columns(data, "/world/load/force")["Arrows3D:vectors"])[:, 0]
+    assert vectors[0] == pytest.approx([np.linalg.norm(vectors[0]), 0, 0])
+
+
+def test_errors_of_the_chart_are_those_of_the_report(made):
+    file, found, _ = made("gravity")
+    labels = columns(chunks_of(file), "/error_mm/number")["Points2D:labels"][0]
+    expected = [m[g]["rms_mm"] for g in ("identification", "check") for m in found["models"]]
+    assert numbers(labels[: len(expected)]) == pytest.approx(expected, abs=5.1e-4)
+    (best,) = [k for k, text in enumerate(labels[5:10]) if "best conservative" in text]
+    held = [m["check"]["rms_mm"] if m["conservative"] else np.inf for m in found["models"]]
+    assert best == int(np.argmin(held))
+
+
+def test_sweep_has_the_median_and_spread_of_every_row(made):
+    file, found, _ = made("loaded")
+    data = chunks_of(file)
+    for method in ("linear", "secant"):
+        rows = [r for r in found["rows"] if (r["truth"], r["method"]) == ("own weight", method)]
+        for key, column in (("median", "median_mm"), ("p05", "p05_mm"), ("p95", "p95_mm")):
+            path = f"/error_of_the_tool_s_deflection_mm/{method}_own_weight/{key}"
+            assert series(data, path, "sweep") == [r[column] for r in rows]
+    assert columns(data, path)["sweep"] == [1000, 10000]
+    assert loaded_text.verdict(found) in document(data, "/summary")
+
+
+def test_sweep_values_that_round_to_the_same_step_are_refused(tmp_path):
+    points = [Point(x, "LS", 1.0, 0.5, 2.0) for x in (0.1, 0.2)]
+    words = ["why?", "so", "load", "N", "error", "mm"]
+    with pytest.raises(BenchError, match="differ after rounding"):
+        write_sweep(tmp_path / "x.rrd", Sweep("name", {}, 1, *words, points, {}))
+
+
+def test_matrices_of_the_single_link_are_the_reports(made):
+    file, found, _ = made("single_link")
+    text = document(chunks_of(file), "/table")
+    for C in (
+        found["truth_matrix"],
+        found["first_draw"]["MGCO21"]["matrix"],
+        found["eq_22_23"]["eq_22"]["matrix"],
+    ):
+        for row in C:
+            assert " | ".join(f"{x:.3e}" for x in row) in text
+    rows = table(document(chunks_of(file), "/summary"))
+    assert numbers(rows["conservative"]) == [100 * m["conservative"] for m in found["models"]]
+    expected = [middle(m["prediction"]["position_rms_um"]) for m in found["models"]]
+    assert numbers(rows["position error, um"]) == pytest.approx(expected, abs=0.051)
+
+
+def test_truth_of_the_single_link_has_ones_on_the_diagonal_of_its_heatmap(made):
+    tensor = columns(chunks_of(made("single_link")[0]), "/compliance/truth")["Tensor:data"][0][0]
+    data = np.array(tensor["buffer"]).reshape([int(n) for n in tensor["shape"]])
+    assert np.diag(data[1:, 1:]) == pytest.approx(np.ones(6))
+
+
+def test_ways_of_the_solvers_are_the_reports(made):
+    file, found, _ = made("solver")
+    data = chunks_of(file)
+    for key, way in found["convergence"]["points"].items():
+        name = key.replace("'", "_short")
+        gap = series(data, f"/convergence/log10_gap/solver_{name}", "iteration")
+        seconds = series(data, f"/convergence/log10_s/solver_{name}", "iteration")
+        assert gap == pytest.approx(np.log10(np.maximum(way, 1e-12))[:, 1].tolist())
+        assert seconds == pytest.approx(np.log10(way)[:, 0].tolist())
+    rows = table(document(data, "/summary"))
+    for row in found["solvers"]:
+        assert float(rows[f"({row['key']})"][0]) == pytest.approx(middle(row["f_m"]), abs=5.1e-5)

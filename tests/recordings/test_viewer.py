@@ -1,0 +1,68 @@
+"""Opening and rendering recordings: which file, which program, and what is said where something is missing."""
+
+import os
+import subprocess
+
+import pytest
+
+from testbench.errors import BenchError
+from testbench.recording import Point, Sweep, viewer, write_sweep
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two recordings, the one in the inner folder newer."""
+    (tmp_path / "inner").mkdir()
+    words = ["How far off?", "0.1 mm at 1 N", "load", "N", "error", "mm"]
+    points = [Point(x, "LS", 0.1 * x, 0.05 * x, 0.2 * x) for x in (1, 2)]
+    for path, age in ((tmp_path / "old.rrd", 100), (tmp_path / "inner" / "new.rrd", 0)):
+        write_sweep(path, Sweep("test", {}, 1, *words, points, {}))
+        time = path.stat().st_mtime - age
+        os.utime(path, (time, time))
+    return tmp_path
+
+
+def test_the_newest_recording_of_a_folder_is_taken_or_the_one_that_is_named(folder):
+    assert viewer.newest(folder) == folder / "inner" / "new.rrd"
+    assert viewer.newest(folder / "old.rrd") == folder / "old.rrd"
+
+
+def test_the_viewer_gets_the_file_and_listens_to_this_machine_only(folder, monkeypatch):
+    calls = []
+
+    def run(command, **_):
+        calls.append(command)
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer.subprocess, "run", run)
+    viewer.view(folder)
+    (command,) = calls
+    assert command[1] == str(folder / "inner" / "new.rrd")
+    assert command[command.index("--bind") + 1] == "127.0.0.1"
+
+
+def test_a_viewer_that_fails_is_an_error(folder, monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer.subprocess, "run", lambda c, **_: subprocess.CompletedProcess(c, 3))
+    with pytest.raises(BenchError, match="exit code 3"):
+        viewer.view(folder)
+
+
+def test_without_software_vulkan_the_package_is_named(folder, monkeypatch):
+    monkeypatch.setattr(viewer, "DRIVERS", (folder / "nothing",))
+    with pytest.raises(BenchError, match="mesa-vulkan-drivers"):
+        viewer.shot(folder, folder / "picture.png")
+
+
+def has_lavapipe():
+    return any(list(path.glob(viewer.SOFTWARE)) for path in viewer.DRIVERS if path.is_dir())
+
+
+@pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
+def test_a_recording_becomes_a_picture_without_a_screen(folder):
+    png = folder / "made" / "picture.png"
+    assert viewer.shot(folder, png, size="640x400", timeline="sweep", at=2) == folder / "inner" / "new.rrd"
+    assert png.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(BenchError, match="no tab 'Nothing'; tabs are Overview, Table"):
+        viewer.shot(folder, png, size="640x400", tab="Nothing")

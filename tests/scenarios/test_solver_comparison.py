@@ -1,0 +1,142 @@
+"""The solver comparison as a stranger runs it: files, keys, who ends where."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench import command
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scenarios" / "solver_comparison.py"
+FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "solver_comparison.png"}
+SMALL = ["--quick", "--generations", "3", "--trial-points", "30", "--starts", "2", "--model", "MGCO56"]
+SOLVER = {
+    "key", "name", "f_m", "excess_f_m", "duality_gap", "relative_gap", "seconds", "seconds_to_1_percent",
+    "ratio_to_conic", "conservative", "check", "status",
+}  # fmt: skip
+
+
+def run(*args):
+    command = [sys.executable, str(SCRIPT), *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    out = tmp_path_factory.mktemp("small")
+    done = run(*SMALL, "--seed", 3, "--out", out)
+    assert done.returncode == 0, done.stderr
+    return out, done, json.loads((out / "report.json").read_text())
+
+
+def test_a_run_leaves_its_files_and_says_where(small):
+    out, done, _ = small
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stderr == ""
+    for name in ("report.md", "report.json", "solver_comparison.png", "dataset.csv"):
+        assert name in done.stdout
+    assert max(map(len, done.stdout.splitlines()[:-1])) <= 80
+
+
+def test_report_has_its_keys(small):
+    report = small[2]
+    assert (report["scenario"], report["seed"], report["arm"]) == ("solver_comparison", [3, 4], "arm_6r")
+    assert {"runs", "points", "deflection_min_mm", "deflection_max_mm", "sigma_um"} <= set(report["dataset"])
+    assert (report["dataset"]["runs"], report["dataset"]["check_runs"]) == (108, 120)
+    assert [row["key"] for row in report["solvers"]] == ["a", "a'", "b", "b'", "c", "d"]
+    for row in report["solvers"]:
+        assert set(row) >= SOLVER
+        assert row["conservative"]
+        assert set(row["f_m"]) == {"median", "p05", "p95"}
+        assert row["relative_gap"]["p05"] >= 0
+        assert set(row["check"]) >= {"rms_mm", "p95_mm"}
+    assert set(report["local_minima"]) == {"m=6", "m=4", "m=3"}
+    [model] = report["models"]
+    assert (model["name"], model["status"], model["conservative"]) == ("MGCO56", "solved", True)
+    assert {"f_m_floor", "duality_gap", "solve_seconds", "check", "identification", "paper"} <= set(model)
+
+
+def test_conic_program_is_never_above_any_other_solver(small):
+    report = small[2]
+    never = report["targets"]["conic_never_above_paper"]
+    assert never["met"]
+    assert never["met_up_to_the_certified_gap"]
+    for row in report["solvers"]:
+        assert row["relative_excess"]["p05"] >= -1e-9  # rounding
+        # certified: nobody is farther from the least F_M than its gap says
+        assert row["excess_f_m"]["p95"] <= row["duality_gap"]["p95"]
+
+
+def test_every_way_goes_down_to_the_solvers_end(small):
+    points = small[2]["convergence"]["points"]
+    assert set(points) == {"a", "a'", "b", "b'", "c", "d"}
+    for way in points.values():
+        seconds, gaps = zip(*way, strict=True)
+        assert list(seconds) == sorted(seconds)
+        assert list(gaps) == sorted(gaps, reverse=True)
+        assert gaps[-1] >= 0
+
+
+def test_what_is_found_does_not_depend_on_other_seeds_and_processes(small, tmp_path):
+    done = run(*SMALL, "--seed", 3, "--seeds", 1, "--out", tmp_path, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "dataset.csv").read_bytes() == (small[0] / "dataset.csv").read_bytes()
+    again = json.loads((tmp_path / "report.json").read_text())
+    alone, beside = ([run["f_m"] for run in r["runs"] if run["seed"] == 3] for r in (again, small[2]))
+    assert alone == beside
+    assert again["local_minima"] == small[2]["local_minima"]
+
+
+@pytest.fixture(scope="module")
+def script():
+    """The script as a module: ten processes would take as many seconds."""
+    spec = importlib.util.spec_from_file_location("solver_comparison", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+BAD_FLAGS = [
+    (["--m", "0"], "--m"),
+    (["--m", "7"], "--m"),
+    (["--generations", "0"], "--generations"),
+    (["--trial-points", "0"], "--trial-points"),
+    (["--starts", "0"], "--starts"),
+    (["--seeds", "0"], "--seeds"),
+    (["--workers", "0"], "--workers"),
+    (["--model", "MGCO99"], "no model 'MGCO99'; models are"),
+    (["--model", "MLS56"], "expected one that GCO identifies"),
+    (["--nonsense"], "--nonsense"),
+]
+
+
+@pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
+def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(script, monkeypatch, flags, text, tmp_path):
+    lines = []
+    monkeypatch.setattr(sys, "argv", [str(SCRIPT), "--out", str(tmp_path / "out"), *flags])
+    assert command.run(script.app, lines.append) == 2
+    [line] = lines
+    assert line.count("\n") == 1
+    assert line.startswith("error: ")
+    assert text in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_scs_without_cvxpy_is_one_line(tmp_path):
+    """A module of that name that cannot be imported stands for one that is not installed."""
+    (tmp_path / "cvxpy.py").write_text("raise ImportError")
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--scs", "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env={"PYTHONPATH": str(tmp_path)},
+    )
+    assert done.returncode == 2
+    assert done.stderr == "error: SCS is called through cvxpy, which is not installed: make bench\n"
+    assert not (tmp_path / "out").exists()
