@@ -20,6 +20,7 @@ from testbench.csvfile import write_csv
 from testbench.figures_solvers import solver_comparison
 from testbench.full_pose import FullPose, simulate
 from testbench.identify.modelled import cvxpy
+from testbench.recording import write_solver
 from testbench.studies import solvers, solvers_report, solvers_text
 from testbench.trials import run_trials
 
@@ -78,6 +79,8 @@ def main(
         joints = tuple(j.name for j in cell.arm.joints)
         write_csv(simulate(cell, study.scenario, seed).identification, joints, folder / "dataset.csv")
         files.write_json(report, folder / "report.json")
+        parameters, claims = study.model_dump(mode="json"), solvers_text.claims(report)
+        write_solver(folder / "recording.rrd", report, parameters, claims)
         (folder / "report.md").write_text(solvers_text.markdown(report), encoding="utf-8")
         solver_comparison(report, folder / f"{solvers.NAME}.png")
         files.write_manifest(

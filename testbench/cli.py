@@ -22,7 +22,6 @@ from testbench.errors import BenchError, InputError
 from testbench.evaluate import predict, score
 from testbench.plant import check_poses, settle_linear, write_elastic
 from testbench.plausibility import doubts
-from testbench.recording import viewer
 from testbench.report import fit_report
 from testbench.tracker import Tracker
 from testbench.vjm import chain
@@ -138,6 +137,8 @@ def identify(
 @app.command()
 def view(folder: RunFolder) -> None:
     """Open the newest recording of a run in the Rerun viewer."""
+    from testbench.recording import viewer  # here: importing rerun takes a third of a second
+
     viewer.view(folder)
 
 
@@ -151,6 +152,8 @@ def shot(
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "1600x1000",
 ) -> None:
     """Render the newest recording of a run without a screen."""
+    from testbench.recording import viewer
+
     file = viewer.shot(folder, out, size=size, tab=tab, timeline=timeline, at=at)
     console.print(f"{out}: {file}", soft_wrap=True)
 

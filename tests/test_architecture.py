@@ -10,7 +10,7 @@ DOORS = {
     "mujoco": lambda p: p.parts[0] == "plant",
     "pinocchio": lambda p: p == Path("vjm.py"),
     "rerun": lambda p: p.parts[0] == "recording",
-    "clarabel": lambda p: p == Path("identify/conic.py"),
+    "clarabel": lambda p: p.parts[0] == "identify",
     "matplotlib": lambda p: p.name.startswith("figures"),
 }
 

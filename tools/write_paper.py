@@ -5,20 +5,22 @@ python tools/write_paper.py [RUNS] [--out FILE]
 
 import json
 import re
+import shutil
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from testbench import command
+from testbench import command, tables
 from testbench.errors import InputError
 from testbench.report import show, show_truth
-from testbench.studies import six_dof_text, solvers_text
-from testbench.tables import grid
+from testbench.studies import loaded_text, single_link_text, six_dof_text, solvers_text
 
 ROOT = Path(__file__).resolve().parents[1]
+RUNS, PAGE = ROOT / "runs" / "paper", ROOT / "docs" / "paper.md"
 TEMPLATE = ROOT / "docs" / "paper.md.in"
+FIGURES = re.compile(r"\]\((\w+\.png)\)")
 PLACE = re.compile(r"\{\{(.*?)\}\}")
 
 app = typer.Typer(add_completion=False)
@@ -26,20 +28,27 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    runs: Annotated[Path, typer.Argument(help="Folder with one run of every study.")] = ROOT / "runs" / "paper",
+    runs: Annotated[Path, typer.Argument(help="Folder with one run of every study.")] = ROOT
+    / "runs"
+    / "paper",
     out: Annotated[Path, typer.Option(help="Markdown to write.")] = ROOT / "docs" / "paper.md",
 ) -> None:
     """Fill the template with the numbers of the reports."""
     text = TEMPLATE.read_text(encoding="utf-8")
-    out.write_text(PLACE.sub(lambda match: fill(runs, match[1].strip()), text), encoding="utf-8")
+    page = PLACE.sub(lambda match: fill(runs, match[1].strip()), text)
+    for name in FIGURES.findall(page):
+        shutil.copyfile(runs / Path(name).stem / name, out.parent / name)
+    out.write_text(page, encoding="utf-8")
     print(out)
 
 
 def fill(runs: Path, place: str) -> str:
-    """What stands at a place: `study path/to/number format`, or `table study`.
+    """What stands at a place: `study path/to/number format`, or `table study number`.
 
-    A part of a path is a key, the name of a list's member, or its number from 0. A format of `%` shows a share,
-    `?` a truth, another one is Python's.
+    A table is one of the study's report.md, from 1.
+
+    A part of a path is a key, the name of a list's member, or its number from 0. A format of `%` shows a
+    share, `?` a truth, another one is Python's.
 
     Args:
         runs: Folder of the runs.
@@ -50,7 +59,8 @@ def fill(runs: Path, place: str) -> str:
     """
     study, *rest = place.split()
     if study == "table":
-        return "\n".join(TABLES[rest[0]](report(runs, rest[1])))
+        text = MARKDOWN[rest[0]](report(runs, rest[0]))
+        return tables_of(text)[int(rest[1]) - 1].rstrip()
     path, form = rest[0], rest[1] if len(rest) > 1 else ""
     value = look_up(report(runs, study), path, place)
     if form == "?":
@@ -98,34 +108,19 @@ def scaled(value: Any, factor: float) -> Any:
     return factor * value
 
 
-def section_6(report: dict[str, Any]) -> list[str]:
-    """Table III beside ours."""
-    head = ["model", "conservative", "RMS id., mm", "RMS check, mm", "max check, mm", "max relative, %"]
-    cells = (
-        ("identification", "rms_mm", "identification_rms_mm"),
-        ("check", "rms_mm", "check_rms_mm"),
-        ("check", "max_mm", "check_max_mm"),
-        ("check", "max_relative_percent", "check_max_relative_percent"),
-    )
-    rows = []
-    for m in report["models"]:
-        row = [m["name"], show_truth(m["conservative"])]
-        for group, key, cell in cells:
-            known = (m["paper"] or {}).get(cell)
-            row.append(show(m[group][key]) + ("" if known is None else f" [{known:g}]"))
-        rows.append(row)
-    return grid(head, rows)
+def tables_of(text: str) -> list[str]:
+    """Every table of a Markdown text."""
+    return re.findall(r"^(?:\|.*\n)+", text + "\n", re.MULTILINE)
 
 
-TABLES = {
-    "linear": lambda r: six_dof_text.models_table(r["models"], paper=True),
-    "nonlinear": lambda r: six_dof_text.models_table(r["nonlinear"]["models"], paper=False),
-    "claims": lambda r: six_dof_text.claims_table(r),
-    "orders": lambda r: six_dof_text.orders_table(r["order"]),
-    "solvers": lambda r: solvers_text.solvers_table(r),
-    "section_6": section_6,
+MARKDOWN = {
+    "single_link": single_link_text.markdown,
+    "six_dof_arm": six_dof_text.markdown,
+    "solver_comparison": solvers_text.markdown,
+    "loaded_stiffness": loaded_text.markdown,
+    "gravity_calibration": tables.markdown,
 }
-"""Whole tables, by name."""
+"""report.md of a report, by study."""
 
 if __name__ == "__main__":
     sys.exit(command.run(app))

@@ -1,9 +1,9 @@
 """What a dataset can tell of a structure and what it cannot, before any solve: the numbers.
 
-Of n unknowns the data see as many directions as their rank. The others are lost to the structure (no experiment
-on this arm sees them), to the loads and readings (no pose under these loads shows them), or to too few poses.
-What the data see they see more or less well: the share of a parameter is what they take off the variance that
-the prior leaves it, linear and Gaussian.
+Of n unknowns the data see as many directions as their rank. The others are lost to the structure (no
+experiment on this arm sees them), to the loads and readings (no pose under these loads shows them), or to too
+few poses. What the data see they see more or less well: the share of a parameter is what they take off the
+variance that the prior leaves it, linear and Gaussian.
 """
 
 from dataclasses import dataclass, replace
@@ -27,6 +27,7 @@ from testbench.identify.identifiability_unseen import (
     Ids,
     direction,
     directions,
+    idle,
     null_space,
     whereabouts,
 )
@@ -58,6 +59,7 @@ class Identifiability:
         equations: Independent equations that the runs carry at most: 6 of a pose, load and full reading.
         poses: Different poses among the runs.
         lost_to_structure: Directions that no experiment sees.
+        not_loaded: Parameters that no pose under these loads touches.
         lost_to_loads: Those that these loads and readings do not see in any pose.
         spread: Of the directions lost to too few poses, how many each parameter holds, (n,).
         share: Of every parameter, what the data take off the prior's variance at a known scale, 0 to 1, (n,).
@@ -78,6 +80,7 @@ class Identifiability:
     equations: int
     poses: int
     lost_to_structure: tuple[Direction, ...]
+    not_loaded: tuple[int, ...]
     lost_to_loads: tuple[Direction, ...]
     spread: Array
     share: Array
@@ -139,6 +142,7 @@ def describe(
         equations=_equations(vjm, data),
         poses=len(np.unique(data.q, axis=0)),
         lost_to_structure=to_structure,
+        not_loaded=tuple(np.flatnonzero(idle(loads)).tolist()),
         lost_to_loads=to_loads,
         spread=whereabouts(null_space(own), null_space(loads), unit),
         share=_share(R, scaled, strength),
@@ -215,5 +219,3 @@ def _equations(vjm: Vjm, data: Dataset) -> int:
         return 6 * len(different)
     motion = marker_motion(marker_points(vjm, data.markers))
     return int(np.linalg.matrix_rank(motion)) * len(different)
-
-

@@ -1,4 +1,4 @@
-"""What would help: the same poses measured in another way, judged by rank and by expected prediction error."""
+"""What would help: the same poses measured in another way, judged by rank and expected prediction error."""
 
 import math
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ TASKS = 50
 TIE = 0.02
 """Expected errors within this share of each other are the same."""
 BLIND = 1e-12
-"""Diagonal of the posterior's triangular factor, as a share of the largest, below which it is no posterior."""
+"""Share of the largest diagonal entry of a posterior's triangular factor below which it is singular."""
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,9 @@ def _rows(vjm: Vjm, data: Dataset, regression: Regression) -> Iterator[tuple[str
             imagined(data), rotation_before=blank, rotation_after=blank, sigma_rotation=SIGMA_ROTATION
         )
         read = reduce(vjm, structure, turned)
-        yield f"orientation of the tool read to {1e6 * SIGMA_ROTATION:g} urad", replace(
-            read, terms=read.terms[1:]
+        yield (
+            f"orientation of the tool read to {1e6 * SIGMA_ROTATION:g} urad",
+            replace(read, terms=read.terms[1:]),
         )
 
 

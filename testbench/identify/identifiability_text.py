@@ -1,8 +1,7 @@
-"""What a dataset can tell of a structure, in words: sentences, a table, a dict for JSON."""
+"""What a dataset can tell of a structure, in words: sentences and a table."""
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from rich import box
 from rich.table import Table
@@ -62,33 +61,32 @@ def _counts(report: Identifiability) -> list[str]:
 
 
 def _lost_to_structure(report: Identifiability) -> list[str]:
-    groups: dict[frozenset[str], list[Direction]] = {}
-    for d in report.lost_to_structure:
-        involved = frozenset(report.component[k] for k in (*d.parameters, *d.others))
-        groups.setdefault(involved, []).append(d)
-    ordered = sorted(groups.values(), key=lambda group: (len(group) > 1, len(group[0].parameters)))
-    texts = [f"no experiment tells apart: {_traded(report, group)}" for group in ordered]
-    return _cut(texts, [len(group) for group in ordered], "that no experiment sees")
+    texts = _grouped(report, report.lost_to_structure, "no experiment tells apart")
+    return _cut(texts, "that no experiment sees")
 
 
 def _lost_to_loads(report: Identifiability) -> list[str]:
-    idle = [d.parameters[0] for d in report.lost_to_loads if len(d.parameters) == 1 and not d.others]
-    texts, sizes = [], []
-    for name in dict.fromkeys(report.component[k] for k in idle):
-        mine = [k for k in idle if report.component[k] == name]
-        texts.append(f"not loaded in any pose: {_of(report, mine)}")
-        sizes.append(len(mine))
-    for d in report.lost_to_loads:
-        if len(d.parameters) > 1 or d.others:
-            texts.append(f"these loads do not tell apart: {_traded(report, [d])}")
-            sizes.append(1)
-    return _cut(texts, sizes, "that no pose shows under these loads")
+    idle = [f"not loaded in any pose: {_by_component(report, report.not_loaded)}"] * bool(report.not_loaded)
+    known = set(report.not_loaded)
+    lost = [d for d in report.lost_to_loads if d.parameters[0] not in known]
+    texts = _grouped(report, lost, "these loads do not tell apart")
+    return [*idle, *_cut(texts, "that no pose shows under these loads")]
+
+
+def _grouped(report: Identifiability, lost: Sequence[Direction], what: str) -> list[tuple[str, int]]:
+    """A sentence for every set of links and joints that trade, and how many directions it is about."""
+    groups: dict[frozenset[str], list[Direction]] = {}
+    for d in lost:
+        involved = frozenset(report.component[k] for k in (*d.parameters, *d.others))
+        groups.setdefault(involved, []).append(d)
+    ordered = sorted(groups.values(), key=lambda group: (len(group) > 1, len(group[0].parameters)))
+    return [(f"{what}: {_traded(report, group)}", len(group)) for group in ordered]
 
 
 def _lost_to_poses(report: Identifiability) -> list[str]:
     if not report.lost_to_poses:
         return []
-    held = {name: 0.0 for name in report.component}
+    held = dict.fromkeys(report.component, 0.0)
     for name, part in zip(report.component, report.spread, strict=True):
         held[name] += float(part)
     most = sorted(held, key=lambda name: -held[name])[:3]
@@ -148,78 +146,6 @@ def table(report: Identifiability) -> Table:
     return table
 
 
-def to_dict(report: Identifiability) -> dict[str, Any]:
-    """The report for JSON: numbers, and the words for them."""
-    names = [name(report, k) for k in range(report.structure.n)]
-
-    def directions(lost: Sequence[Direction]) -> list[dict[str, Any]]:
-        return [
-            {"parameters": [names[k] for k in d.parameters], "others_a_little": [names[k] for k in d.others], "text": _one(report, d)}
-            for d in lost
-        ]
-
-    return {
-        "structure": report.structure.name,
-        "prior": report.prior,
-        "prior_uncertainty": report.uncertainty,
-        "unknowns": report.structure.n,
-        "seen": report.rank,
-        "seen_by_these_loads": report.rank_of_loads,
-        "seen_by_any_experiment": report.rank_of_structure,
-        "lost_to_structure": len(report.lost_to_structure),
-        "lost_to_experiment": report.lost_to_experiment,
-        "lost_to_loads": len(report.lost_to_loads),
-        "lost_to_poses": report.lost_to_poses,
-        "poses": report.poses,
-        "independent_equations": report.equations,
-        "joints_in_links": list(report.in_links),
-        "unseen": {
-            "structure": directions(report.lost_to_structure),
-            "loads": directions(report.lost_to_loads),
-        },
-        "parameters": [
-            {
-                "component": report.component[k],
-                "entry": [int(i) + 1 for i in report.entry[k]] if report.entry[k, 0] >= 0 else None,
-                "name": names[k],
-                "data_share": float(report.share[k]),
-                "decided_by": "prior" if report.share[k] < DECIDED else "data and prior",
-            }
-            for k in range(report.structure.n)
-        ],
-        "blocks": _blocks(report),
-        "expected_error_mm": _finite(report.error),
-        "expected_deflection_mm": _finite(report.deflection),
-        "help": [
-            {
-                "place": p.place,
-                "measure": p.words,
-                "seen": p.rank,
-                "more_directions": p.rank - report.rank,
-                "expected_error_mm": _finite(p.error),
-            }
-            for p in report.proposals
-        ],
-        "sentences": sentences(report),
-    }
-
-
-def _blocks(report: Identifiability) -> list[dict[str, Any]]:
-    found = []
-    for block in dict.fromkeys(report.component):
-        share = [float(s) for s, other in zip(report.share, report.component, strict=True) if other == block]
-        unseen = sum(s < DECIDED for s in share)
-        found.append(
-            {
-                "component": block,
-                "parameters": len(share),
-                "data_share": sum(share) / len(share),
-                "decided_by_prior": unseen,
-            }
-        )
-    return found
-
-
 def name(report: Identifiability, k: int) -> str:
     """A parameter in words, such as "torsion of link_1"."""
     return _of(report, [k])
@@ -245,13 +171,15 @@ def _of(report: Identifiability, parameters: Sequence[int]) -> str:
 
 def _traded(report: Identifiability, group: Sequence[Direction]) -> str:
     if len(group) == 1:
-        return _one(report, group[0])
-    parts = dict.fromkeys(report.component[k] for d in group for k in (*d.parameters, *d.others))
+        return in_words(report, group[0])
+    parts = {report.component[k] for d in group for k in (*d.parameters, *d.others)}
+    order = [part for part in dict.fromkeys(report.component) if part in parts]
     led = _by_component(report, [d.parameters[0] for d in group])
-    return f"{_listed(sorted(parts))}, in {len(group)} directions led by {led}"
+    between = f"entries of {order[0]}" if len(order) == 1 else _listed(order)
+    return f"{between}, in {len(group)} directions led by {led}"
 
 
-def _one(report: Identifiability, d: Direction) -> str:
+def in_words(report: Identifiability, d: Direction) -> str:
     """One direction: link entries before joints, as joints are what everybody knows."""
     first, *rest = sorted(d.parameters, key=lambda k: int(report.entry[k, 0] < 0))
     what = name(report, first)
@@ -272,11 +200,11 @@ def _by_component(report: Identifiability, parameters: Sequence[int]) -> str:
     )
 
 
-def _cut(texts: list[str], sizes: list[int], what: str) -> list[str]:
+def _cut(texts: list[tuple[str, int]], what: str) -> list[str]:
     """The first sentences; of the others how many directions they are about."""
-    if len(texts) <= SENTENCES:
-        return texts
-    return [*texts[:SENTENCES], f"and {_count(sum(sizes[SENTENCES:]), 'more direction')} {what}"]
+    more = sum(size for _, size in texts[SENTENCES:])
+    last = [f"and {_count(more, 'more direction')} {what}"] if more else []
+    return [*(text for text, _ in texts[:SENTENCES]), *last]
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -293,7 +221,3 @@ def _mm(metres: float) -> str:
 
 def _number(metres: float) -> str:
     return f"{MM * metres:.3f}" if math.isfinite(metres) else "unbounded"
-
-
-def _finite(metres: float) -> float | None:
-    return MM * metres if math.isfinite(metres) else None

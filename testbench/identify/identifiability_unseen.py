@@ -131,16 +131,14 @@ def circuits(N: Array, unit: Array) -> Array:
         others = np.arange(len(T)) != i
         T[others] -= np.outer(T[others, column], T[i])
         pivots.append(column)
-    return T
+    return np.asarray(T)
 
 
 def direction(row: Array) -> Direction:
     """Who takes part in a direction, (n,)."""
     size = np.abs(row) / np.abs(row).max()
     order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO]
-    return Direction(
-        tuple(k for k in order if size[k] >= SHARE), tuple(k for k in order if size[k] < SHARE)
-    )
+    return Direction(tuple(k for k in order if size[k] >= SHARE), tuple(k for k in order if size[k] < SHARE))
 
 
 def whereabouts(N: Array, within: Array, unit: Array) -> Array:

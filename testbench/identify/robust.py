@@ -1,17 +1,18 @@
 """Robust identification: Huber's loss on the length of every reading's residual; wild readings are rejected.
 
 A reading is the deflection of one marker in one run, or the rotation of the tool in one run: three numbers
-y_i in units of sqrt(2) sigma. Over the models x and one outlier o_i in R^3 a reading, a conic program minimises
+y_i in units of sqrt(2) sigma. Over the models x and one outlier o_i in R^3 a reading, a conic program finds
 
-    1/2 sum_i |A_i x + o_i - y_i|^2 + DELTA sum_i |o_i| + 1/2 |B x - c|^2
+    min 1/2 sum_i |A_i x + o_i - y_i|^2 + DELTA sum_i |o_i| + 1/2 |B x - c|^2
 
 with the rows B, c of the prior. Least over o_i that is Huber's loss of |A_i x - y_i|: half its square up to
 DELTA, the tangent beyond. No reading pulls harder than DELTA, however wild it is.
 
 The program finds the outliers: readings with a residual beyond REJECT, where o_i is not zero. The estimate is
 the plain one from all other readings. Huber's own model was worse, as a wild reading goes on pulling: with a
-fifth of the readings off by 1 mm it cost 20 to 25 % of RMS over the workspace, the rejection 2 to 5 % (KR 500,
-MGCO68 and MGCO56 with a prior). Only for errors as small as 0.3 mm, four standard deviations, was it better.
+fifth of the readings off by 1 mm it cost 20 to 25 % of RMS over the workspace, the rejection 2 to 5 %
+(KR 500, MGCO68 and MGCO56 with a prior). It was better only for errors as small as 0.3 mm, four standard
+deviations, of which the rejection sees half.
 """
 
 import math
@@ -76,7 +77,8 @@ class Rejected:
     Attributes:
         run: Identifier of its run.
         marker: Name of its marker, or `TOOL`.
-        residual: Distance of the reading from the estimate's prediction [m, or rad for an orientation].
+        residual: Distance of the reading from the estimate's prediction [m, or rad for an orientation]; the
+            estimate is not the model that rejected it, so a few are below REJECT.
         sigmas: The same in standard deviations of a deflection, sqrt(2) sigma [1].
     """
 

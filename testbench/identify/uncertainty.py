@@ -217,10 +217,11 @@ def bootstrap(
     A refit errs about the fit as the fit errs about the truth, so the truth lies at the prediction LESS such
     an error. Where the cone binds it pushes both errors the same way, and the basic interval takes the push
     back; a percentile interval would add it a second time. Order statistics k and draws + 1 - k with
-    k = (draws + 1) (1 - confidence) / 2 make it exact for least squares.
+    k = (draws + 1) (1 - confidence) / 2 make it exact for least squares. Where a functional is not seen the
+    refits fill it as the fit did, which proves nothing: the interval is infinite.
 
     Args:
-        estimate: The fit.
+        estimate: The fit; by the data alone, without a prior.
         refit: The same method on a reduced dataset, such as `least_squares.solve`.
         functionals: Rows a of a . pi, (k, n).
         confidence: Of each interval, such as 0.95.
@@ -229,7 +230,7 @@ def bootstrap(
 
     Raises:
         BenchError: When the confidence is outside (0, 1), there are too few draws for it, or a functional has
-            another length or is not seen by the data: a refit says nothing of those.
+            another length.
     """
     check_confidence(confidence)
     a = _check(functionals, estimate.structure.n)
@@ -239,35 +240,47 @@ def bootstrap(
         least = math.ceil(1 / tail - 1e-9) - 1
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
     centre = a @ estimate.pi
-    errors = np.empty((draws, len(a)))
-    for draw in range(draws):
-        errors[draw] = a @ refit(resample(estimate.regression, estimate.pi, rng)) - centre
+    again = resampler(estimate.regression, estimate.pi)
+    errors = np.array([a @ refit(again(rng)) - centre for _ in range(draws)])
     errors.sort(axis=0)
-    return Intervals(centre, centre - errors[-k], centre - errors[k - 1], confidence, "bootstrap")
+    unseen = np.where(np.isinf(deviations(linearise(estimate), a)), np.inf, 0.0)
+    lower, upper = centre - errors[-k] - unseen, centre - errors[k - 1] + unseen
+    return Intervals(centre, lower, upper, confidence, "bootstrap")
 
 
-def resample(regression: Regression, pi: Array, rng: np.random.Generator) -> Regression:
-    """The reduced dataset of new readings of a model.
+def resampler(regression: Regression, pi: Array) -> Callable[[np.random.Generator], Regression]:
+    """Reduced datasets of new readings of a model.
 
-    The rows are divided by sqrt(2) sigma sqrt(N), so each of the orthonormal coordinates that R can reach has
-    noise of deviation 1 / sqrt(N), and the rest is chi squared of all other equations over N.
+    The rows are divided by sqrt(2) sigma sqrt(N): each orthonormal coordinate in the range of R has noise of
+    deviation 1 / sqrt(N), and the rest is chi squared of all other equations over N.
 
     Args:
         regression: Poses, loads, sigmas.
         pi: Parameters of the model, (n,).
-        rng: Source of the noise.
+
+    Returns:
+        A function from a source of noise to a dataset.
     """
-    return replace(regression, terms=tuple(_new_readings(term, pi, rng) for term in regression.terms))
+    unit = _units(regression)
+    spans = [_range(term.R * unit) for term in regression.terms]
+
+    def draw(rng: np.random.Generator) -> Regression:
+        terms = [_new_readings(term, pi, U, rng) for term, U in zip(regression.terms, spans, strict=True)]
+        return replace(regression, terms=tuple(terms))
+
+    return draw
 
 
-def _new_readings(term: Term, pi: Array, rng: np.random.Generator) -> Term:
-    N = term.equations / 3
-    reach = min(len(term.z), term.equations)
-    z = term.R @ pi
-    # rows beyond the number of equations are zero in R: there is no reading behind them
-    z[:reach] += rng.standard_normal(reach) / math.sqrt(N)
-    spare = term.equations - reach
+def _new_readings(term: Term, pi: Array, U: Array, rng: np.random.Generator) -> Term:
+    N, spare = term.equations / 3, term.equations - U.shape[1]
+    z = term.R @ pi + U @ rng.standard_normal(U.shape[1]) / math.sqrt(N)
     return replace(term, z=z, rest=float(rng.chisquare(spare)) / N if spare else 0.0)
+
+
+def _range(R: Array) -> Array:
+    """Orthonormal basis of the columns, (n, r)."""
+    U, s, _ = np.linalg.svd(R)
+    return np.asarray(U[:, : int((s > RANK_TOLERANCE * s[0]).sum())])
 
 
 def _units(regression: Regression) -> Array:

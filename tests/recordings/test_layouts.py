@@ -26,7 +26,17 @@ from testbench.recording import (
     write_sweep,
 )
 from testbench.report import middle, report
-from testbench.studies import loaded, loaded_text, single_link, six_dof, solvers, solvers_report, solvers_text
+from testbench.studies import (
+    loaded,
+    loaded_text,
+    single_link,
+    single_link_report,
+    single_link_text,
+    six_dof,
+    solvers,
+    solvers_report,
+    solvers_text,
+)
 
 BUDGET = 2 * 2**20
 TIMELINES = {
@@ -71,8 +81,8 @@ def load(models):
 def link(models):
     cell, study = build_cell(models / "single_link"), single_link.Study(draws=2, order_draws=1, loads="axes")
     trials = single_link.trials(models / "single_link", study, [1], time.perf_counter, [1, 2])
-    numbers = single_link.summary(cell, study, single_link.measure(cell, study, 1), trials)
-    claims = single_link.verdict(numbers).split("\n")
+    numbers = single_link_report.summary(cell, study, single_link.measure(cell, study, 1), trials)
+    claims = single_link_text.verdict(numbers).split("\n")
     return numbers, lambda path: write_single_link(path, numbers, {"draws": 2}, claims)
 
 

@@ -1,4 +1,4 @@
-"""Opening and rendering recordings: which file, which program, and what is said where something is missing."""
+"""Opening and rendering recordings: which file, which program, what is said where something is missing."""
 
 import os
 import subprocess

@@ -1,0 +1,47 @@
+"""Recordings: time and size of a calibration of two hundred poses."""
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from measure import MODELS, Row, at_most, interleave, spread
+
+from testbench.bench import Scenario, build_cell, identify, named_models, simulate
+from testbench.paper import SECTION_6
+from testbench.poses import WorkArea
+from testbench.recording import write_calibration
+from testbench.report import report
+
+POSES, CHECK_POSES = 140, 60
+REPEATS = 5
+MEBIBYTE = 2**20
+ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+
+
+def logging_two_hundred_poses() -> list[Row]:
+    """Seconds and bytes of one recording: five models, three markers, every pose measured once."""
+    cell = build_cell(MODELS / "kr500_l480")
+    scenario = Scenario(
+        arm="kr500_l480",
+        station=ANYWHERE,
+        identification_poses=POSES,
+        check_poses=CHECK_POSES,
+        identification_runs=POSES,
+        check_runs=CHECK_POSES,
+        workspace_poses=1,
+    )
+    campaign = simulate(cell, scenario, 1)
+    results = identify(cell, campaign, named_models(cell), time.perf_counter)
+    numbers = report("recordings", campaign, results, SECTION_6)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "recording.rrd"
+        [times] = interleave(REPEATS, lambda: write_calibration(path, numbers, cell, campaign, results))
+        size = path.stat().st_size / MEBIBYTE
+    what = f"{POSES + CHECK_POSES} poses, {len(results)} models, {len(cell.arm.markers)} markers"
+    return [
+        at_most(
+            "(e) logging a calibration", np.median(times), "s", 1, f"{spread(times, digits=2)} s: {what}"
+        ),
+        at_most("(e) its file", size, "MiB", 2, what),
+    ]

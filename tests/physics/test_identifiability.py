@@ -1,0 +1,319 @@
+"""What the data cannot see: ranks, words, shares and what would help, before any solve."""
+
+import json
+from dataclasses import replace
+from time import process_time
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from testbench.bench import Scenario, simulate
+from testbench.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.figures_identifiability import shares
+from testbench.identify.identifiability import describe
+from testbench.identify.identifiability_help import REPEAT, imagined, more_poses, tasks
+from testbench.identify.identifiability_report import to_dict
+from testbench.identify.identifiability_text import sentences, table
+from testbench.identify.prior import Prior, cad_prior, metric, whitened
+from testbench.identify.reduction import generic_rows, non_redundant
+from testbench.identify.regression import rank, reduce
+from testbench.identify.regularised import Strength
+from testbench.structure import (
+    Structure,
+    all153,
+    free36,
+    mgco47,
+    mgco68,
+    mgco69,
+    mgco147,
+    template56,
+)
+
+STRENGTH = Strength(0.3)
+
+
+@pytest.fixture(scope="module")
+def gravity(kr500):
+    """Eight poses under 460 kg, three markers: section 6."""
+    scenario = Scenario(arm="kr500_l480", truth="linear", workspace_poses=1)
+    return simulate(kr500, scenario, 1).identification
+
+
+@pytest.fixture(scope="module")
+def full_pose(arm_6r):
+    """Random poses, six axis loads each, full pose read: section 5.2."""
+    rng = np.random.default_rng(52)
+    runs = 108
+    blank = np.zeros((runs, 3))
+    return Dataset(
+        markers=("probe",),
+        run=np.arange(runs),
+        pose=np.repeat(np.arange(18), 6),
+        q=np.repeat(rng.uniform(*arm_6r.arm.limits, (18, 6)), 6, axis=0),
+        wrench=np.tile(1000 * np.eye(6), (18, 1)),
+        point=blank,
+        before=blank[:, None],
+        after=blank[:, None],
+        sigma=25e-6,
+        rotation_before=blank,
+        rotation_after=blank,
+        sigma_rotation=250e-6,
+    )
+
+
+def report_of(cell, structure, data, strength=STRENGTH):
+    return describe(cell.vjm, structure, data, cad_prior(cell.arm), strength)
+
+
+def proposal(report, start):
+    return next(p for p in report.proposals if p.words.startswith(start))
+
+
+@pytest.mark.parametrize(
+    ("structure", "many"), [(mgco147, 89), (all153, 89), (mgco69, 49), (mgco68, 49), (mgco47, 36)]
+)
+def test_ranks_under_gravity_are_those_of_the_paper(kr500, gravity, structure, many):
+    report = report_of(kr500, structure(kr500.arm), gravity)
+    assert report.rank_of_loads == many
+    assert report.rank == reduce(kr500.vjm, report.structure, gravity).rank
+    assert report.rank <= report.equations == 48
+
+
+def test_template_under_gravity_sees_27_or_28_of_56(kr500, gravity):
+    report = report_of(kr500, template56(kr500.arm), gravity)
+    assert report.rank_of_loads in (27, 28)
+
+
+@pytest.mark.parametrize(
+    ("structure", "seen", "lost"),
+    [(all153, 105, 48), (mgco147, 105, 42), (mgco69, 56, 13), (template56, 32, 24)],
+)
+def test_full_pose_and_full_wrench_lose_to_structure_alone(arm_6r, full_pose, structure, seen, lost):
+    report = report_of(arm_6r, structure(arm_6r.arm), full_pose)
+    assert report.rank == report.rank_of_loads == report.rank_of_structure == seen
+    assert len(report.lost_to_structure) == lost
+    assert report.lost_to_experiment == 0
+
+
+def test_every_joint_frees_seven_directions_between_its_two_links(kr500, gravity):
+    report = report_of(kr500, mgco147(kr500.arm), gravity)
+    pairs = [
+        tuple(sorted({report.component[k] for k in (*d.parameters, *d.others)}))
+        for d in report.lost_to_structure
+    ]
+    for j in range(6):
+        between = {(f"link_{j}",), (f"link_{j + 1}",), (f"link_{j}", f"link_{j + 1}")}
+        assert sum(pair == (f"link_{j}", f"link_{j + 1}") for pair in pairs) <= 7
+        pairs = [pair for pair in pairs if pair not in between]
+    assert pairs == []
+
+
+@pytest.mark.parametrize("structure", [mgco147, mgco69, mgco68, mgco47, template56])
+def test_losses_add_up(kr500, gravity, structure):
+    report = report_of(kr500, structure(kr500.arm), gravity)
+    lost = len(report.lost_to_structure) + len(report.lost_to_loads) + report.lost_to_poses
+    assert report.rank + lost == report.structure.n
+    assert len(report.lost_to_structure) + report.lost_to_experiment + report.rank == report.structure.n
+    # the spread is the diagonal of a projector: its trace is its dimension, up to rounding
+    assert report.spread.sum() == pytest.approx(report.lost_to_poses, abs=1e-9)
+
+
+def test_a_named_direction_is_really_not_seen(kr500, gravity):
+    """Leaving one parameter of each structural direction out costs no rank."""
+    structure = mgco68(kr500.arm)
+    report = report_of(kr500, structure, gravity)
+    A = generic_rows(kr500.vjm, structure)
+    for d in report.lost_to_structure:
+        part = A[:, [*d.parameters, *d.others]]
+        assert rank(part) < part.shape[1]
+        assert rank(np.delete(A, d.parameters[0], axis=1)) == rank(A)
+
+
+def test_words_name_the_link_and_the_joint_that_trade(kr500, gravity):
+    for links, joints, text in (
+        (["link_3"], ["joint_4"], "torsion of link_3 from joint_4"),
+        (["link_2"], ["joint_3"], "rotation about y of link_2 from joint_3"),
+        (["link_0"], ["joint_1"], "torsion of link_0 from small changes of joint_1"),
+    ):
+        s = Structure.of(kr500.arm, links=links, joints=joints, entries=((3, 3), (4, 4)))
+        report = report_of(kr500, s, gravity)
+        assert len(report.lost_to_structure) == 1
+        assert f"no experiment tells apart: {text}" in sentences(report)
+
+
+def test_joint_1_is_not_loaded_by_gravity_and_a_side_load_restores_it(kr500, gravity):
+    s = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])
+    report = report_of(kr500, s, gravity)
+    assert (report.rank, report.rank_of_structure) == (1, 2)
+    assert report.share[0] == 0.0
+    assert "not loaded in any pose: joint_1" in sentences(report)
+    assert any(text.startswith("the prior decides") and "joint_1" in text for text in sentences(report))
+    assert proposal(report, "the force as a side load along world y").rank == 2
+    side = np.zeros_like(gravity.wrench)
+    side[:, 1] = 4500.0
+    assert report_of(kr500, s, replace(gravity, wrench=side)).not_loaded == ()
+
+
+def test_side_loads_show_new_directions_and_a_fourth_marker_none(kr500, gravity):
+    for structure in (mgco69, mgco68, mgco47, template56):
+        report = report_of(kr500, structure(kr500.arm), gravity)
+        for axis in "xy":
+            assert proposal(report, f"the force as a side load along world {axis}").rank > report.rank
+        again = proposal(report, REPEAT)
+        for start in (REPEAT, "half", "one more marker", "orientation"):
+            assert proposal(report, start).rank == report.rank
+            assert again.error <= proposal(report, start).error <= report.error
+
+
+def test_proposals_never_do_harm_and_are_ranked_with_ties(kr500, gravity):
+    report = report_of(kr500, mgco68(kr500.arm), gravity)
+    errors = [p.error for p in report.proposals]
+    assert errors == sorted(errors)
+    assert all(p.rank >= report.rank and p.error <= report.error for p in report.proposals)
+    places = [p.place for p in report.proposals]
+    assert places == sorted(places)
+    assert len(set(places)) < len(places)
+    assert places[0] == 1
+
+
+def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, gravity):
+    """Monte Carlo: compliance drawn from the prior, identified by regularised least squares."""
+    structure = mgco47(kr500.arm)
+    known = Strength(0.3, 1e-9)  # a known common scale: the prior's covariance is 0.3^2 times the identity
+    report = report_of(kr500, structure, gravity, known)
+    m = metric(cad_prior(kr500.arm), kr500.vjm, structure)
+    A, _ = whitened(reduce(kr500.vjm, structure, gravity), m)
+    rng, n, draws = np.random.default_rng(5), structure.n, 2000
+    x = 0.3 * rng.standard_normal((draws, n))
+    y = x @ A.T + rng.standard_normal((draws, len(A)))
+    both = np.vstack([A, np.eye(n) / 0.3]), np.vstack([y.T, np.zeros((n, draws))])
+    found = np.linalg.lstsq(*both, rcond=None)[0].T
+    wrong = np.einsum("pin,dn->dpi", tasks(kr500.vjm, gravity, m).rows, found - x)
+    rms = np.sqrt(3 * (wrong**2).mean())
+    # 2000 draws of at least ten effective directions: relative sd of the RMS below 1 %; 4 sd
+    assert report.error == pytest.approx(rms, rel=0.04)
+
+
+def test_shares_lie_between_0_and_1_and_grow_with_the_data(kr500, gravity):
+    for structure in (mgco147, mgco68, template56):
+        s = structure(kr500.arm)
+        few = report_of(kr500, s, gravity)
+        more = more_poses(kr500.vjm, gravity, 60, seed=3)
+        both = imagined(
+            gravity,
+            run=np.arange(gravity.runs + 60),
+            pose=np.arange(gravity.runs + 60),
+            q=np.vstack([gravity.q, more.q]),
+            wrench=np.vstack([gravity.wrench, more.wrench]),
+            point=np.vstack([gravity.point, more.point]),
+        )
+        many = report_of(kr500, s, both)
+        assert ((few.share >= 0) & (few.share <= 1)).all()
+        assert (many.share >= few.share - 1e-9).all()
+        assert many.share.sum() > few.share.sum()
+        assert many.error < few.error
+
+
+def test_shares_fall_as_the_prior_is_believed_more(kr500, gravity):
+    s = mgco68(kr500.arm)
+    firm, loose = (report_of(kr500, s, gravity, Strength(u)) for u in (0.03, 0.3))
+    assert firm.share.sum() < loose.share.sum()
+    assert firm.error < loose.error
+
+
+def test_report_is_json_of_words_and_a_table_of_80_columns(kr500, gravity):
+    for structure in (mgco147, mgco68, template56):
+        report = report_of(kr500, structure(kr500.arm), gravity)
+        whole = json.loads(json.dumps(to_dict(report), allow_nan=False))
+        assert whole["seen"] + whole["lost_to_structure"] + whole["lost_to_experiment"] == whole["unknowns"]
+        assert len(whole["parameters"]) == report.structure.n
+        assert {p["decided_by"] for p in whole["parameters"]} == {"prior", "data and prior"}
+        assert len(whole["unseen"]["structure"]) == whole["lost_to_structure"]
+        assert len(sentences(report)) <= 20
+        console = Console(width=80, file=None, record=True, quiet=True)
+        assert console.measure(table(report)).maximum <= 80
+
+
+def test_figure_is_drawn_for_links_and_joints(kr500, gravity, tmp_path):
+    file = tmp_path / "shares.png"
+    shares(to_dict(report_of(kr500, mgco68(kr500.arm), gravity)), file)
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+def test_any_structure_has_a_report_even_one_of_lone_entries(kr500, gravity):
+    template = template56(kr500.arm)
+    reduced = non_redundant(kr500.vjm, template, name="MLS32")
+    report = report_of(kr500, reduced, gravity)
+    assert report.lost_to_structure == ()
+    assert report.rank == reduce(kr500.vjm, reduced, gravity).rank
+
+
+def test_data_that_see_all_say_so(single_link):
+    """The single link of section 5.1: no joint, six loads, full pose."""
+    blank = np.zeros((6, 3))
+    data = Dataset(
+        markers=single_link.arm.markers,
+        run=np.arange(6),
+        pose=np.zeros(6, dtype=int),
+        q=np.zeros((6, 0)),
+        wrench=10 * np.eye(6),
+        point=blank,
+        before=np.zeros((6, len(single_link.arm.markers), 3)),
+        after=np.zeros((6, len(single_link.arm.markers), 3)),
+        sigma=25e-6,
+        rotation_before=blank,
+        rotation_after=blank,
+        sigma_rotation=250e-6,
+    )
+    s = Structure.of(single_link.arm, links=[single_link.arm.links[0].name])
+    report = report_of(single_link, s, data)
+    assert report.rank == 21
+    assert sentences(report)[0].endswith("see 21 directions of them: all")
+
+
+def test_data_without_load_are_a_report_not_a_crash(kr500, gravity):
+    idle = replace(gravity, wrench=np.zeros_like(gravity.wrench))
+    report = report_of(kr500, mgco47(kr500.arm), idle)
+    assert report.rank == 0
+    assert not report.share.any()
+    assert report.error == np.inf
+    whole = json.loads(json.dumps(to_dict(report), allow_nan=False))
+    assert whole["expected_error_mm"] is None
+    assert any("unbounded" in text for text in whole["sentences"])
+
+
+def test_a_bad_prior_is_refused(kr500, gravity):
+    C = kr500.arm.C_theta
+    indefinite = C.copy()
+    indefinite[13, 17] = indefinite[17, 13] = 2 * np.sqrt(C[13, 13] * C[17, 17])
+    reduced = non_redundant(kr500.vjm, template56(kr500.arm), name="MLS32")
+    for bad, problem in (
+        (C[:-1, :-1], r"\(48, 48\)"),
+        (indefinite, "positive definite"),
+        (0 * C, "diagonal"),
+    ):
+        for s in (mgco68(kr500.arm), reduced):
+            with pytest.raises(BenchError, match=problem):
+                describe(kr500.vjm, s, gravity, Prior("bad", bad), STRENGTH)
+
+
+def test_a_structure_that_leaves_the_symmetry_open_is_refused(kr500, gravity):
+    with pytest.raises(BenchError, match="symmetric structure"):
+        report_of(kr500, free36(kr500.arm), gravity)
+
+
+def test_report_of_153_unknowns_and_20_runs_takes_less_than_a_second(kr500, gravity):
+    runs = np.arange(20) % gravity.runs
+    data = imagined(
+        gravity,
+        run=np.arange(20),
+        pose=gravity.pose[runs],
+        q=gravity.q[runs],
+        wrench=gravity.wrench[runs],
+        point=gravity.point[runs],
+    )
+    start = process_time()
+    report_of(kr500, all153(kr500.arm), data)
+    assert process_time() - start < 1.0

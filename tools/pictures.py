@@ -1,0 +1,65 @@
+"""The pictures of README.md, rendered from the recordings of run folders without a screen.
+
+python tools/pictures.py --runs runs --out docs
+
+Needs Mesa's software Vulkan (Debian: mesa-vulkan-drivers). A run that is not there is left out and said so.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from PIL import Image
+
+from testbench import command
+from testbench.errors import BenchError
+from testbench.recording import viewer
+
+COLOURS = 256
+"""Of a picture: a viewer's screen has few, and the file shrinks to a third."""
+
+PICTURES = {
+    "calibration": ("gravity_calibration", None, None, 0),
+    "calibration_errors": ("gravity_calibration", "Errors", None, 0),
+    "loading": ("gravity_calibration", "Loading", "load", 100),
+    "six_dof_arm": ("six_dof_arm", None, None, 0),
+    "single_link": ("single_link", None, None, 0),
+    "solver_comparison": ("solver_comparison", None, None, 0),
+    "loaded_stiffness": ("loaded_stiffness", None, None, 0),
+}
+"""By file: folder of the run, tab in front, timeline, place on it."""
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    runs: Annotated[Path, typer.Option(help="Folder with one folder a scenario.")] = Path("runs"),
+    out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("docs"),
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "1600x1000",
+) -> None:
+    """Render every picture whose run is there."""
+    made = 0
+    for name, (run, tab, timeline, at) in PICTURES.items():
+        folder, png = runs / run, out / f"{name}.png"
+        if not folder.is_dir():
+            print(f"{png}: left out, no {folder}; make it with scenarios/{run}.py --out {folder}")
+            continue
+        viewer.shot(folder, png, size=size, tab=tab, timeline=timeline, at=at)
+        shrink(png)
+        made += 1
+        print(f"{png}: {png.stat().st_size // 1024} KiB")
+    if not made:
+        raise BenchError(f"no run in {runs}")
+
+
+def shrink(png: Path) -> None:
+    """Keep as many colours as a screen needs."""
+    with Image.open(png) as picture:
+        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    few.save(png, optimize=True)
+
+
+if __name__ == "__main__":
+    sys.exit(command.run(app))
