@@ -31,9 +31,7 @@ def bounds_of_deflections() -> list[Row]:
     ]
 
 
-def row_of(
-    arm: Cell, structure: Structure, data: Dataset, elsewhere: Dataset, ceiling: float | None
-) -> Row:
+def row_of(arm: Cell, structure: Structure, data: Dataset, elsewhere: Dataset, ceiling: float | None) -> Row:
     """Both bounds of every marker's deflection along x, y and z in poses never measured."""
     regression = reduce(arm.vjm, structure, data)
     prior = metric(cad_prior(arm.arm), arm.vjm, structure)
@@ -53,5 +51,5 @@ def row_of(
         f"{1e3 * ready:.0f} ms once; {100 * endless:.0f} % unbounded"
     )
     if structure.name in BARRED:
-        return at_most(f"(e) {name}", 1e3 * together, "ms", BAR_MS, behind)
+        return at_most(f"(f) {name}", 1e3 * together, "ms", BAR_MS, behind)
     return note(f"    {name}", 1e3 * together, "ms", behind)

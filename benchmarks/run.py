@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
 from equilibrium import newton_against_forward_passes, newton_against_stepping
 from large_dataset import reducing_large_datasets
@@ -28,6 +29,7 @@ BENCHMARKS = {
     "c": gco_against_its_solver_and_cvxpy,
     "d": reducing_large_datasets,
     "e": logging_two_hundred_poses,
+    "f": bounds_of_deflections,
 }
 
 app = typer.Typer(add_completion=False)
@@ -35,7 +37,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcde",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdef",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

@@ -71,8 +71,9 @@ def main(
             results = identify(cell, campaign, models, time.perf_counter)
             reports.append(report(NAME, campaign, results, paper))
             if k == 0:
-                write_views(folder, reports[0], cell, campaign, results, magnification)
+                first = campaign, results
         final = reports[0] if seeds == 1 else summarise(reports)
+        write_views(folder, final, cell, *first, magnification)
         write_numbers(folder, final, scenario, seed, seeds, arm)
         figures.models(final, folder / "models.png")
     console.print(tables.title(final))
@@ -84,18 +85,18 @@ def main(
 
 def write_views(
     folder: Path,
-    first: Report,
+    final: Report,
     cell: Cell,
     campaign: Campaign,
     results: list[Result],
     magnification: float,
 ) -> None:
-    """Dataset, residual figure and recording of the first seed."""
+    """Dataset and residual figure of the first seed; recording of it, with the numbers of all."""
     joints = tuple(j.name for j in cell.arm.joints)
     write_csv(campaign.measured, joints, folder / "dataset.csv")
     figures.residuals(campaign, results, folder / "residuals.png")
     path = folder / "recording.rrd"
-    write_calibration(path, first, cell, campaign, results, magnification=magnification)
+    write_calibration(path, final, cell, campaign, results, magnification=magnification)
 
 
 def write_numbers(folder: Path, final: Report, scenario: Scenario, seed: int, seeds: int, arm: Path) -> None:

@@ -16,6 +16,7 @@ from rich.progress import track
 from testbench import command, figures_single_link, files
 from testbench.bench import build_cell
 from testbench.csvfile import write_csv
+from testbench.recording import write_single_link
 from testbench.studies import single_link, single_link_report, single_link_text
 from testbench.trials import run_trials
 
@@ -55,6 +56,8 @@ def main(
         report = single_link_report.summary(cell, study, first, results)
         write_csv(first.identification, (), folder / "dataset.csv")
         files.write_json(report, folder / "report.json")
+        parameters, claims = study.model_dump(mode="json"), single_link_text.verdict(report).split("\n")
+        write_single_link(folder / "recording.rrd", report, parameters, claims)
         (folder / "report.md").write_text(single_link_text.markdown(report), encoding="utf-8")
         files.write_manifest(
             folder,

@@ -57,7 +57,8 @@ def main(
 def shrink(png: Path) -> None:
     """Keep as many colours as a screen needs."""
     with Image.open(png) as picture:
-        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        octree = Image.Quantize.FASTOCTREE  # median cut turns rare colours, the markers, into others
+        few = picture.convert("RGB").quantize(COLOURS, octree, dither=Image.Dither.NONE)
     few.save(png, optimize=True)
 
 

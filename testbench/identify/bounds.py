@@ -10,9 +10,9 @@ leaves q_e - chi^2_LS, e - r less than q_e on average, and the spread of e terms
 of rank 49 at 95 %: 77 on average against 66).
 
 What is unbounded. Compliance that no reading shows, D positive semi-definite with A D = 0, may grow without
-end, and with it every entry that it shares a row with: |C_ij|^2 <= C_ii C_jj. So "unbounded" is decided before
-any bound is sought, by facial reduction: growing rows are cut out of the cone constraint until none is left;
-a functional is bounded where it vanishes on what the rest neither sees nor constrains.
+end, and with it every entry that it shares a row with: |C_ij|^2 <= C_ii C_jj. A solver fails on such a
+set, or stops anywhere. So growing rows are first cut out of the cone constraint, until none is left (facial
+reduction); and x is kept within a length that no arm has: a bound that leans on it is infinite.
 """
 
 import math
@@ -281,9 +281,7 @@ def _hold(
         first = last
 
 
-def _nearest(
-    rows: Array, centre: Array, sizes: tuple[int, ...], face: Face, ceiling: float | None
-) -> float:
+def _nearest(rows: Array, centre: Array, sizes: tuple[int, ...], face: Face, ceiling: float | None) -> float:
     """Least distance of a conservative model from the centre."""
     m = face.basis.shape[1]
     unit = max(1.0, float(np.linalg.norm(centre)))
@@ -294,14 +292,19 @@ def _nearest(
     cones: list[object] = [clarabel.SecondOrderConeT(len(ball))]
     _hold(face.held, sizes, np.hstack([np.zeros((len(face.basis), 1)), face.basis]), ceiling, A, b, cones)
     cost = np.r_[1.0, np.zeros(m)]
-    return unit * _solve(cost, A, b, cones)[0]
+    return float(unit * _solve(cost, A, b, cones)[0])
 
 
 def _solve(cost: Array, A: list[Array], b: list[Array], cones: list[object]) -> Array:
     """Least cost . v; raises nothing: a solver that stalls has found what it found."""
     m = len(cost)
     solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((m, m)), cost, sparse.csc_matrix(np.vstack(A)), np.concatenate(b), cones, _settings()
+        sparse.csc_matrix((m, m)),
+        cost,
+        sparse.csc_matrix(np.vstack(A)),
+        np.concatenate(b),
+        cones,
+        _settings(),
     )
     return np.array(solver.solve().x)
 

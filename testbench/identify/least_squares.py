@@ -24,9 +24,13 @@ def least_squares(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     Raises:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
     """
-    regression = reduce(vjm, structure, data)
+    return minimum_norm(reduce(vjm, structure, data))
+
+
+def minimum_norm(regression: Regression) -> Estimate:
+    """Weighted least squares on a reduced dataset, as in `least_squares`."""
     advice: tuple[str, ...] = ()
-    if regression.rank < structure.n:
+    if regression.rank < regression.structure.n:
         advice = ("least squares filled the free directions with the solution of minimum norm",)
     pi = solve(regression)
     return make_estimate(regression, pi, method="least squares", status="solved", advice=advice)

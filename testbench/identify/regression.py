@@ -101,6 +101,16 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     terms = [_reduce_rows(vjm, structure, data, rotation=False)]
     if data.rotation_before is not None:
         terms.append(_reduce_rows(vjm, structure, data, rotation=True))
+    return regression_of(structure, tuple(terms))
+
+
+def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
+    """The regression of terms reduced elsewhere.
+
+    Args:
+        structure: The unknowns.
+        terms: At least one.
+    """
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
     columns[columns <= ROUNDING * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
@@ -108,7 +118,7 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     weight[structure.a[diagonal]] = columns[diagonal]
     return Regression(
         structure=structure,
-        terms=tuple(terms),
+        terms=terms,
         columns=columns,
         weight=weight,
         rank=rank(np.vstack([term.R for term in terms])),

@@ -17,7 +17,6 @@ from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import Regression
 
-
 GAP = 1e-6
 """Duality gap, relative to the cost, below which a conic program counts as solved."""
 

@@ -141,18 +141,18 @@ def linearise(
     if metric is not None and strength is not None:
         B, c = precision_root(metric, strength)
         blocks, residuals = [*blocks, B], [*residuals, B @ x - c]
-    _, s, Vt = np.linalg.svd(np.vstack(blocks), full_matrices=True)
+    _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack(blocks), mode="r"))
     r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
     back = Vt[:r] / s[:r, None]
     gradients = [B.T @ e for B, e in zip(blocks, residuals, strict=True)]
     pull = float(np.linalg.norm(back @ sum(gradients)))
     if strength is None and len(gradients) > 1:  # F_M weights its terms by their residuals
-        rms = [math.sqrt((e @ e) / t.equations + t.rest / 3) or 1.0 for e, t in
-               zip(residuals, regression.terms, strict=True)]  # fmt: skip
-        pull = min(pull, float(np.linalg.norm(back @ sum(g / f for g, f in zip(gradients, rms, strict=True)))))
+        terms = zip(gradients, residuals, regression.terms, strict=True)
+        tilted = [g / (math.sqrt((e @ e) / t.equations + t.rest / 3) or 1.0) for g, e, t in terms]
+        pull = min(pull, float(np.linalg.norm(back @ sum(tilted))))
     bound = estimate.conservative and pull > BINDS
     missing = estimate.structure.n - r
-    advice = (ONLY_LINEARISED,) if bound else ()
+    advice: tuple[str, ...] = (ONLY_LINEARISED,) if bound else ()
     if missing:
         advice += (f"{missing} directions are not seen: parameters and deflections along them are unknown",)
     return Linearised(
@@ -240,31 +240,30 @@ def bootstrap(
         least = math.ceil(1 / tail - 1e-9) - 1
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
     centre = a @ estimate.pi
-    again = resampler(estimate.regression, estimate.pi)
-    errors = np.array([a @ refit(again(rng)) - centre for _ in range(draws)])
+    again = resampler(estimate.regression)
+    errors = np.array([a @ refit(again(estimate.pi, rng)) - centre for _ in range(draws)])
     errors.sort(axis=0)
     unseen = np.where(np.isinf(deviations(linearise(estimate), a)), np.inf, 0.0)
     lower, upper = centre - errors[-k] - unseen, centre - errors[k - 1] + unseen
     return Intervals(centre, lower, upper, confidence, "bootstrap")
 
 
-def resampler(regression: Regression, pi: Array) -> Callable[[np.random.Generator], Regression]:
-    """Reduced datasets of new readings of a model.
+def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:
+    """Reduced datasets of new readings in the same poses under the same loads.
 
     The rows are divided by sqrt(2) sigma sqrt(N): each orthonormal coordinate in the range of R has noise of
     deviation 1 / sqrt(N), and the rest is chi squared of all other equations over N.
 
     Args:
         regression: Poses, loads, sigmas.
-        pi: Parameters of the model, (n,).
 
     Returns:
-        A function from a source of noise to a dataset.
+        A function from parameters, (n,), and a source of noise to a dataset.
     """
     unit = _units(regression)
     spans = [_range(term.R * unit) for term in regression.terms]
 
-    def draw(rng: np.random.Generator) -> Regression:
+    def draw(pi: Array, rng: np.random.Generator) -> Regression:
         terms = [_new_readings(term, pi, U, rng) for term, U in zip(regression.terms, spans, strict=True)]
         return replace(regression, terms=tuple(terms))
 

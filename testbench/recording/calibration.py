@@ -130,7 +130,7 @@ def _blueprint(study: Study) -> rrb.Blueprint:
         rrb.Vertical(
             rrb.TextDocumentView(origin="summary", name="Summary"),
             residual_view(study),
-            row_shares=[15, 8],
+            row_shares=[16, 8],
         ),
         column_shares=[11, 10],
         name="Overview",

@@ -16,6 +16,10 @@ from testbench.report import MM, UM
 
 SETS = ("identification", "check")
 BINS = 17
+LEAST_TOP_MM = 0.01
+"""Where the axis of residuals ends at least: below is rounding of exact data."""
+LEAST_EDGE_UM = 0.1
+"""The same of histograms without noise."""
 MANY = 60
 """Runs beyond which dots are small."""
 ALIKE = 0.02
@@ -47,7 +51,7 @@ def _line(stream: rr.RecordingStream, path: str, name: str, look: Look) -> None:
 
 def residual_view(study: Study) -> rrb.TimeSeriesView:
     """Zoomed on the best model of each method; the title says how far the others go."""
-    top = MM * 2 * study.residual[list(study.shown)].max()
+    top = max(LEAST_TOP_MM, MM * 2 * study.residual[list(study.shown)].max())
     if study.noise:
         top = max(top, 1.2 * MM * noise_limit(study))
     largest = MM * study.residual.max(axis=1)
@@ -126,7 +130,7 @@ def histograms(study: Study, runs: Mask) -> tuple[Bars | None, list[Bars]]:
     """
     pooled = UM * study.errors[list(study.shown)]
     edge = float(np.abs(pooled).max())
-    unit = 50.0 if study.noise else max(edge, 1e-9)
+    unit = 50.0 if study.noise else max(edge, LEAST_EDGE_UM)
     edge = unit * max(1.0, float(np.ceil(edge / unit)))
     edges = np.linspace(-edge, edge, BINS + 1)
     wide, count = 2 * edge / BINS, len(pooled)

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
-from testbench.plant.shapes import Frames
+from testbench.plant.shapes import Frames, visual_shapes
 from testbench.recording.arm import write_places, write_shapes
 from testbench.recording.study import Study
 from testbench.recording.style import LOAD, MEASURED, NOMINAL, Colour
@@ -21,8 +21,6 @@ HALF_VIEW = np.tan(np.deg2rad(27.5))
 """Tangent of half the viewer's vertical angle of view."""
 ASPECT = 0.8
 """Width over height of the narrowest pane that shows the arm [1]."""
-THICKNESS = 0.06
-"""How far a shape reaches beyond the origin of its body, over the reach of the arm [1]."""
 CLOSER = 0.6
 """The eye is at least at this share of the distance from which all runs are in view [1]."""
 ARROW = 0.2
@@ -74,6 +72,8 @@ def _write_styles(stream: rr.RecordingStream, study: Study) -> None:
     stream.log(_marker("deflection"), thin, static=True)
     label = rr.Points3D.from_fields(colors=study.looks[study.best].colour, radii=0.0, show_labels=True)
     stream.log(_marker("worst_label"), label, static=True)
+    leader = rr.LineStrips3D.from_fields(colors=study.looks[study.best].colour, radii=0.1 * radius)
+    stream.log(_marker("worst_leader"), leader, static=True)
 
 
 def _marker(name: str) -> str:
@@ -110,6 +110,8 @@ def _write_worst(
     ]
     columns = rr.Points3D.columns(positions=at, labels=labels).partition([1] * len(at))
     stream.send_columns(_marker("worst_label"), times, columns)
+    leaders = np.stack([measured[runs, worst], at], axis=1)
+    stream.send_columns(_marker("worst_leader"), times, rr.LineStrips3D.columns(strips=leaders))
 
 
 def _write_loading(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn) -> None:
@@ -224,23 +226,40 @@ def world_view(study: Study) -> rrb.Spatial3DView:
 
 def _camera(study: Study) -> tuple[Array, Array]:
     """Eye and target, each (3,) [m]: the worst run in view, and the others not much beyond it."""
-    weight = study.bodies([study.cell.arm.load], study.ghost) - [0, 0, 0.3 * study.reach]
-    points = np.hstack([study.rigid.positions, study.ghost.positions, weight])
-    worst = points[study.worst]
+    hooks = study.bodies([study.cell.arm.load], study.ghost) - [0, 0, 0.3 * study.reach]
+    points = np.hstack([study.rigid.positions, study.ghost.positions, hooks])
     tool = study.bodies([study.cell.arm.tool], study.rigid)[study.worst, 0, :2]
-    eye, target = _frame(worst, tool, study.reach)
-    far, middle = _frame(points.reshape(-1, 3), tool, study.reach)
+    centres, radii = _spheres(study)
+    worst = np.vstack([points[study.worst], centres])
+    eye, target = _frame(worst, np.append(np.zeros(points.shape[1]), radii), tool)
+    every = points.reshape(-1, 3)
+    far, middle = _frame(every, np.zeros(len(every)), tool)
     closer = CLOSER * np.linalg.norm(far - middle) / np.linalg.norm(eye - target)
     return target + max(1.0, float(closer)) * (eye - target), target
 
 
-def _frame(points: Array, tool: Array, reach: float) -> tuple[Array, Array]:
-    """Eye and target from the side and a little ahead, all points in view.
+def _spheres(study: Study) -> tuple[Array, Array]:
+    """Spheres around every shape of the worst run, rigid and deflected: centres (n, 3), radii (n,) [m]."""
+    shapes = visual_shapes(study.cell.room)
+    bodies = [shape.body for shape in shapes]
+    at = np.array([shape.position for shape in shapes])
+    centres = [
+        frames.positions[study.worst, bodies]
+        + np.einsum("kxy,ky->kx", frames.rotations[study.worst, bodies], at)
+        for frames in (study.rigid, study.ghost)
+    ]
+    corners = [s.size if s.mesh is None else s.mesh.vertices for s in shapes]
+    radii = np.array([np.linalg.norm(x, axis=-1).max() for x in corners])
+    return np.concatenate(centres), np.tile(radii, 2)
+
+
+def _frame(points: Array, radii: Array, tool: Array) -> tuple[Array, Array]:
+    """Eye and target from the side and a little ahead, all spheres in view.
 
     Args:
-        points: To see, (points, 3) [m].
+        points: Their centres, (points, 3) [m].
+        radii: Of the spheres, (points,) [m].
         tool: Where the arm reaches, seen from above, (2,) [m].
-        reach: Of the arm [m].
     """
     length = float(np.linalg.norm(tool))
     x, y = tool / length if length > 0 else (1.0, 0.0)
@@ -248,9 +267,10 @@ def _frame(points: Array, tool: Array, reach: float) -> tuple[Array, Array]:
     back /= np.linalg.norm(back)
     right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
     axes = np.column_stack([back, right, np.cross(back, right)])
-    low, high = (points @ axes).min(axis=0), (points @ axes).max(axis=0)
+    along = points @ axes
+    low, high = (along - radii[:, None]).min(axis=0), (along + radii[:, None]).max(axis=0)
     target = axes @ ((low + high) / 2)
     depth, across, up = ((points - target) @ axes).T
-    wide = np.maximum(np.abs(across) / ASPECT, np.abs(up)) + THICKNESS * reach
+    wide = np.maximum(np.abs(across) / ASPECT, np.abs(up)) + radii
     distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
     return target + distance * back, target

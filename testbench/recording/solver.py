@@ -222,10 +222,17 @@ def _blueprint(report: Report, ways: Mapping[str, Array]) -> rrb.Blueprint:
         ),
         rrb.Vertical(chart_view("time_s", f"Time (s), logarithmic; dot: median{spread}", dots), name="Time"),
         rrb.Vertical(
-            rrb.TimeSeriesView(
-                origin="convergence/log10_gap", name="Relative gap (log10 of 1) over improvements"
+            *(
+                rrb.TimeSeriesView(
+                    origin=f"convergence/{root}",
+                    name=f"{name} over improvements",
+                    plot_legend=rrb.PlotLegend(corner),
+                )
+                for root, name, corner in (
+                    ("log10_gap", "Relative gap (log10 of 1)", rrb.Corner2D.RightTop),
+                    ("log10_s", "Time (log10 s)", rrb.Corner2D.RightBottom),
+                )
             ),
-            rrb.TimeSeriesView(origin="convergence/log10_s", name="Time (log10 s) over improvements"),
             name="Iterations",
         ),
         rrb.TextDocumentView(origin="log", name="Notes"),

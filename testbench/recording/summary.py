@@ -57,9 +57,9 @@ def summary(study: Study, worst: RunLine) -> str:
             "\n".join(model_table(report)),
             _remarks(study),
             *([] if gravity else [_statements(report)]),
-            "**Colours** Grey: arm without its load. Vermillion: measured, and the ghost; deflection "
-            f"x {M:g}. Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. "
-            f"Arrows from measured to predicted: x {scale:g}; label: error of the best model, worst marker.",
+            f"**Colours** Grey: arm without load. Vermillion: measured, and the ghost; deflection x {M:g}. "
+            "Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. "
+            f"Arrows measured to predicted: x {scale:g}; label: worst marker, best model.",
             "**Scrub** the time bar below: `worst_first` 0 is the worst run, `pose` the dataset's order, "
             f"`load` loads {worst.where} from 0 to 100 % (tab Loading).",
         ]
@@ -96,14 +96,15 @@ def _gravity_answer(report: Report, worst: RunLine) -> str:
     check, workspace = (f"{show(first[group]['rms_mm'])} mm" for group in ("check", "workspace"))
     rival, method = _rival(rows, first)
     if rival:
-        check += f" (best {method} {rival['name']} {show(rival['check']['rms_mm'])})"
-        workspace += f" ({rival['name']} {show(rival['workspace']['rms_mm'])})"
+        check += f" (best {method} {rival['name']} {middle(rival['check']['rms_mm']):.3f})"
+        workspace += f" ({rival['name']} {middle(rival['workspace']['rms_mm']):.3f})"
     largest = max(middle(first[group]["max_mm"]) for group in ("identification", "check"))
     text = f"{_kind(first)}: {first['name']}, RMS {check} at check poses, {workspace} over the workspace"
     if area is not first:
         text += f", where {area['name']} has {show(area['workspace']['rms_mm'])} mm"
+    where = "" if isinstance(report["seed"], list) else f" in {worst.where}"
     return (
-        f"{text}. Its worst marker: {largest:.2f} mm in {worst.where}; "
+        f"{text}. Its worst marker: {largest:.2f} mm{where}; "
         f"{show(first['workspace']['max_mm'], '.2f')} mm in the workspace."
     )
 
@@ -114,7 +115,7 @@ def _full_pose_answer(report: Report) -> str:
     error = f"{show(first['check']['rms_mm'])} mm RMS"
     rival, method = _rival(rows, first)
     if rival:
-        error += f" (best {method} {rival['name']} {show(rival['check']['rms_mm'])})"
+        error += f" (best {method} {rival['name']} {middle(rival['check']['rms_mm']):.3f})"
     broken = [m["name"] for m in rows if m["conservative"] is not True]
     runs = f"{report['dataset']['check_runs']} check runs"
     text = f"{_kind(first)}: {first['name']}, {error} off the truth in {runs}"
@@ -137,7 +138,8 @@ def _remarks(study: Study) -> str:
     """What the columns mean, and what was measured."""
     report = study.report
     data = report["dataset"]
-    sag = f"{show(data['deflection_min_mm'], '.2f')} to {show(data['deflection_max_mm'], '.2f')} mm"
+    low, high = (middle(data[f"deflection_{end}_mm"]) for end in ("min", "max"))
+    sag = f"{low:.2f} to {high:.2f} mm"
     parts = ["In brackets: the paper. Seen: directions of the unknowns that the data determine."]
     if "workspace" in report["models"][0]:
         noise = np.sqrt(6) * data["sigma_um"] / 1e3
@@ -151,9 +153,7 @@ def _remarks(study: Study) -> str:
     else:
         parts.append(f"{data['runs']} runs identify, {data['check_runs']} others check; they move {sag}.")
     if isinstance(report["seed"], list):
-        parts.append(
-            f"Medians of {len(report['seed'])} seeds, above 5 to 95 % in brackets; drawn: seed {study.seed}."
-        )
+        parts.append(f"Medians of {len(report['seed'])} seeds (above: 5 to 95 %); drawn: seed {study.seed}.")
     return " ".join(parts)
 
 

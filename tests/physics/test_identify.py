@@ -263,9 +263,9 @@ def test_gco_is_not_called_solved_unless_it_is_when_deflections_do_not_fit_their
 def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkeypatch):
     data = gravity_data(kr500, 4).identification
     solved = gco(kr500.vjm, mgco68(kr500.arm), data)
-    settings = conic._settings()
+    settings = conic.solver_settings()
     settings.max_iter = 4
-    monkeypatch.setattr(conic, "_settings", lambda: settings)
+    monkeypatch.setattr(conic, "solver_settings", lambda: settings)
     stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
     assert stopped.status.startswith("not solved: Clarabel says")
     assert stopped.conservative  # poor, but never unphysical

@@ -24,7 +24,7 @@ from testbench.poses import WorkArea
 from testbench.recording import calibration, write_calibration
 from testbench.recording.compliance import compress, scaled
 from testbench.recording.study import build_study
-from testbench.report import report
+from testbench.report import report, summarise
 
 BUDGET = 2 * 2**20
 SMALL = {
@@ -404,3 +404,19 @@ def test_an_arm_without_visual_geoms_is_drawn_as_sticks_between_its_bodies(arm_6
     path = tmp_path / "recording.rrd"
     write_calibration(path, *study(bare, ("MLS56", "MGCO56"), **SMALL))
     assert "/world/arm/link_2" in {chunk.entity_path for chunk in chunks_of(path)}
+
+
+def test_of_several_seeds_the_words_are_the_medians_and_the_drawing_is_the_first(kr500, tmp_path):
+    made = [study(kr500, ("MLS56", "MGCO56"))]
+    campaign = simulate(kr500, made[0][2].scenario, 2)
+    results = identify(kr500, campaign, named_models(kr500, ("MLS56", "MGCO56")), time.perf_counter)
+    merged = summarise([made[0][0], report("gravity_calibration", campaign, results, SECTION_6)])
+    path = tmp_path / "recording.rrd"
+    write_calibration(path, merged, *made[0][1:])
+    chunks = chunks_of(path)
+    summary = document(chunks, "/summary")
+    check = merged["models"][1]["check"]["rms_mm"]
+    assert f"{check['median']:.3f} ({check['p05']:.3f} to {check['p95']:.3f})" in summary
+    assert "drawn: seed 1" in summary
+    labels = columns(chunks, "/error_mm/number")["Points2D:labels"][0]
+    assert f"{check['median']:.3f} ({check['p05']:.3f} to {check['p95']:.3f}) mm" in labels[3]

@@ -1,0 +1,248 @@
+"""Linearised and bootstrap uncertainty: against Monte Carlo, and infinite where the data see nothing."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from testbench.bench import Scenario, simulate
+from testbench.errors import BenchError
+from testbench.full_pose import FullPose
+from testbench.full_pose import simulate as simulate_full_pose
+from testbench.identify import gco, least_squares, make_estimate, reduce
+from testbench.identify.conic import optimum
+from testbench.identify.least_squares import solve
+from testbench.identify.prior import aggregate, cad_prior, metric
+from testbench.identify.regularised import Strength, gco_with, least_squares_with
+from testbench.identify.uncertainty import (
+    bootstrap,
+    deflection_rows,
+    deviations,
+    intervals,
+    linearise,
+    resampler,
+)
+from testbench.structure import Structure, all153, mgco68, template56
+from testbench.studies.coverage import (
+    Case,
+    bound_coverage,
+    draw_conservative,
+    fitted_coverage,
+    posterior_coverage,
+)
+
+
+@pytest.fixture(scope="module")
+def full_pose(arm_6r):
+    """Template of 56 unknowns from full poses: 32 directions, every deflection seen."""
+    campaign = simulate_full_pose(arm_6r, FullPose(arm="arm_6r", check_runs=4), 1)
+    s = template56(arm_6r.arm)
+    truth = s.entries(aggregate(arm_6r.arm.C_theta, arm_6r.vjm, s))
+    where = campaign.check
+    rows = deflection_rows(arm_6r.vjm, s, where.q, where.wrench, where.point, targets=np.zeros((1, 3)))
+    m = metric(cad_prior(arm_6r.arm), arm_6r.vjm, s)
+    return Case(reduce(arm_6r.vjm, s, campaign.identification), m, truth, rows), campaign
+
+
+@pytest.fixture(scope="module")
+def gravity(kr500):
+    return simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=4), 1)
+
+
+def elsewhere(cell, structure, campaign):
+    where = campaign.workspace
+    return deflection_rows(
+        cell.vjm, structure, where.q, where.wrench, where.point, targets=cell.vjm.markers[:1]
+    )
+
+
+def test_covariance_is_the_spread_of_least_squares_over_fresh_readings(arm_6r, full_pose):
+    """Tracker readings simulated anew, not the reduced rows: weights, reduction and covariance at once."""
+    case, _ = full_pose
+    scenario = FullPose(arm="arm_6r", poses=6, check_runs=1)
+    s = template56(arm_6r.arm)
+    base = simulate_full_pose(arm_6r, scenario, 1).identification
+    exact = simulate_full_pose(arm_6r, scenario.model_copy(update={"noise": False}), 1).identification
+    sd = deviations(linearise(least_squares(arm_6r.vjm, s, base)), case.functionals)
+    rng, found = np.random.default_rng(5), []
+    for _ in range(100):
+        noisy = replace(
+            exact,
+            before=exact.before + scenario.sigma * rng.standard_normal(exact.before.shape),
+            after=exact.after + scenario.sigma * rng.standard_normal(exact.after.shape),
+            rotation_before=scenario.sigma_rotation * rng.standard_normal(exact.rotation.shape),
+            rotation_after=exact.rotation
+            + scenario.sigma_rotation * rng.standard_normal(exact.rotation.shape),
+        )
+        found.append(case.functionals @ least_squares(arm_6r.vjm, s, noisy).pi)
+    # a standard deviation of 100 draws has a standard error of 7.1 %; 4 of them for 12 deflections
+    np.testing.assert_allclose(np.std(found, axis=0, ddof=1), sd, rtol=0.29)
+
+
+def test_resampled_rows_have_the_chi_squared_and_spread_of_the_readings(full_pose):
+    case, _ = full_pose
+    again, rng = resampler(case.regression), np.random.default_rng(1)
+    drawn = [again(case.truth, rng) for _ in range(400)]
+    for k, term in enumerate(case.regression.terms):
+        chi2 = [
+            term.equations / 3 * (np.sum((d.terms[k].R @ case.truth - d.terms[k].z) ** 2) + d.terms[k].rest)
+            for d in drawn
+        ]
+        # mean of 400 chi squares of e degrees of freedom: standard error sqrt(2 e / 400); 4 of them
+        assert np.mean(chi2) == pytest.approx(term.equations, abs=4 * np.sqrt(2 * term.equations / 400))
+    sd = deviations(linearise(make_estimate(drawn[0], solve(drawn[0]), method="LS")), case.functionals)
+    found = [case.functionals @ solve(d) for d in drawn]
+    np.testing.assert_allclose(np.std(found, axis=0), sd, rtol=0.15)  # 4 standard errors of 3.5 %
+
+
+def test_what_gravity_does_not_load_is_infinitely_uncertain(kr500, gravity):
+    joint_1 = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])
+    sd = deviations(linearise(least_squares(kr500.vjm, joint_1, gravity.identification)), np.eye(2))
+    assert np.isinf(sd[0])
+    assert 0 < sd[1] < 1e-7
+    s = all153(kr500.arm)
+    estimate = least_squares(kr500.vjm, s, gravity.identification)
+    linear = linearise(estimate)
+    assert np.isinf(deviations(linear, np.eye(s.n))[s.labels.index("joint_1") - s.n_theta])
+    assert np.isinf(deviations(linear, elsewhere(kr500, s, gravity))).mean() > 0.5
+    data = gravity.identification
+    seen = deflection_rows(kr500.vjm, s, data.q, data.wrench, data.point, targets=kr500.vjm.markers)
+    sd = deviations(linear, seen)
+    # the measured deflections themselves: never worse than one reading, better for what they share
+    assert (sd < 1.001 * np.sqrt(2) * data.sigma).all()
+    found = bootstrap(estimate, solve, np.vstack([elsewhere(kr500, s, gravity)[:1], seen[:1]]), 0.5, draws=3,
+                      rng=np.random.default_rng(0))  # fmt: skip
+    np.testing.assert_array_equal(np.isinf(found.upper), [True, False])
+
+
+def test_no_data_means_no_knowledge(kr500, gravity):
+    data = gravity.identification
+    idle = replace(data, wrench=np.zeros_like(data.wrench))
+    s = mgco68(kr500.arm)
+    linear = linearise(least_squares(kr500.vjm, s, idle))
+    assert np.isinf(deviations(linear, np.eye(s.n))).all()
+    assert deviations(linear, np.zeros((1, s.n)))[0] == 0
+
+
+def test_a_prior_makes_everything_finite_and_more_data_only_helps(kr500, gravity):
+    s = mgco68(kr500.arm)
+    m, strength = metric(cad_prior(kr500.arm), kr500.vjm, s), Strength(0.3)
+    rows = elsewhere(kr500, s, gravity)
+    widths = []
+    for data in (gravity.identification, gravity.measured):  # 8 poses, and 11
+        estimate = gco_with(reduce(kr500.vjm, s, data), m, strength)
+        widths.append(deviations(linearise(estimate, m, strength), rows))
+    assert np.isfinite(widths).all()
+    assert (widths[1] <= widths[0] * (1 + 1e-9)).all()
+    weaker = deviations(linearise(estimate, m, Strength(1.0)), rows)
+    assert (weaker > widths[1]).all()
+
+
+def test_posterior_covariance_is_bayes_rule(kr500, gravity):
+    """Against the textbook's inverse of the summed precisions, where it is well conditioned."""
+    s = template56(kr500.arm)
+    m, strength = metric(cad_prior(kr500.arm), kr500.vjm, s), Strength(0.3, 0.5)
+    regression = reduce(kr500.vjm, s, gravity.identification)
+    estimate = least_squares_with(regression, m, strength)
+    [term] = regression.terms
+    A = np.sqrt(term.equations / 3) * term.R @ m.L
+    e = m.expected
+    precision = A.T @ A + np.linalg.inv(0.3**2 * np.eye(s.n) + 0.5**2 * np.outer(e, e))
+    rows = elsewhere(kr500, s, gravity)
+    a = rows @ m.L
+    expected = np.sqrt(np.einsum("kn,nk->k", a, np.linalg.solve(precision, a.T)))
+    np.testing.assert_allclose(deviations(linearise(estimate, m, strength), rows), expected, rtol=1e-6)
+
+
+def test_the_boundary_of_the_cone_is_told(kr500, arm_6r, gravity, full_pose):
+    case, campaign = full_pose
+    free = linearise(gco(arm_6r.vjm, case.regression.structure, campaign.identification))
+    assert not free.on_boundary
+    bound = linearise(gco(kr500.vjm, template56(kr500.arm), gravity.identification))
+    assert bound.on_boundary
+    assert bound.pull > 1
+    assert "boundary of the cone" in bound.advice[0]
+    assert not linearise(least_squares(kr500.vjm, mgco68(kr500.arm), gravity.identification)).on_boundary
+
+
+def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_pose):
+    case, campaign = full_pose
+    data, s = campaign.identification, case.regression.structure
+    for estimate, refit, draws, rtol in (
+        (least_squares(arm_6r.vjm, s, data), solve, 199, 0.3),
+        (gco(arm_6r.vjm, s, data), lambda r: optimum(r).pi, 39, 0.7),
+    ):
+        linear = intervals(linearise(estimate), case.functionals, 0.9)
+        boot = bootstrap(estimate, refit, case.functionals, 0.9, draws=draws, rng=np.random.default_rng(1))
+        # order statistics of 199 and of 39 draws: 7 and 17 % of the width; 4 standard errors
+        np.testing.assert_allclose(boot.upper - boot.lower, linear.upper - linear.lower, rtol=rtol)
+        np.testing.assert_array_equal(boot.centre, linear.centre)
+
+
+def test_intervals_cover_as_often_as_they_say(full_pose):
+    """Few draws here; the study of 1000 datasets holds 93 to 97 %."""
+    case, _ = full_pose
+    found = fitted_coverage(case, 40, bootstraps=2, workers=1)
+    for name in ("least squares, linearised", "GCO, linearised"):
+        row = found[name]
+        assert row["covered"] == pytest.approx(0.95, abs=4 * row["standard_error"])
+        assert row["datasets"] == 40
+        assert row["intervals"] == 40 * len(case.functionals)
+    assert found["GCO, bootstrap"]["datasets"] == 2
+    assert found["GCO, bootstrap"]["covered"] > 0.6
+
+
+@pytest.mark.parametrize("strength", [Strength(0.1), Strength(0.3, 0.2)])
+def test_posterior_intervals_cover_truths_drawn_from_the_prior(kr500, gravity, strength):
+    s = mgco68(kr500.arm)
+    m = metric(cad_prior(kr500.arm), kr500.vjm, s)
+    rows = elsewhere(kr500, s, gravity)
+    case = Case(reduce(kr500.vjm, s, gravity.identification), m, np.zeros(s.n), rows)
+    found = posterior_coverage(case, strength, 60, workers=1)
+    for row in found.values():
+        assert row["covered"] == pytest.approx(0.95, abs=4 * row["standard_error"])
+
+
+def test_bounds_cover_all_deflections_at_once(full_pose):
+    case, _ = full_pose
+    [row] = bound_coverage(replace(case, functionals=case.functionals[:3]), 20, workers=1).values()
+    assert row["all_covered"] >= 0.8  # at least 0.95 in truth: 20 draws have fewer with 0.03 %
+    assert row["unbounded"] == 0
+
+
+def test_bad_input_is_named(arm_6r, kr500, full_pose, gravity):
+    case, campaign = full_pose
+    s = case.regression.structure
+    estimate = least_squares(arm_6r.vjm, s, campaign.identification)
+    linear = linearise(estimate)
+    for confidence in (0.0, 1.0, -1.0, 95.0, np.nan):
+        with pytest.raises(BenchError, match="confidence: expected a number between 0 and 1"):
+            intervals(linear, case.functionals, confidence)
+    run = partial(bootstrap, estimate, solve, rng=np.random.default_rng(0))
+    with pytest.raises(BenchError, match="draws: expected at least 39 for 95 %, got 38"):
+        run(case.functionals, 0.95, draws=38)
+    for rows in (np.ones((1, 5)), np.ones(s.n), np.full((1, s.n), np.nan)):
+        with pytest.raises(BenchError, match="functionals"):
+            deviations(linear, rows)
+    with pytest.raises(BenchError, match="expected a metric"):
+        linearise(estimate, strength=Strength(0.3))
+    other = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    with pytest.raises(BenchError, match="metric: expected one of MGCO56"):
+        linearise(estimate, other)
+    where = gravity.workspace
+    with pytest.raises(BenchError, match="direction: expected one that is not zero"):
+        deflection_rows(kr500.vjm, s, where.q, where.wrench, where.point, targets=np.zeros((1, 3)),
+                        direction=np.zeros(3))  # fmt: skip
+    with pytest.raises(BenchError, match="expected a conservative model among"):
+        draw_conservative(other, Strength(50.0), np.random.default_rng(0))
+    with pytest.raises(BenchError, match="datasets: expected at least 2"):
+        fitted_coverage(case, 1)
+
+
+def test_direction_is_a_component(kr500, gravity):
+    s, where = template56(kr500.arm), gravity.workspace
+    args = (kr500.vjm, s, where.q, where.wrench, where.point)
+    xyz = deflection_rows(*args, targets=kr500.vjm.markers)
+    along = deflection_rows(*args, targets=kr500.vjm.markers, direction=np.array([3.0, 0.0, -4.0]))
+    np.testing.assert_allclose(along, 0.6 * xyz[0::3] - 0.8 * xyz[2::3], rtol=1e-12, atol=1e-12)
