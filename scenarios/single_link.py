@@ -76,6 +76,7 @@ def main(
     console.print(single_link_text.verdict(report))
     console.print()
     console.print(single_link_text.where(out), soft_wrap=True)
+    console.print(f"recording  {out / 'recording.rrd'}", soft_wrap=True)
 
 
 if __name__ == "__main__":

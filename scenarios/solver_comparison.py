@@ -95,7 +95,8 @@ def main(
     console.print(solvers_text.table(report))
     console.print(solvers_text.verdict(report))
     console.print(
-        f"\nresults    {out}: report.md, report.json, {solvers.NAME}.png, dataset.csv", soft_wrap=True
+        f"\nresults    {out}: report.md, report.json, {solvers.NAME}.png, dataset.csv, recording.rrd",
+        soft_wrap=True,
     )
 
 

@@ -16,16 +16,20 @@ reduction); and x is kept within a length that no arm has: a bound that leans on
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import clarabel
 import numpy as np
+from joblib import cpu_count
 from scipy import sparse, stats
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import solver_settings
 from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import RANK_TOLERANCE, Regression
+from testbench.trials import run_trials
 
 TOLERANCE = 1e-8
 """Feasibility and gap asked of the solver, of functionals of length one in the metric."""
@@ -159,30 +163,41 @@ def fit_set(
     )
 
 
-def bounds(models: FitSet, functionals: Array) -> Bounds:
+def bounds(models: FitSet, functionals: Array, *, workers: int | None = 1) -> Bounds:
     """Least and greatest value of linear functionals of pi, such as deflections.
 
     Args:
         models: The set.
         functionals: Rows a of a . pi, (k, n), such as `uncertainty.deflection_rows`.
+        workers: Processes (Clarabel holds Python's lock: threads gain nothing); None for one a core. They
+            take a second to start, a bound some 10 ms.
 
     Raises:
-        BenchError: When a functional has another length or is not finite.
+        BenchError: When a functional has another length or is not finite, or workers is below 1.
     """
     n = models.metric.structure.n
     functionals = check_array(functionals, (None, n), "functionals [m per unit of pi]")
-    k = len(functionals)
-    value, gap = np.full((k, 2), np.nan), np.full((k, 2), np.nan)
+    k, study = len(functionals), partial(_sides, models, functionals)
+    if workers == 1:
+        found = study(range(k))
+    else:
+        size = max(1, math.ceil(k / (workers or cpu_count())))
+        found = [pair for chunk in run_trials(study, range(k), workers=workers, size=size) for pair in chunk]
+    value, gap = np.empty((k, 2)), np.empty((k, 2))
     reached = np.full((k, 2, n), np.nan)
-    programs = [] if models.empty else _programs(models)
-    status = []
-    for i, a in enumerate(functionals @ models.metric.L):
-        sides = [_greatest(programs, sign * a) for sign in (-1, 1)]
-        for side, (bound, slack, x, _) in enumerate(sides):
+    for i, pair in enumerate(found):
+        for side, (bound, slack, x, _) in enumerate(pair):
             value[i, side], gap[i, side] = (-1, 1)[side] * bound, slack
-            reached[i, side] = models.metric.L @ x if x is not None else np.nan
-        status.append((sides[0][3], sides[1][3]))
-    return Bounds(value[:, 0], value[:, 1], gap, tuple(status), reached, models.name)
+            if x is not None:
+                reached[i, side] = models.metric.L @ x
+    status = tuple((lower[3], upper[3]) for lower, upper in found)
+    return Bounds(value[:, 0], value[:, 1], gap, status, reached, models.name)
+
+
+def _sides(models: FitSet, functionals: Array, which: Sequence[int]) -> list[tuple["Side", "Side"]]:
+    """Greatest -a . x and a . x of some functionals."""
+    programs = [] if models.empty else _programs(models)
+    return [(_greatest(programs, -a), _greatest(programs, a)) for a in functionals[which] @ models.metric.L]
 
 
 Side = tuple[float, float, Array | None, str]

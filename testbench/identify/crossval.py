@@ -13,7 +13,7 @@ import numpy as np
 from testbench.dataset import Dataset, select
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
-from testbench.identify.prior import Metric, Prior, metric
+from testbench.identify.prior import Metric, Prior, metric, rescaled
 from testbench.identify.regression import Regression, f_m, reduce
 from testbench.identify.regularised import Strength
 from testbench.structure import Structure
@@ -129,7 +129,7 @@ def with_prior(
     strength: Strength | None = None,
     folds: int = FOLDS,
 ) -> Estimate:
-    """An estimator with a prior: its strength given, or chosen by cross-validation over poses.
+    """An estimator with a prior: its scale from the data, its strength given or chosen by cross-validation.
 
     Args:
         vjm: The model.
@@ -141,10 +141,10 @@ def with_prior(
         folds: Folds of the cross-validation; no more than there are poses.
 
     Raises:
-        BenchError: When the dataset is empty, the prior does not fit the arm, or the poses are fewer than two.
+        BenchError: When the dataset is empty, the prior does not fit the arm, or there is only one pose.
     """
     whole = reduce(vjm, structure, data)
-    chosen = metric(prior, vjm, structure)
+    chosen = rescaled(metric(prior, vjm, structure), whole)
     if strength is None:
         poses = len(np.unique(data.pose))
         strength, _ = choose_strength(fold_poses(vjm, structure, data, min(folds, poses)), chosen, fit)

@@ -6,7 +6,7 @@ distances in x are Frobenius distances of X, and C is positive semi-definite whe
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -139,6 +139,29 @@ def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
     rows = [math.sqrt(term.equations / 3) * np.c_[term.R @ metric.L, term.z] for term in regression.terms]
     A, y = np.split(np.vstack(rows), [metric.structure.n], axis=1)
     return A, y[:, 0]
+
+
+def rescaled(metric: Metric, regression: Regression) -> Metric:
+    """The metric of a prior whose common scale is that of the data, fitted as the only unknown.
+
+    An uncertainty is then relative to compliances of the right size, however wrong the prior's own scale is.
+
+    Args:
+        metric: The structure in the metric of the prior.
+        regression: The reduced dataset.
+
+    Raises:
+        BenchError: When the data want a scale that is not above 0.
+    """
+    A, y = whitened(regression, metric)
+    moved = A @ metric.expected
+    size = float(moved @ moved)
+    scale = float(moved @ y) / size if size > 0 else 1.0
+    if not scale > 0:
+        raise BenchError(
+            f"prior {metric.prior}: expected data that move with the load, its best scale is {scale:.3g}"
+        )
+    return replace(metric, L=scale * metric.L)
 
 
 def _root(P: Array, what: str) -> Array:

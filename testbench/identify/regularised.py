@@ -12,11 +12,13 @@ import numpy as np
 from scipy import sparse
 
 from testbench.errors import Array, BenchError
-from testbench.identify.conic import solver_settings
+from testbench.identify.conic import EXACT, optimum, solver_settings
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.prior import Metric, whitened
-from testbench.identify.regression import Regression
+from testbench.identify.regression import Regression, f_m
 
+SLACK = 1e-2
+"""Share by which F_M may exceed its optimum while the trace is made least."""
 GAP = 1e-6
 """Duality gap, relative to the cost, below which a conic program counts as solved."""
 
@@ -107,6 +109,52 @@ def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Esti
         method="GCO with prior",
         status=status_of(solution),
         solver_seconds=solution.solve_time,
+    )
+
+
+def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
+    """GCO without a prior: of the models that fit as well as the best, the one of least trace of X.
+
+    The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
+    what was expected. As well means an F_M within `SLACK` of the optimum, which itself may only be approached
+    as unseen compliance grows without end.
+
+    Args:
+        regression: The reduced dataset.
+        metric: The structure in the metric of a prior.
+    """
+    best = optimum(regression).f_m
+    n, terms = metric.structure.n, len(regression.terms)
+    allowed = (1 + SLACK) * max(best, EXACT * f_m(regression, np.zeros(n)))
+    blocks = [np.r_[np.ones(terms), np.zeros(n)][None]]
+    offsets, cones = [np.array([1.0])], [clarabel.NonnegativeConeT(1)]
+    for k, term in enumerate(regression.terms):
+        rows = np.zeros((n + 2, terms + n))
+        rows[0, k] = -1
+        rows[1:-1, terms:] = term.R @ metric.L / allowed
+        blocks.append(rows)
+        offsets.append(np.r_[0.0, term.z, np.sqrt(term.rest)] / allowed)
+        cones.append(clarabel.SecondOrderConeT(n + 2))
+    blocks.append(np.hstack([np.zeros((n, terms)), -np.eye(n)]))
+    offsets.append(np.zeros(n))
+    cones += map(clarabel.PSDTriangleConeT, metric.sizes)
+    solution = clarabel.DefaultSolver(
+        sparse.csc_matrix((terms + n, terms + n)),
+        np.r_[np.zeros(terms), metric.expected],
+        sparse.csc_matrix(np.vstack(blocks)),
+        np.concatenate(offsets),
+        cones,
+        solver_settings(),
+    ).solve()
+    return make_estimate(
+        regression,
+        metric.L @ project(metric, np.array(solution.x)[terms:]),
+        method="GCO, least trace in the metric",
+        status=status_of(solution),
+        solver_seconds=solution.solve_time,
+        advice=(
+            f"free directions: least trace in the metric of {metric.prior}, F_M within {100 * SLACK:g} %",
+        ),
     )
 
 

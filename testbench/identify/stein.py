@@ -37,8 +37,8 @@ def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Est
     sizes = metric.sizes
     lower, logs = sum(k * (k + 1) // 2 for k in sizes), sum(sizes)
     total = 2 * n + lower + logs  # x, residuals, Z, logarithms of its diagonal
-    fit = sparse.hstack([R[:n, :n] * scale, -sparse.eye_array(n), sparse.csc_matrix((n, lower + logs))])
-    rows, offsets = [fit], [R[:n, n]]
+    fit = np.hstack([R[:n, :n] * scale, -np.eye(n), np.zeros((n, lower + logs))])
+    rows, offsets = [sparse.csc_matrix(fit)], [R[:n, n]]
     cones: list[object] = [clarabel.ZeroConeT(n)]
     for cone, row, offset in _log_det_cones(sizes, n, total):
         rows.append(row)

@@ -279,3 +279,15 @@ def test_models_that_reach_a_bound_are_conservative_up_to_the_solver(kr500, camp
         C = s.matrix(models.metric.L @ project(models.metric, np.linalg.solve(models.metric.L, pi)))
         assert all(is_conservative(C[np.ix_(i, i)]) for i in s.blocks)
         np.testing.assert_allclose(s.entries(C), pi, atol=1e-6 * np.abs(pi).max())
+
+
+def test_two_processes_find_the_same_bounds(kr500, campaign):
+    s = template56(kr500.arm)
+    models = fit_set(*prepare(kr500, s, campaign.identification), 0.95, ceiling=10.0)
+    rows = elsewhere(kr500, s, campaign.workspace)[:5]
+    one, two = bounds(models, rows), bounds(models, rows, workers=2)
+    assert one.status == two.status
+    np.testing.assert_allclose(two.lower, one.lower, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(two.upper, one.upper, rtol=0, atol=1e-9)
+    with pytest.raises(BenchError, match="workers: expected at least 1"):
+        bounds(models, rows, workers=0)
