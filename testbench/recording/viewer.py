@@ -13,7 +13,7 @@ from typing import Any
 
 from rerun.experimental import ViewerClient
 
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 
 SOFTWARE = "lvp_icd*.json"
 """Vulkan's description of lavapipe, Mesa's driver that needs no graphics card."""
@@ -87,6 +87,10 @@ def shot(
         BenchError: When there is no recording, no driver, no such tab, or the viewer fails.
     """
     file, driver = newest(folder), _software_driver()
+    try:
+        png.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise InputError(png, "", f"cannot be written: {err.strerror}") from err
     with _headless(driver, size) as client:
         client.open(str(file.resolve()))
         _wait(lambda: _loaded(client), LOAD, f"the viewer did not load {file} in {LOAD:g} s")
@@ -95,7 +99,6 @@ def shot(
         if timeline is not None:
             client.set_time(timeline, sequence=at, play_state="paused")
         _settle(client)
-        png.parent.mkdir(parents=True, exist_ok=True)
         client.save_screenshot(str(png.resolve()))
     return file
 

@@ -206,7 +206,7 @@ def test_seed_scenario_and_versions_are_properties(chunks, made, kind):
     assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
 
 
-def test_the_same_study_gives_the_same_recording(made, kind, file, tmp_path):
+def test_the_same_numbers_give_the_same_recording(made, kind, file, tmp_path):
     again = tmp_path / "again.rrd"
     made(kind)[2](again)
     assert rerun("compare", "--unordered", file, again)[0] == 0

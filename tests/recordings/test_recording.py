@@ -148,6 +148,12 @@ def test_load_is_labelled_with_the_payload(chunks):
     assert labels == [["460.3 kg"]] * 21
 
 
+def test_same_seed_simulated_again_gives_the_same_recording(kr500, file, tmp_path):
+    again = tmp_path / "again.rrd"
+    write_calibration(again, *study(kr500))
+    assert rerun("compare", "--unordered", file, again)[0] == 0
+
+
 def test_another_magnification_gives_another_recording(heavy, file, tmp_path):
     other = tmp_path / "other.rrd"
     write_calibration(other, *heavy, magnification=51.0)

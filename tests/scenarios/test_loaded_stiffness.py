@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "loaded_stiffness.py"
-FILES = {"report.json", "report.md", "manifest.json", "errors.csv", "loaded_stiffness.png"}
+FILES = {"report.json", "report.md", "manifest.json", "errors.csv", "loaded_stiffness.png", "recording.rrd"}
 METHODS = ["linear", "secant", "integrated"]
 POSES, LOADS = 30, [1000.0, 2154.43, 4641.59, 10_000.0]
 

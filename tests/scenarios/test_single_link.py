@@ -12,7 +12,7 @@ from testbench.csvfile import read_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "single_link.py"
-FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "single_link.png"}
+FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "single_link.png", "recording.rrd"}
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
     "duality_gap", "solve_seconds", "prediction", "entries", "paper",
