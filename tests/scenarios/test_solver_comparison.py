@@ -12,7 +12,7 @@ from testbench import command
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "solver_comparison.py"
-FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "solver_comparison.png"}
+FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "solver_comparison.png", "recording.rrd"}
 SMALL = ["--quick", "--generations", "3", "--trial-points", "30", "--starts", "2", "--model", "MGCO56"]
 SOLVER = {
     "key", "name", "f_m", "excess_f_m", "duality_gap", "relative_gap", "seconds", "seconds_to_1_percent",
