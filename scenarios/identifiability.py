@@ -1,0 +1,86 @@
+"""What the data cannot see: the KR 500 under gravity, with and without a prior, right and wrong.
+
+python scenarios/identifiability.py --out runs/identifiability
+"""
+
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from testbench import command, figures_identifiability, files, tables
+from testbench.bench import Scenario, build_cell, simulate
+from testbench.csvfile import write_csv
+from testbench.identify.identifiability import describe
+from testbench.identify.identifiability_report import to_dict
+from testbench.identify.identifiability_text import sentences
+from testbench.identify.prior import cad_prior
+from testbench.identify.regularised import Strength
+from testbench.structure import mgco68
+from testbench.studies import identifiability, identifiability_text
+from testbench.trials import run_trials
+
+ROOT = Path(__file__).resolve().parents[1]
+QUICK = identifiability.Study(
+    structures=("MGCO56", "MGCO68"),
+    scales=(0.5, 2.0),
+    poses=(8, 20),
+    choice=("joints", "MGCO56", "MGCO68"),
+)
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1,
+    seeds: Annotated[int, typer.Option(min=1, help="That many seeds: median and spread.")] = 20,
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / identifiability.NAME,
+    quick: Annotated[bool, typer.Option("--quick", help="Two seeds, fewer variants.")] = False,
+    arm: Annotated[Path, typer.Option(help="Folder of the arm.")] = ROOT / "models" / "kr500_l480",
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if not given.")] = None,
+) -> None:
+    """Identify with and without a prior, and judge in 200 poses that were never measured."""
+    console = Console(highlight=False)
+    scenario = Scenario(arm=arm.resolve().name)
+    study = QUICK if quick else identifiability.Study()
+    roots = range(seed, seed + (min(seeds, 2) if quick else seeds))
+    trials = partial(identifiability.trials, arm, scenario, study, time.perf_counter)
+    cell = build_cell(arm)
+    first = simulate(cell, scenario, seed)
+    seen = describe(cell.vjm, mgco68(cell.arm), first.identification, cad_prior(cell.arm), Strength(0.3))
+    with files.whole_folder(out) as folder:
+        done = run_trials(trials, roots, workers=workers)
+        shown = track(done, "seeds", total=len(roots), console=console, transient=True)
+        reports = [r for chunk in shown for r in chunk]
+        report = identifiability.summary(arm, scenario, first, reports) | {"seen": to_dict(seen)}
+        write_csv(first.measured, tuple(j.name for j in cell.arm.joints), folder / "dataset.csv")
+        files.write_json(report, folder / "report.json")
+        (folder / "report.md").write_text(identifiability_text.markdown(report), encoding="utf-8")
+        figures_identifiability.errors(report, folder / "identifiability.png")
+        figures_identifiability.shares(report["seen"], folder / "shares.png")
+        files.write_manifest(
+            folder,
+            command=f"scenarios/{identifiability.NAME}.py",
+            scenario=scenario.model_dump(mode="json"),
+            seed=seed,
+            seeds=len(roots),
+            arms=[arm],
+        )
+    console.print(identifiability_text.title(report))
+    console.print(identifiability_text.table(report))
+    console.print(identifiability_text.verdict(report))
+    console.print(f"\nWhat the data of seed {seed} see of MGCO68:")
+    for sentence in sentences(seen):
+        console.print(f"- {sentence}")
+    console.print()
+    console.print(tables.where(out, figures=("identifiability.png", "shares.png")), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    sys.exit(command.run(app))
