@@ -105,7 +105,7 @@ def errors(report: Report, file: Path) -> None:
     seeds, prior = report["seed"], report["prior"]
     spread = "" if isinstance(seeds, int) else f"; median and 5 to 95 % of {len(seeds)} seeds"
     figure.suptitle(
-        f"RMS error over the workspace [mm], {report['arm']}, {report['dataset']['poses']} poses under gravity; "
+        f"RMS error over the workspace [mm], {report['arm']}, {report['dataset']['poses']} poses; "
         f"CAD prior {prior['scale']:g} times too soft, {prior['shape_percent']:g} % wrong in shape{spread}",
         fontsize="medium",
     )
