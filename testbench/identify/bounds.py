@@ -16,7 +16,7 @@ reduction); and x is kept within a length that no arm has: a bound that leans on
 """
 
 import math
-from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -29,7 +29,6 @@ from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import solver_settings
 from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import RANK_TOLERANCE, Regression
-from testbench.trials import run_trials
 
 TOLERANCE = 1e-8
 """Feasibility and gap asked of the solver, of functionals of length one in the metric."""
@@ -169,20 +168,19 @@ def bounds(models: FitSet, functionals: Array, *, workers: int | None = 1) -> Bo
     Args:
         models: The set.
         functionals: Rows a of a . pi, (k, n), such as `uncertainty.deflection_rows`.
-        workers: Processes (Clarabel holds Python's lock: threads gain nothing); None for one a core. They
-            take a second to start, a bound some 10 ms.
+        workers: Threads (Clarabel works without Python's lock); None for one a core.
 
     Raises:
         BenchError: When a functional has another length or is not finite, or workers is below 1.
     """
     n = models.metric.structure.n
     functionals = check_array(functionals, (None, n), "functionals [m per unit of pi]")
-    k, study = len(functionals), partial(_sides, models, functionals)
-    if workers == 1:
-        found = study(range(k))
-    else:
-        size = max(1, math.ceil(k / (workers or cpu_count())))
-        found = [pair for chunk in run_trials(study, range(k), workers=workers, size=size) for pair in chunk]
+    if workers is not None and workers < 1:
+        raise BenchError(f"workers: expected at least 1, got {workers}")
+    k = len(functionals)
+    parts = np.array_split(functionals @ models.metric.L, max(1, min(k, workers or cpu_count())))
+    with ThreadPoolExecutor(len(parts)) as threads:
+        found = [pair for part in threads.map(partial(_sides, models), parts) for pair in part]
     value, gap = np.empty((k, 2)), np.empty((k, 2))
     reached = np.full((k, 2, n), np.nan)
     for i, pair in enumerate(found):
@@ -194,10 +192,10 @@ def bounds(models: FitSet, functionals: Array, *, workers: int | None = 1) -> Bo
     return Bounds(value[:, 0], value[:, 1], gap, status, reached, models.name)
 
 
-def _sides(models: FitSet, functionals: Array, which: Sequence[int]) -> list[tuple["Side", "Side"]]:
-    """Greatest -a . x and a . x of some functionals."""
+def _sides(models: FitSet, functionals: Array) -> list[tuple["Side", "Side"]]:
+    """Greatest -a . x and a . x of some functionals of x."""
     programs = [] if models.empty else _programs(models)
-    return [(_greatest(programs, -a), _greatest(programs, a)) for a in functionals[which] @ models.metric.L]
+    return [(_greatest(programs, -a), _greatest(programs, a)) for a in functionals]
 
 
 Side = tuple[float, float, Array | None, str]

@@ -82,7 +82,8 @@ def _headline(report: Report) -> str:
         for key, value in (("models", linear), ("nonlinear", bent))
     ]
     return (
-        f"{best['name']}: {words[0]} RMS over the workspace with linear truth, {words[1]} with non-linear truth."
+        f"{best['name']}: {words[0]} RMS over the workspace with linear truth, {words[1]} with non-linear "
+        "truth."
     )
 
 

@@ -281,7 +281,7 @@ def test_models_that_reach_a_bound_are_conservative_up_to_the_solver(kr500, camp
         np.testing.assert_allclose(s.entries(C), pi, atol=1e-6 * np.abs(pi).max())
 
 
-def test_two_processes_find_the_same_bounds(kr500, campaign):
+def test_two_threads_find_the_same_bounds(kr500, campaign):
     s = template56(kr500.arm)
     models = fit_set(*prepare(kr500, s, campaign.identification), 0.95, ceiling=10.0)
     rows = elsewhere(kr500, s, campaign.workspace)[:5]

@@ -1,0 +1,230 @@
+"""Priors: their metric, what they do to least squares and GCO, how firmly to believe them."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from testbench.bench import Scenario, simulate
+from testbench.errors import BenchError
+from testbench.evaluate import predict, score
+from testbench.identify import gco, reduce
+from testbench.identify.crossval import (
+    choose_strength,
+    fold_poses,
+    held_out_errors,
+    one_standard_error,
+    with_prior,
+)
+from testbench.identify.prior import Prior, aggregate, cad_prior, distorted, metric, rescaled, whitened
+from testbench.identify.regularised import (
+    SLACK,
+    Strength,
+    blocks_of,
+    gco_least_trace,
+    gco_with,
+    least_squares_with,
+    project,
+)
+from testbench.identify.stein import gco_stein
+from testbench.structure import Structure, all153, mgco68, mgco147, template56
+from testbench.vjm import observation
+
+
+def campaign(cell, seed, **changes):
+    return simulate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=50, **changes), seed)
+
+
+def workspace(cell, run, estimate):
+    return score(predict(cell.vjm, estimate, run.workspace), run.workspace.deflection).rms
+
+
+@pytest.fixture(params=[mgco147, all153, mgco68, template56])
+def structure(request, kr500):
+    return request.param(kr500.arm)
+
+
+def test_expected_compliance_is_the_prior_and_distances_are_frobenius(kr500, structure, rng):
+    own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
+    P = aggregate(kr500.arm.C_theta, kr500.vjm, structure)
+    np.testing.assert_allclose(own.L @ own.expected, structure.entries(P), rtol=1e-9, atol=1e-20)
+    x = rng.standard_normal(structure.n)
+    X = blocks_of(own, x)
+    assert sum((block**2).sum() for block in X) == pytest.approx(x @ x, rel=1e-12)
+    C = structure.matrix(own.L @ x)
+    for block, X_i in zip(structure.blocks, X, strict=True):
+        C_i = C[np.ix_(block, block)]
+        # a congruence keeps the signs of the eigenvalues (Sylvester)
+        assert (np.linalg.eigvalsh(C_i) > 0).sum() == (np.linalg.eigvalsh(X_i) > 0).sum()
+
+
+def test_joints_left_out_add_to_the_link_before_them(kr500, rng):
+    """The paper's aggregation: MGCO147 with it predicts what all 153 parameters do, in any pose."""
+    whole, links = all153(kr500.arm), mgco147(kr500.arm)
+    lower, upper = kr500.arm.limits
+    q, wrench = rng.uniform(lower, upper, (20, 6)), rng.standard_normal((20, 6))
+    args = (q, wrench, np.zeros((20, 3)))
+    moved = [
+        observation(kr500.vjm, s, *args, targets=kr500.vjm.markers)
+        @ s.entries(aggregate(kr500.arm.C_theta, kr500.vjm, s))
+        for s in (whole, links)
+    ]
+    np.testing.assert_allclose(moved[1], moved[0], rtol=0, atol=1e-9 * np.abs(moved[0]).max())
+
+
+@pytest.mark.parametrize("uncertainty", [0.1, 0.5])
+def test_least_squares_with_a_prior_is_the_ridge_solution(kr500, structure, uncertainty):
+    """Against the minimiser of the penalised sum itself, the common scale an unknown of its own."""
+    run = campaign(kr500, 1)
+    regression = reduce(kr500.vjm, structure, run.identification)
+    own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
+    A, y = whitened(regression, own)
+    n, e = structure.n, own.expected
+    rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
+    x = np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
+    estimate = least_squares_with(regression, own, Strength(uncertainty))
+    np.testing.assert_allclose(estimate.pi, own.L @ x, rtol=0, atol=1e-7 * np.abs(own.L @ x).max())
+
+
+def test_gco_with_a_prior_is_least_squares_where_that_is_conservative_and_else_better(kr500):
+    """No conservative model has a smaller penalised sum: projected descent from many starts finds none."""
+    structure, inside, outside = template56(kr500.arm), 0, 0
+    for seed in range(1, 6):
+        regression = reduce(kr500.vjm, structure, campaign(kr500, seed).identification)
+        own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
+        for u in (0.2, 2.0):
+            ls, ours = (fit(regression, own, Strength(u)) for fit in (least_squares_with, gco_with))
+            assert ours.status == "solved"
+            assert ours.conservative
+            if ls.conservative:
+                inside += 1
+                np.testing.assert_allclose(ours.pi, ls.pi, rtol=0, atol=1e-5 * np.abs(ls.pi).max())
+                continue
+            outside += 1
+            A, y = whitened(regression, own)
+            e = own.expected / np.linalg.norm(own.expected)
+            B = (np.eye(len(e)) - np.outer(e, e)) / u
+
+            def cost(x, A=A, y=y, B=B):
+                return np.sum((A @ x - y) ** 2) + np.sum((B @ x) ** 2)
+
+            best = cost(np.linalg.solve(own.L, ours.pi))
+            for start in (own.expected, np.linalg.solve(own.L, ls.pi)):
+
+                def projected(x, own=own, cost=cost):
+                    return cost(project(own, x))
+
+                found = minimize(projected, start, method="Powell", options={"maxfev": 1000}).fun
+                assert best <= found * (1 + 1e-6)
+    assert inside
+    assert outside
+
+
+def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500):
+    run = campaign(kr500, 3)
+    structure = template56(kr500.arm)
+    regression = reduce(kr500.vjm, structure, run.identification)
+    own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
+    firm = [fit(regression, own, Strength(0.02)).pi for fit in (gco_with, gco_stein)]
+    # both leave the expectation in proportion to u^2; what differs is of order u^3 of it
+    np.testing.assert_allclose(firm[1], firm[0], rtol=0, atol=2e-3 * np.abs(firm[0]).max())
+    loose = gco_stein(regression, own, Strength(3.0))
+    assert loose.status == "solved"
+    x = np.linalg.solve(own.L, loose.pi)
+    assert min(np.linalg.eigvalsh(X)[0] for X in blocks_of(own, x)) > 1e-3
+
+
+def test_scale_of_the_prior_does_not_matter_where_the_data_set_it(kr500, structure):
+    run = campaign(kr500, 2)
+    regression = reduce(kr500.vjm, structure, run.identification)
+    fits = []
+    for scale in (0.2, 1.0, 5.0):
+        prior = Prior("scaled", scale * kr500.arm.C_theta)
+        own = rescaled(metric(prior, kr500.vjm, structure), regression)
+        fits.append(gco_with(regression, own, Strength(0.3)).pi)
+    for pi in fits[1:]:
+        np.testing.assert_allclose(pi, fits[0], rtol=0, atol=1e-5 * np.abs(fits[0]).max())
+
+
+def test_wrong_prior_beats_none_in_every_seed_where_the_data_leave_much_open(kr500):
+    structure = mgco68(kr500.arm)
+    for seed in range(1, 6):
+        run = campaign(kr500, seed)
+        prior = distorted(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(seed))
+        ours = with_prior(
+            kr500.vjm, structure, run.identification, prior=prior, fit=gco_with, strength=Strength(0.3)
+        )
+        plain = gco(kr500.vjm, structure, run.identification)
+        assert 3 * workspace(kr500, run, ours) < workspace(kr500, run, plain)
+
+
+def test_least_trace_has_less_trace_and_fits_as_well(kr500):
+    for seed in (1, 2):
+        run = campaign(kr500, seed)
+        structure = mgco68(kr500.arm)
+        regression = reduce(kr500.vjm, structure, run.identification)
+        own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
+        ours, plain = gco_least_trace(regression, own), gco(kr500.vjm, structure, run.identification)
+        assert ours.conservative
+        assert ours.f_m <= (1 + SLACK) * plain.f_m * (1 + 1e-6)
+        traces = [own.expected @ np.linalg.solve(own.L, e.pi) for e in (ours, plain)]
+        assert traces[0] < traces[1]
+
+
+def test_folds_hold_whole_poses_out_and_cover_all_runs(kr500):
+    data = campaign(kr500, 1).identification
+    folds = fold_poses(kr500.vjm, template56(kr500.arm), data, 8)
+    equations = [fold.held_out.equations for fold in folds]
+    assert sum(equations) == 9 * data.runs
+    assert all(f.fitted.equations + f.held_out.equations == 9 * data.runs for f in folds)
+
+
+def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
+    data = campaign(kr500, 1).identification
+    structure = template56(kr500.arm)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
+    folds = fold_poses(kr500.vjm, structure, data, 4)
+    strength, tried = choose_strength(folds, own, least_squares_with, (0.01, 0.3, 30.0))
+    errors = [c.error for c in tried]
+    assert strength.uncertainty == (0.01, 0.3, 30.0)[int(np.argmin(errors))]
+    again = held_out_errors(folds, lambda r: least_squares_with(r, own, strength))
+    assert again.mean() == pytest.approx(min(errors), rel=1e-12)
+
+
+def test_one_standard_error_takes_the_simplest_that_is_good_enough():
+    best = np.array([1.0, 1.2, 0.8, 1.0])  # standard error 0.08
+    rows = {"rich": (100, best), "simple": (10, best + 0.07), "poor": (1, best + 0.2)}
+    assert one_standard_error(rows) == "simple"
+
+
+BROKEN = {
+    "shape": (lambda C: C[:-1, :-1], "prior broken .*expected shape"),
+    "indefinite": (lambda C: C * np.where(np.eye(len(C)), 1, 2), "expected a positive definite block"),
+    "negative": (lambda C: -C, "a positive diagonal"),
+    "unsymmetric": (
+        lambda C: C + 1e-3 * np.triu(np.abs(C).max() * np.ones_like(C), 1),
+        "expected a symmetric",
+    ),
+    "nan": (lambda C: C * np.nan, "expected finite numbers"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_prior_is_refused_by_name(kr500, case):
+    spoil, text = BROKEN[case]
+    with pytest.raises(BenchError, match=text):
+        metric(Prior("broken", spoil(kr500.arm.C_theta)), kr500.vjm, mgco68(kr500.arm))
+
+
+@pytest.mark.parametrize("bad", [0, -1, np.nan])
+def test_a_strength_is_above_zero(bad):
+    with pytest.raises(BenchError, match="uncertainty: expected more than 0"):
+        Strength(bad)
+
+
+def test_structures_with_holes_and_too_many_folds_are_refused(kr500):
+    holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
+    with pytest.raises(BenchError, match="holes lacks entries"):
+        metric(cad_prior(kr500.arm), kr500.vjm, holes)
+    data = campaign(kr500, 1).identification
+    with pytest.raises(BenchError, match="expected 2 to 8 folds"):
+        fold_poses(kr500.vjm, template56(kr500.arm), data, 9)
