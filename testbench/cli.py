@@ -1,11 +1,12 @@
 """The `testbench` command: an engineer's own arm and own data.
 
-check ARM, elastic ARM FILE, simulate ARM POSES --out DATA, identify ARM DATA --out DIR; view DIR and
-shot DIR for the recordings of any run.
+check ARM, elastic ARM FILE, simulate ARM POSES --out DATA, identifiability ARM DATA, identify ARM DATA
+--out DIR; view DIR and shot DIR for the recordings of any run.
 """
 
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,13 @@ from testbench.csvfile import read_csv, read_poses, write_csv
 from testbench.dataset import split
 from testbench.errors import BenchError, InputError
 from testbench.evaluate import predict, score
+from testbench.figures_identifiability import shares
+from testbench.fits import Wish, fit
+from testbench.identify import identifiability_text
+from testbench.identify.identifiability import describe
+from testbench.identify.identifiability_report import to_dict
+from testbench.identify.prior import cad_prior
+from testbench.identify.regularised import Strength
 from testbench.plant import check_poses, settle_linear, write_elastic
 from testbench.plausibility import doubts
 from testbench.report import fit_report
@@ -104,10 +112,23 @@ def identify(
     full_pose: Annotated[
         bool, typer.Option("--full-pose", help="Insist on both terms of Eq. 19, positions and orientations.")
     ] = False,
+    prior: Annotated[
+        bool,
+        typer.Option("--prior", help="Fill what the data cannot see with the arm's folder as CAD prior."),
+    ] = False,
+    uncertainty_percent: Annotated[
+        float | None, typer.Option(help="Of the prior; chosen by cross-validation over poses if not given.")
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False,
 ) -> None:
     """Identify stiffness models from measured runs; says what the data cannot see."""
     cell = build_cell(arm)
-    chosen = named_models(cell, model or list(MODELS))
+    if uncertainty_percent is not None and not prior:
+        raise BenchError("--uncertainty-percent: expected --prior with it")
+    uncertainty = None if uncertainty_percent is None else uncertainty_percent / 100
+    wish = Wish(cad_prior(cell.arm) if prior else None, uncertainty, robust)
+    every = [name for name in MODELS if not (prior and name == "MLS32")]  # a prior is one of whole blocks
+    chosen = named_models(cell, model or every)
     data = read_csv(dataset, cell.arm)
     if full_pose and data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
@@ -116,11 +137,12 @@ def identify(
     fits = []
     for entry in chosen:
         start = time.perf_counter()
-        estimate = entry.estimator(cell.vjm, entry.structure, used)
+        estimate, rejected = fit(cell, entry, used, wish)
         seconds = time.perf_counter() - start
         sets = {"identification": used} if check is None else {"identification": used, "check": check}
         scores = {k: score(predict(cell.vjm, estimate, d), d.deflection) for k, d in sets.items()}
-        fits.append(fit_report(entry.name, estimate, scores, seconds, cell.arm))
+        outliers = [asdict(reading) for reading in rejected]
+        fits.append(fit_report(entry.name, estimate, scores, seconds, cell.arm) | {"rejected": outliers})
     with files.whole_folder(out) as folder:
         whole = {"dataset": dataset.name, "arm": cell.arm.name, "models": fits}
         files.write_json(whole, folder / "models.json")
@@ -129,9 +151,31 @@ def identify(
         console.print(f"- DOUBT: {sentence}")
     if check is None:
         console.print("- no pose was held back (--check-pose): how well a model fits is not how it predicts")
-    for sentence in dict.fromkeys(sentence for fit in fits for sentence in fit["advice"]):
+    for sentence in dict.fromkeys(text for row in fits for text in row["advice"]):
         console.print(f"- {sentence}")
     console.print(f"models     {out / 'models.json'}", soft_wrap=True)
+
+
+@app.command()
+def identifiability(
+    arm: ArmFolder,
+    dataset: Annotated[Path, typer.Argument(help="Measured runs, CSV.")],
+    model: Annotated[str, typer.Option(help="Model whose parameters are asked for.")] = "MGCO68",
+    uncertainty_percent: Annotated[float, typer.Option(help="Of the CAD prior of the arm's folder.")] = 30.0,
+    figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
+) -> None:
+    """Say what these runs can tell of a model before any fit, what they cannot, and what would help."""
+    cell = build_cell(arm)
+    [entry] = named_models(cell, [model])
+    data = read_csv(dataset, cell.arm)
+    strength = Strength(uncertainty_percent / 100)
+    seen = describe(cell.vjm, entry.structure, data, cad_prior(cell.arm), strength)
+    console.print(identifiability_text.table(seen))
+    for sentence in identifiability_text.sentences(seen):
+        console.print(f"- {sentence}")
+    if figure is not None:
+        shares(to_dict(seen), figure)
+        console.print(f"figure     {figure}", soft_wrap=True)
 
 
 @app.command()

@@ -194,3 +194,40 @@ def test_view_without_a_display_names_shot(tmp_path, monkeypatch):
         monkeypatch.delenv(name, raising=False)
     (tmp_path / "recording.rrd").write_bytes(b"")
     assert "testbench shot" in refused(run("view", tmp_path))
+
+
+def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path):
+    lines = (simulated / "data.csv").read_text().splitlines()
+    column = lines[0].split(",").index("after_x_m")
+    cells = lines[8].split(",")
+    cells[column] = repr(float(cells[column]) + 2e-3)
+    (tmp_path / "spoiled.csv").write_text("\n".join([*lines[:8], ",".join(cells), *lines[9:]]) + "\n")
+    flags = ["--prior", "--uncertainty-percent", "30", "--robust", "--model", "MGCO56", "--out", tmp_path]
+    done = run("identify", ARM, tmp_path / "spoiled.csv", *flags)
+    assert done.returncode == 0, done.stderr
+    [model] = json.loads((tmp_path / "models.json").read_text())["models"]
+    run_id, marker = cells[lines[0].split(",").index("run")], cells[lines[0].split(",").index("marker")]
+    assert [(r["run"], r["marker"]) for r in model["rejected"]] == [(int(run_id), marker)]
+    assert "uncertainty 30 %" in " ".join(done.stdout.split())
+
+
+def test_identifiability_is_said_before_any_fit(simulated, tmp_path):
+    done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / "seen.png")
+    assert done.returncode == 0, done.stderr
+    assert "MGCO68 has 68 unknowns" in done.stdout
+    assert "what would help most" in done.stdout
+    assert (tmp_path / "seen.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("flags", "text"),
+    [
+        (["--uncertainty-percent", "30"], "expected --prior with it"),
+        (["--prior", "--uncertainty-percent", "0"], "uncertainty: expected more than 0"),
+        (["--prior", "--model", "MLS32"], "MLS32 lacks entries"),
+    ],
+)
+def test_bad_wishes_for_a_prior_are_refused(simulated, tmp_path, flags, text):
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "out")
+    assert text in refused(done)
+    assert not (tmp_path / "out").exists()
