@@ -21,11 +21,15 @@ from testbench.identify.identifiability_report import to_dict
 from testbench.identify.identifiability_text import sentences
 from testbench.identify.prior import cad_prior
 from testbench.identify.regularised import Strength
+from testbench.recording import sweeps, write_sweep
 from testbench.structure import mgco68
 from testbench.studies import identifiability, identifiability_text
+from testbench.studies.coverage import coverage_table
 from testbench.trials import run_trials
 
 ROOT = Path(__file__).resolve().parents[1]
+SIX_DOF = ROOT / "models" / "arm_6r"
+DATASETS, BOOTSTRAPS, QUICK_DATASETS = 1000, 100, 10
 QUICK = identifiability.Study(
     structures=("MGCO56", "MGCO68"),
     scales=(0.5, 2.0),
@@ -59,15 +63,25 @@ def main(
         shown = track(done, "seeds", total=len(roots), console=console, transient=True)
         reports = [r for chunk in shown for r in chunk]
         report = identifiability.summary(arm, scenario, first, reports) | {"seen": to_dict(seen)}
+        with console.status("coverage"):
+            report["coverage"] = coverage_table(
+                SIX_DOF,
+                arm,
+                QUICK_DATASETS if quick else DATASETS,
+                bootstraps=QUICK_DATASETS if quick else BOOTSTRAPS,
+                workers=workers,
+            )
         write_csv(first.measured, tuple(j.name for j in cell.arm.joints), folder / "dataset.csv")
         files.write_json(report, folder / "report.json")
         (folder / "report.md").write_text(identifiability_text.markdown(report), encoding="utf-8")
         figures_identifiability.errors(report, folder / "identifiability.png")
         figures_identifiability.shares(report["seen"], folder / "shares.png")
+        parameters = scenario.model_dump(mode="json")
+        write_sweep(folder / "recording.rrd", sweeps.identifiability(report, parameters))
         files.write_manifest(
             folder,
             command=f"scenarios/{identifiability.NAME}.py",
-            scenario=scenario.model_dump(mode="json"),
+            scenario=parameters,
             seed=seed,
             seeds=len(roots),
             arms=[arm],

@@ -1,4 +1,4 @@
-"""The pictures of README.md, rendered from the recordings of run folders without a screen.
+"""The pictures of README.md and docs/recordings.md, from the recordings of run folders, without a screen.
 
 python tools/pictures.py --runs runs --out docs
 
@@ -23,10 +23,11 @@ PICTURES = {
     "calibration": ("gravity_calibration", None, None, 0),
     "calibration_errors": ("gravity_calibration", "Errors", None, 0),
     "loading": ("gravity_calibration", "Loading", "load", 100),
-    "six_dof_arm": ("six_dof_arm", None, None, 0),
-    "single_link": ("single_link", None, None, 0),
-    "solver_comparison": ("solver_comparison", None, None, 0),
-    "loaded_stiffness": ("loaded_stiffness", None, None, 0),
+    "recording_six_dof_arm": ("six_dof_arm", None, None, 0),
+    "recording_single_link": ("single_link", None, None, 0),
+    "recording_solver_comparison": ("solver_comparison", None, None, 0),
+    "recording_loaded_stiffness": ("loaded_stiffness", None, None, 0),
+    "recording_identifiability": ("identifiability", None, None, 0),
 }
 """By file: folder of the run, tab in front, timeline, place on it."""
 

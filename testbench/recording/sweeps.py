@@ -1,8 +1,8 @@
 """Reports that are sweeps: their rows as points, their words as questions and answers."""
 
 from testbench.recording.sweep import Point, Sweep
-from testbench.report import Report
-from testbench.studies import loaded_text
+from testbench.report import Report, middle
+from testbench.studies import identifiability_text, loaded_text
 
 ROUNDING_MM = 1e-6
 """A method that is nowhere further off is exact: rounding is no line worth looking at."""
@@ -46,3 +46,41 @@ def loaded_stiffness(report: Report, parameters: object) -> Sweep:
         remarks=f"Over {report['poses']} poses, true compliances, no noise. {methods}."
         + (f" Not drawn, exact to rounding: {', '.join(exact)}." if exact else ""),
     )
+
+
+def identifiability(report: Report, parameters: object) -> Sweep:
+    """Error over the workspace against the number of poses, with and without a prior.
+
+    Args:
+        report: report.json of the study.
+        parameters: The scenario as plain data.
+    """
+    models = [name for name in report["poses"][0] if name != "poses"]
+    points = [
+        Point(row["poses"], name, middle(row[name]), *_ends(row[name]))
+        for row in report["poses"]
+        for name in models
+    ]
+    first, *others = identifiability_text.statements(report)
+    seeds = report["seed"]
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=seeds if isinstance(seeds, int) else seeds[0],
+        question=f"{report['arm']}: what do poses not see, and what is a CAD prior worth?",
+        answer=first,
+        swept="poses",
+        swept_unit="1",
+        measured="RMS error over the workspace",
+        unit="mm",
+        points=points,
+        colours={},
+        remarks="\n\n".join(others),
+    )
+
+
+def _ends(value: object) -> tuple[float, float]:
+    """5 and 95 % of several seeds; the number itself where there is one."""
+    if isinstance(value, dict):
+        return value["p05"], value["p95"]
+    return middle(value), middle(value)

@@ -24,7 +24,7 @@ from testbench.identify.regression import Regression
 from testbench.identify.regularised import Strength, blocks_of, gco_with, least_squares_with
 from testbench.identify.uncertainty import bootstrap, deflection_rows, intervals, linearise, resampler
 from testbench.report import UM, Report
-from testbench.structure import Structure, template56
+from testbench.structure import Structure, mgco68, template56
 from testbench.trials import run_trials
 
 CONFIDENCE = 0.95
@@ -264,3 +264,27 @@ def _summary(rows: list[tuple[Array, Array]]) -> Report:
         "datasets": len(rows),
         "intervals": int(inside.size),
     }
+
+
+def coverage_table(
+    six_dof: Path, heavy: Path, datasets: int, *, bootstraps: int, workers: int | None = None
+) -> dict[str, Report]:
+    """Coverage of every kind of interval, by its name.
+
+    Args:
+        six_dof: Folder of the arm of section 5.2, whose predictions the data see wholly.
+        heavy: Folder of the arm under gravity, where a prior decides the rest.
+        datasets: How many of each kind.
+        bootstraps: Of those with bootstrap intervals.
+        workers: Processes; None for one a core.
+    """
+    case = full_pose_case(six_dof)
+    found = fitted_coverage(case, datasets, bootstraps=bootstraps, workers=workers)
+    rows = {f"{six_dof.name}, {name}": row for name, row in found.items()}
+    for name, structure in (("MGCO56", template56), ("MGCO68", mgco68)):
+        case = gravity_case(heavy, structure)
+        found = posterior_coverage(case, Strength(0.1), datasets, workers=workers)
+        rows |= {f"{heavy.name} {name}, {kind}": row for kind, row in found.items()}
+        found = bound_coverage(case, max(2, datasets // 10), workers=workers)
+        rows |= {f"{heavy.name} {name}, {kind}": row for kind, row in found.items()}
+    return rows

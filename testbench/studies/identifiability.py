@@ -63,7 +63,7 @@ PLAIN = ("MLS56", "MGCO56", "MGCO68")
 METHODS: dict[str, Regularised] = {
     "LS + prior": least_squares_with,
     "GCO + prior": gco_with,
-    "GCO + log-det prior": gco_stein,
+    "GCO + log-det": gco_stein,
 }
 
 
