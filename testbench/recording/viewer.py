@@ -1,13 +1,14 @@
 """Recordings on a screen, and as pictures where there is none: the viewer as a program of its own."""
 
 import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -138,17 +139,15 @@ def _headless(driver: Path, size: str) -> Iterator[ViewerClient]:
             env={**os.environ, **state, **vulkan, **quiet},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            start_new_session=True,  # the program starts the viewer as a child, and both must end
         )
         try:
             url = f"rerun+http://127.0.0.1:{port}/proxy"
             yield _wait(lambda: _connected(process, url), START, f"the viewer did not answer in {START:g} s")
         finally:
-            process.terminate()
-            try:
-                process.wait(5)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            with suppress(ProcessLookupError):  # it may have ended by itself
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
 
 
 def _connected(process: subprocess.Popen[bytes], url: str) -> ViewerClient | None:
