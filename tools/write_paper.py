@@ -43,9 +43,9 @@ def main(
 
 
 def fill(runs: Path, place: str) -> str:
-    """What stands at a place: `study path/to/number format`, or `table study number`.
+    """What stands at a place: `study path/to/number format`, `table study number` or `words study`.
 
-    A table is one of the study's report.md, from 1.
+    A table is one of the study's report.md, from 1; words are its verdict.
 
     A part of a path is a key, the name of a list's member, or its number from 0. A format of `%` shows a
     share, `?` a truth, another one is Python's.
@@ -61,6 +61,8 @@ def fill(runs: Path, place: str) -> str:
     if study == "table":
         text = MARKDOWN[rest[0]](report(runs, rest[0]))
         return tables_of(text)[int(rest[1]) - 1].rstrip()
+    if study == "words":
+        return WORDS[rest[0]](report(runs, rest[0]))
     path, form = rest[0], rest[1] if len(rest) > 1 else ""
     value = look_up(report(runs, study), path, place)
     if form == "?":
@@ -121,6 +123,11 @@ MARKDOWN = {
     "gravity_calibration": tables.markdown,
 }
 """report.md of a report, by study."""
+WORDS = {
+    "solver_comparison": lambda r: "\n".join(f"- {claim}" for claim in solvers_text.claims(r)),
+    "loaded_stiffness": loaded_text.verdict,
+}
+"""Verdict of a report, by study."""
 
 if __name__ == "__main__":
     sys.exit(command.run(app))
