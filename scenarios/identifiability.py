@@ -62,7 +62,9 @@ def main(
         done = run_trials(trials, roots, workers=workers)
         shown = track(done, "seeds", total=len(roots), console=console, transient=True)
         reports = [r for chunk in shown for r in chunk]
-        report = identifiability.summary(arm, scenario, first, reports) | {"seen": to_dict(seen)}
+        report = identifiability.summary(arm, scenario, first, reports) | {
+            "seen": {**to_dict(seen), "sentences": sentences(seen)}
+        }
         with console.status("coverage"):
             report["coverage"] = coverage_table(
                 SIX_DOF,

@@ -125,7 +125,7 @@ def table(report: Report) -> list[str]:
     rows = [
         ["conservative", *(_share(m["conservative"]) for m in models)],
         ["symmetric", *(_share(m["symmetric"]) for m in models)],
-        ["negative eigenvalue", *(_share(m["negative_eigenvalue"]) for m in models)],
+        ["negative eigenvalue (symmetric part)", *(_share(m["negative_eigenvalue"]) for m in models)],
     ]
     rows += [
         [f"{what} error, {unit}", *(show(m["prediction"][number], ".1f") for m in models)]

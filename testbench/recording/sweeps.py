@@ -75,7 +75,7 @@ def identifiability(report: Report, parameters: object) -> Sweep:
         unit="mm",
         points=points,
         colours={},
-        remarks="\n\n".join(others),
+        remarks="\n\n".join([*others, *(f"- {text}" for text in report["seen"]["sentences"])]),
     )
 
 

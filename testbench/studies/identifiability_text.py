@@ -96,9 +96,14 @@ def _against_ls(report: Report) -> str:
         f"{name} {found['worst_ratio']:.3f} at worst, {found['best_ratio']:.3f} at best"
         for name, found in report["never_worse"].items()
     ]
+    kept = [
+        f"{m['name'].split(',')[0]} {show_truth(m['conservative'])}"
+        for m in report["models"]
+        if m["name"].endswith("LS + prior")
+    ]
     return (
         "GCO over LS with the same prior, error over the workspace, seed by seed: "
-        f"{'; '.join(parts)}. With a prior of this strength the constraint hardly binds."
+        f"{'; '.join(parts)}. LS with it is conservative in: {'; '.join(kept)}."
     )
 
 
