@@ -5,6 +5,7 @@ python scenarios/identifiability.py --out runs/identifiability
 
 import sys
 import time
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -53,6 +54,7 @@ def main(
     console = Console(highlight=False)
     scenario = Scenario(arm=arm.resolve().name)
     study = QUICK if quick else identifiability.Study()
+    datasets = QUICK_DATASETS if quick else DATASETS
     roots = range(seed, seed + (min(seeds, 2) if quick else seeds))
     trials = partial(identifiability.trials, arm, scenario, study, time.perf_counter)
     cell = build_cell(arm)
@@ -62,15 +64,13 @@ def main(
         done = run_trials(trials, roots, workers=workers)
         shown = track(done, "seeds", total=len(roots), console=console, transient=True)
         reports = [r for chunk in shown for r in chunk]
-        report = identifiability.summary(arm, scenario, first, reports) | {
-            "seen": {**to_dict(seen), "sentences": sentences(seen)}
-        }
+        report = identifiability.summary(arm, scenario, first, reports) | {"seen": to_dict(seen)}
         with console.status("coverage"):
             report["coverage"] = coverage_table(
                 SIX_DOF,
                 arm,
-                QUICK_DATASETS if quick else DATASETS,
-                bootstraps=QUICK_DATASETS if quick else BOOTSTRAPS,
+                datasets,
+                bootstraps=min(datasets, BOOTSTRAPS),
                 workers=workers,
             )
         write_csv(first.measured, tuple(j.name for j in cell.arm.joints), folder / "dataset.csv")
@@ -83,10 +83,10 @@ def main(
         files.write_manifest(
             folder,
             command=f"scenarios/{identifiability.NAME}.py",
-            scenario=parameters,
+            scenario={**parameters, "study": asdict(study), "coverage_datasets": datasets},
             seed=seed,
             seeds=len(roots),
-            arms=[arm],
+            arms=[arm, SIX_DOF],
         )
     console.print(identifiability_text.title(report))
     console.print(identifiability_text.table(report))

@@ -117,7 +117,8 @@ def identify(
         typer.Option("--prior", help="Fill what the data cannot see with the arm's folder as CAD prior."),
     ] = False,
     uncertainty_percent: Annotated[
-        float | None, typer.Option(help="Of the prior; chosen by cross-validation over poses if not given.")
+        float | None,
+        typer.Option(help="Of the prior; cross-validated over poses if not given, 30 with --robust."),
     ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False,
 ) -> None:
@@ -166,6 +167,8 @@ def identifiability(
 ) -> None:
     """Say what these runs can tell of a model before any fit, what they cannot, and what would help."""
     cell = build_cell(arm)
+    if figure is not None and (figure.suffix != ".png" or not figure.parent.is_dir()):
+        raise InputError(figure, "", "expected the name of a .png in a folder that exists")
     [entry] = named_models(cell, [model])
     data = read_csv(dataset, cell.arm)
     strength = Strength(uncertainty_percent / 100)

@@ -65,9 +65,8 @@ def _eigenvalues(ax: Axes, ls: Report, ours: Report, draws: int) -> None:
     what = f"rank {ranks[0]}; " if len(ranks) == 1 else ""
     words = f"GCO: never below zero\n{100 * edge.mean():.0f} % at zero ({what}bar cut off),\nthe others above"
     ax.text(gap, 0.9 * top, words, color=GREEN, va="center", fontsize="large")
-    words = (
-        f"least squares: never symmetric,\n{100 * ls['negative_eigenvalue_matrix']:.0f} % of draws below zero"
-    )
+    symmetric, below = (100 * ls[key] for key in ("symmetric", "negative_eigenvalue_matrix"))
+    words = f"least squares: symmetric in {symmetric:.4g} %,\n{below:.0f} % of draws below zero"
     ax.text(-gap, 0.9 * top, words, color=DARK_ORANGE, ha="right", va="center", fontsize="large")
     paper = UM * ls["paper"]["min_eigenvalue_matrix"]
     ax.plot([paper, paper], [0, 0.7 * top], "--", color=GREY, linewidth=2)

@@ -6,11 +6,16 @@ import numpy as np
 
 from testbench.bench import Cell, Model
 from testbench.dataset import Dataset
+from testbench.errors import BenchError
 from testbench.identify import Estimate, least_squares, reduce
 from testbench.identify.crossval import FOLDS, choose_strength, fold_poses
 from testbench.identify.prior import Metric, Prior, metric, rescaled
 from testbench.identify.regularised import Strength, gco_with, least_squares_with
 from testbench.identify.robust import Rejected, gco_robust, least_squares_robust
+
+LEAST_POSES = 2
+ROBUST_UNCERTAINTY = 0.3
+"""Relative uncertainty of a prior beside a robust loss, where none is given."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,8 @@ class Wish:
 
     Attributes:
         prior: Expected compliances; None for no prior.
-        uncertainty: How far they may be off, relative [1]; None to choose by cross-validation over poses.
+        uncertainty: How far they may be off, relative [1]; None to choose by cross-validation over poses, or
+            `ROBUST_UNCERTAINTY` with a robust loss: cross-validation would see the outliers.
         robust: Whether outliers are looked for.
     """
 
@@ -59,6 +65,14 @@ def _prior(cell: Cell, model: Model, data: Dataset, wish: Wish) -> tuple[Metric,
     own = rescaled(metric(wish.prior, cell.vjm, model.structure), regression)
     if wish.uncertainty is not None:
         return own, Strength(wish.uncertainty)
-    folds = fold_poses(cell.vjm, model.structure, data, min(FOLDS, len(np.unique(data.pose))))
+    if wish.robust:
+        return own, Strength(ROBUST_UNCERTAINTY)
+    poses = len(np.unique(data.pose))
+    if poses < LEAST_POSES:
+        raise BenchError(
+            f"prior: expected at least {LEAST_POSES} poses to cross-validate its uncertainty, got {poses}; "
+            "give it (--uncertainty-percent)"
+        )
+    folds = fold_poses(cell.vjm, model.structure, data, min(FOLDS, poses))
     regularised = least_squares_with if model.estimator is least_squares else gco_with
     return own, choose_strength(folds, own, regularised)[0]

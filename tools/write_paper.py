@@ -28,17 +28,20 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    runs: Annotated[Path, typer.Argument(help="Folder with one run of every study.")] = ROOT
-    / "runs"
-    / "paper",
-    out: Annotated[Path, typer.Option(help="Markdown to write.")] = ROOT / "docs" / "paper.md",
+    runs: Annotated[Path, typer.Argument(help="Folder with one run of every study.")] = RUNS,
+    out: Annotated[Path, typer.Option(help="Markdown to write.")] = PAGE,
 ) -> None:
     """Fill the template with the numbers of the reports."""
     text = TEMPLATE.read_text(encoding="utf-8")
     page = PLACE.sub(lambda match: fill(runs, match[1].strip()), text)
-    for name in FIGURES.findall(page):
-        shutil.copyfile(runs / Path(name).stem / name, out.parent / name)
-    out.write_text(page, encoding="utf-8")
+    try:
+        out.write_text(page, encoding="utf-8")
+        for name in FIGURES.findall(page):
+            shutil.copyfile(runs / Path(name).stem / name, out.parent / name)
+    except OSError as err:
+        raise InputError(
+            Path(err.filename or out), "", f"cannot be copied or written: {err.strerror}"
+        ) from err
     print(out)
 
 

@@ -66,7 +66,7 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
     Args:
         prior: The right one.
         scale: Factor of all compliances.
-        shape: Standard deviation of the logarithm of each axis's own factor, on both sides of C [1].
+        shape: Standard deviation of the logarithm of each axis's own factor, that of its diagonal entry [1].
         rng: Source of those factors.
 
     Raises:
@@ -74,7 +74,7 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
     """
     if not scale > 0 or not shape >= 0:
         raise BenchError(f"prior: expected a scale above 0 and a shape of at least 0, got {scale}, {shape}")
-    factor = np.exp(shape * rng.standard_normal(len(prior.C_theta)))
+    factor = np.exp(shape / 2 * rng.standard_normal(len(prior.C_theta)))  # on both sides of C
     name = f"{prior.name}, {scale:g} times, shape {100 * shape:g} % off"
     return Prior(name, scale * factor[:, None] * prior.C_theta * factor)
 

@@ -17,6 +17,8 @@ from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import Regression, f_m
 
+RANGE = 1e-6, 1e6
+"""Relative uncertainties of a prior that mean something [1]."""
 SLACK = 1e-2
 """Share by which F_M may exceed its optimum while the trace is made least."""
 GAP = 1e-6
@@ -39,11 +41,13 @@ class Strength:
         """Refuse what is no standard deviation.
 
         Raises:
-            BenchError: When one is not above 0.
+            BenchError: When one is not above 0, or out of RANGE.
         """
-        for name in ("uncertainty", "scale_uncertainty"):
-            if not getattr(self, name) > 0:
-                raise BenchError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        low, high = RANGE
+        if not low <= self.uncertainty <= high:
+            raise BenchError(f"uncertainty: expected {low:g} to {high:g}, got {self.uncertainty}")
+        if not self.scale_uncertainty >= low:
+            raise BenchError(f"scale_uncertainty: expected at least {low:g}, got {self.scale_uncertainty}")
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:

@@ -61,7 +61,7 @@ Means of normal 3-vectors then keep 95 % of their efficiency: what 1.345 is for 
 REJECT = 4.033
 """Length beyond which a reading is rejected: the 99.9 % quantile of a standard normal 3-vector.
 
-At 99 % every second campaign of 45 sound readings would lose one, and gain nothing for it.
+At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
 MOST_REJECTED = 1 / 3
 """Share of rejected readings beyond which the advice doubts that they are outliers."""

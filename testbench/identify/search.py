@@ -346,7 +346,8 @@ def _judge(search: Search) -> Estimate:
         status = "threshold cannot be reached"
         count += (
             f"; F_M of {goal:.4g} cannot be reached: certified, no conservative model of "
-            f"{problem.regression.structure.name} has one below {lower:.4g}"
+            f"{problem.regression.structure.name} within the certificate's trace bounds has one below "
+            f"{lower:.4g}"
         )
     else:
         status = "budget spent"

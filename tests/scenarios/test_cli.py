@@ -223,7 +223,7 @@ def test_identifiability_is_said_before_any_fit(simulated, tmp_path):
     ("flags", "text"),
     [
         (["--uncertainty-percent", "30"], "expected --prior with it"),
-        (["--prior", "--uncertainty-percent", "0"], "uncertainty: expected more than 0"),
+        (["--prior", "--uncertainty-percent", "0"], "uncertainty: expected 1e-06"),
         (["--prior", "--model", "MLS32"], "MLS32 lacks entries"),
     ],
 )
