@@ -1,6 +1,7 @@
 """Recordings on a screen, and as pictures where there is none: the viewer as a program of its own."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -87,6 +88,8 @@ def shot(
     Raises:
         BenchError: When there is no recording, no driver, no such tab, or the viewer fails.
     """
+    if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", size):
+        raise BenchError(f"size: expected WIDTHxHEIGHT in pixels, such as 1600x1000, got {size!r}")
     file, driver = newest(folder), _software_driver()
     try:
         png.parent.mkdir(parents=True, exist_ok=True)

@@ -231,3 +231,10 @@ def test_bad_wishes_for_a_prior_are_refused(simulated, tmp_path, flags, text):
     done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "out")
     assert text in refused(done)
     assert not (tmp_path / "out").exists()
+
+
+def test_bad_places_and_sizes_of_pictures_are_refused(simulated, tmp_path):
+    for name in ("seen.txt", "no/such/seen.png"):
+        done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / name)
+        assert "expected the name of a .png in a folder that exists" in refused(done)
+    assert "size: expected WIDTHxHEIGHT" in refused(run("shot", tmp_path, "--size", "foo"))
