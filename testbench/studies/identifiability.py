@@ -24,6 +24,7 @@ from testbench.identify.crossval import (
     fold_poses,
     held_out_errors,
     one_standard_error,
+    with_prior,
 )
 from testbench.identify.prior import Metric, Prior, cad_prior, distorted, metric, rescaled
 from testbench.identify.regression import Regression
@@ -193,10 +194,7 @@ def _workspace_mm(cell: Cell, campaign: Campaign, estimate: Estimate) -> float:
 
 def _fit(cell: Cell, data: Dataset, name: str, prior: Prior, fit: Regularised) -> Estimate:
     """With a prior whose strength is chosen by cross-validation."""
-    structure = STRUCTURES[name](cell)
-    own = _metric(cell, data, structure, prior)
-    strength, _ = choose_strength(fold_poses(cell.vjm, structure, data, _folds(data)), own, fit)
-    return fit(reduce(cell.vjm, structure, data), own, strength)
+    return with_prior(cell.vjm, STRUCTURES[name](cell), data, prior=prior, fit=fit)
 
 
 def _prior_only(cell: Cell, campaign: Campaign, prior: Prior) -> Report:
