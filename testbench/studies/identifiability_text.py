@@ -153,7 +153,7 @@ def _coverage(report: Report) -> str:
     return (
         f"Intervals of 95 % contain the true deflection in {100 * min(exact.values()):.1f} to "
         f"{100 * max(exact.values()):.1f} % ({inside} of {len(exact)} kinds within {100 * low:g} to "
-        f"{100 * high:g} %), set bounds in {100 * min(sets):.1f} % or more."
+        f"{100 * high:g} %), set bounds in at least {100 * min(sets):.1f} %."
     )
 
 
@@ -188,9 +188,9 @@ def markdown(report: Report) -> str:
             "",
             *_coverage_table(report["coverage"]),
             "",
-            "With a prior the truth of every dataset is drawn from it. Set bounds hold for all deflections "
-            "at once "
-            "and for every conservative model up to ten times the prior: wide, and never short.",
+            "With a prior of 10 % the truth of every dataset is drawn from it; the cone hardly binds there. "
+            "Set bounds hold for all deflections at once and for every conservative model up to ten times "
+            "the prior: wide.",
             "",
         ]
     )
