@@ -1,5 +1,6 @@
 """Reports that are sweeps: their rows as points, their words as questions and answers."""
 
+from testbench.recording.style import GREENS, ORANGES, Colour
 from testbench.recording.sweep import Point, Sweep
 from testbench.report import Report, middle
 from testbench.studies import identifiability_text, loaded_text
@@ -74,7 +75,7 @@ def identifiability(report: Report, parameters: object) -> Sweep:
         measured="RMS error over the workspace",
         unit="mm",
         points=points,
-        colours={},
+        colours=_roles(models),
         remarks="\n\n".join([*others, *(f"- {text}" for text in report["seen"]["sentences"])]),
     )
 
@@ -84,3 +85,15 @@ def _ends(value: object) -> tuple[float, float]:
     if isinstance(value, dict):
         return value["p05"], value["p95"]
     return middle(value), middle(value)
+
+
+def _roles(models: list[str]) -> dict[str, Colour]:
+    """Orange for least squares, shades of green for GCO, those with a prior first."""
+    by_prior = sorted(models, key=lambda name: "prior" not in name)
+    greens = [name for name in by_prior if not name.startswith("MLS")]
+    oranges = [name for name in by_prior if name.startswith("MLS")]
+    return {
+        name: shades[k % len(shades)]
+        for names, shades in ((greens, GREENS), (oranges, ORANGES))
+        for k, name in enumerate(names)
+    }
