@@ -22,7 +22,7 @@ from testbench.dataset import split
 from testbench.errors import BenchError, InputError
 from testbench.evaluate import predict, score
 from testbench.figures_identifiability import shares
-from testbench.fits import Wish, fit
+from testbench.fits import Wish, fit, recommend
 from testbench.identify import identifiability_text
 from testbench.identify.identifiability import describe
 from testbench.identify.identifiability_report import to_dict
@@ -150,6 +150,13 @@ def identify(
     console.print(tables.fits(fits))
     for sentence in doubts(cell.vjm, data):
         console.print(f"- DOUBT: {sentence}")
+    if len(chosen) > 1 and len(np.unique(used.pose)) > 1:
+        name, candidates = recommend(cell, chosen, used, wish)
+        listed = ", ".join(f"{c.name} {c.error:.2f} +- {c.standard_error:.2f}" for c in candidates)
+        console.print(
+            f"- recommended: {name}, the simplest within one standard error of the best; F_M on poses and load "
+            f"levels held out in turn: {listed}"
+        )
     if check is None:
         console.print("- no pose was held back (--check-pose): how well a model fits is not how it predicts")
     for sentence in dict.fromkeys(text for row in fits for text in row["advice"]):

@@ -1,7 +1,7 @@
-"""Cross-validation over poses: how firmly to believe a prior, and which model to use.
+"""Cross-validation over poses and load levels: how firmly to believe a prior, and which model to use.
 
 Runs of one pose share its geometry, so that a pose is held out whole: what counts is the error at poses that
-were never fitted.
+were never fitted. So it is with the runs of one load, where the data have several.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from testbench.dataset import Dataset, select
+from testbench.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
 from testbench.identify.prior import Metric, Prior, metric, rescaled
@@ -22,6 +22,8 @@ from testbench.vjm import Vjm
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
 FOLDS = 8
+LEVEL_DIGITS = 1
+"""Decimals of a force [N] or moment [N m] within which two loads are of one level."""
 
 Fit = Callable[[Regression], Estimate]
 Regularised = Callable[[Regression, Metric, Strength], Estimate]
@@ -80,12 +82,36 @@ def fold_poses(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS
         raise BenchError(
             f"cross-validation: expected 2 to {len(poses)} folds, as many as poses at most, got {folds}"
         )
-    found = []
-    for k in range(folds):
-        held_out = np.isin(data.pose, poses[k::folds])
-        parts = [reduce(vjm, structure, select(data, mask)) for mask in (~held_out, held_out)]
-        found.append(Fold(*parts))
-    return found
+    return [_fold(vjm, structure, data, np.isin(data.pose, poses[k::folds])) for k in range(folds)]
+
+
+def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
+    """A fold for every load level, held out whole; none where the data have only one.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs; loads whose force and moment have the same length are one level.
+    """
+    size = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
+    levels, level = np.unique(size.round(LEVEL_DIGITS), axis=0, return_inverse=True)
+    if len(levels) < 2:
+        return []
+    return [_fold(vjm, structure, data, level.ravel() == k) for k in range(len(levels))]
+
+
+def every_fold(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS) -> list[Fold]:
+    """Folds over poses, as many as there are up to `folds`, and over load levels where there are several.
+
+    Raises:
+        BenchError: When there is only one pose.
+    """
+    poses = len(np.unique(data.pose))
+    return fold_poses(vjm, structure, data, min(folds, poses)) + fold_loads(vjm, structure, data)
+
+
+def _fold(vjm: Vjm, structure: Structure, data: Dataset, held_out: Mask) -> Fold:
+    return Fold(*(reduce(vjm, structure, select(data, mask)) for mask in (~held_out, held_out)))
 
 
 def held_out_errors(folds: Sequence[Fold], fit: Fit) -> Array:
@@ -146,8 +172,7 @@ def with_prior(
     whole = reduce(vjm, structure, data)
     chosen = rescaled(metric(prior, vjm, structure), whole)
     if strength is None:
-        poses = len(np.unique(data.pose))
-        strength, _ = choose_strength(fold_poses(vjm, structure, data, min(folds, poses)), chosen, fit)
+        strength, _ = choose_strength(every_fold(vjm, structure, data, folds), chosen, fit)
     return fit(whole, chosen, strength)
 
 

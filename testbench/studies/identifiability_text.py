@@ -184,6 +184,12 @@ def markdown(report: Report) -> str:
             "",
             *_rows(report["scales"], "scale"),
             "",
+            "## Model choice by cross-validation over poses, with the prior",
+            "",
+            *_choices(report["choice"]),
+            "",
+            "The rule takes the simplest model within one standard error of the best F_M on poses held out.",
+            "",
             "## Coverage of 95 % intervals of predicted deflections (linear truth)",
             "",
             *_coverage_table(report["coverage"]),
@@ -243,5 +249,20 @@ def _coverage_table(rows: Report) -> list[str]:
                 f"{100 * row['unbounded']:.0f}",
             ]
             for name, row in rows.items()
+        ],
+    )
+
+
+def _choices(choice: Report) -> list[str]:
+    return grid(
+        ["model", "recommended", "F_M held out", "RMS workspace, mm"],
+        [
+            [
+                name,
+                show_truth(share),
+                show(choice["held_out_f_m"][name], ".2f"),
+                show(choice["workspace_mm"][name]),
+            ]
+            for name, share in choice["chosen"].items()
         ],
     )

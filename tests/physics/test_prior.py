@@ -1,5 +1,7 @@
 """Priors: their metric, what they do to least squares and GCO, how firmly to believe them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from testbench.evaluate import predict, score
 from testbench.identify import gco, reduce
 from testbench.identify.crossval import (
     choose_strength,
+    every_fold,
+    fold_loads,
     fold_poses,
     held_out_errors,
     one_standard_error,
@@ -175,6 +179,17 @@ def test_folds_hold_whole_poses_out_and_cover_all_runs(kr500):
     equations = [fold.held_out.equations for fold in folds]
     assert sum(equations) == 9 * data.runs
     assert all(f.fitted.equations + f.held_out.equations == 9 * data.runs for f in folds)
+
+
+def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
+    light, heavy = (campaign(kr500, 1, payload=mass).identification for mass in (200.0, 460.3))
+    structure = template56(kr500.arm)
+    assert fold_loads(kr500.vjm, structure, heavy) == []
+    names = ("run", "pose", "q", "wrench", "point", "before", "after")
+    both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
+    folds = fold_loads(kr500.vjm, structure, both)
+    assert [fold.held_out.equations for fold in folds] == [9 * light.runs, 9 * heavy.runs]
+    assert len(every_fold(kr500.vjm, structure, both)) == 8 + 2
 
 
 def test_cross_validation_takes_the_strength_that_predicts_best(kr500):

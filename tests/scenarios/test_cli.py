@@ -238,3 +238,12 @@ def test_bad_places_and_sizes_of_pictures_are_refused(simulated, tmp_path):
         done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / name)
         assert "expected the name of a .png in a folder that exists" in refused(done)
     assert "size: expected WIDTHxHEIGHT" in refused(run("shot", tmp_path, "--size", "foo"))
+
+
+def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp_path):
+    flags = ["--prior", "--uncertainty-percent", "30", "--model", "MGCO56", "--model", "MGCO47"]
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert "recommended: MGCO" in words
+    assert "held out in turn: MGCO56 " in words
