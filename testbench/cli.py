@@ -154,8 +154,8 @@ def identify(
         name, candidates = recommend(cell, chosen, used, wish)
         listed = ", ".join(f"{c.name} {c.error:.2f} +- {c.standard_error:.2f}" for c in candidates)
         console.print(
-            f"- recommended: {name}, the simplest within one standard error of the best; F_M on poses and load "
-            f"levels held out in turn: {listed}"
+            f"- recommended: {name}, the simplest within one standard error of the best; F_M on poses and "
+            f"load levels held out in turn: {listed}"
         )
     if check is None:
         console.print("- no pose was held back (--check-pose): how well a model fits is not how it predicts")
