@@ -41,13 +41,13 @@ class Strength:
         """Refuse what is no standard deviation.
 
         Raises:
-            BenchError: When one is not above 0, or out of RANGE.
+            BenchError: When the uncertainty is out of RANGE, or that of the scale not above 0.
         """
         low, high = RANGE
         if not low <= self.uncertainty <= high:
             raise BenchError(f"uncertainty: expected {low:g} to {high:g}, got {self.uncertainty}")
-        if not self.scale_uncertainty >= low:
-            raise BenchError(f"scale_uncertainty: expected at least {low:g}, got {self.scale_uncertainty}")
+        if not self.scale_uncertainty > 0:
+            raise BenchError(f"scale_uncertainty: expected more than 0, got {self.scale_uncertainty}")
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
