@@ -25,7 +25,7 @@ from testbench.identify.regularised import Strength
 from testbench.recording import sweeps, write_sweep
 from testbench.structure import mgco68
 from testbench.studies import identifiability, identifiability_text
-from testbench.studies.coverage import coverage_table
+from testbench.studies.coverage import bent_table, coverage_table
 from testbench.trials import run_trials
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -73,6 +73,7 @@ def main(
                 bootstraps=min(datasets, BOOTSTRAPS),
                 workers=workers,
             )
+            report["bent_coverage"] = bent_table(arm, max(2, datasets // 5), workers=workers)
         write_csv(first.measured, tuple(j.name for j in cell.arm.joints), folder / "dataset.csv")
         files.write_json(report, folder / "report.json")
         (folder / "report.md").write_text(identifiability_text.markdown(report), encoding="utf-8")

@@ -178,7 +178,7 @@ def where(out: Path, *, figures: Sequence[str], data: str = "dataset.csv") -> st
     return (
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / data}\n"
         f"figures    {', '.join(str(out / name) for name in figures)}\n"
-        f"recording  {out / 'recording.rrd'}; open it with: .venv/bin/rerun {out / 'recording.rrd'}"
+        f"recording  {out / 'recording.rrd'}; open it with: .venv/bin/testbench view {out}"
     )
 
 

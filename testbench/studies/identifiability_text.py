@@ -153,7 +153,14 @@ def _coverage(report: Report) -> str:
     return (
         f"Intervals of 95 % contain the true deflection in {100 * min(exact.values()):.1f} to "
         f"{100 * max(exact.values()):.1f} % ({inside} of {len(exact)} kinds within {100 * low:g} to "
-        f"{100 * high:g} %), set bounds in at least {100 * min(sets):.1f} %."
+        f"{100 * high:g} %), set bounds in at least {100 * min(sets):.1f} %. The same arm in "
+        f"every dataset: {_bent(report)}."
+    )
+
+
+def _bent(report: Report) -> str:
+    return ", ".join(
+        f"{100 * row['covered']:.1f} % ({name})" for name, row in report["bent_coverage"].items()
     )
 
 
@@ -192,7 +199,7 @@ def markdown(report: Report) -> str:
             "",
             "## Coverage of 95 % intervals of predicted deflections (linear truth)",
             "",
-            *_coverage_table(report["coverage"]),
+            *_coverage_table(report["coverage"] | report["bent_coverage"]),
             "",
             "With a prior of 10 % the truth of every dataset is drawn from it; the cone hardly binds there. "
             "Set bounds hold for all deflections at once and for every conservative model up to ten times "
