@@ -1,0 +1,211 @@
+"""What makes a plan good: information functions of the information matrix M, each with its certificate.
+
+Every criterion Phi is concave in M and positively homogeneous (Pukelsheim 1993, ch. 5), so that its
+efficiency Phi(plan) / Phi(best) is a share. `dual(M)` is a matrix Z with Phi(M') <= <Z, M'> for every M':
+what the equivalence theorem needs to bound all plans at once. `after(M, rows)` is Phi with one more
+candidate, for every candidate, by updates of rank k.
+
+D: det(M)^(1/r). A: 1 / tr(M^-1). E: least eigenvalue. I and the test-pose criterion (Klimchik et al.,
+Robotics and CIM 2014; Wu et al. 2015): 1 / tr(W M^-1), W the mean of the prediction rows' squares. G: 1 /
+largest prediction variance. Formulas: Fedorov (1972), Pukelsheim (1993); for calibration poses Sun and
+Hollerbach (ICRA 2008).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from testbench.errors import Array
+
+POWER = 12
+"""Sharpness of the smooth stand-in for a largest value, G and E."""
+SHORTLIST = 32
+"""Candidates for which G and E are computed exactly; the stand-in ranks the others."""
+
+
+class Criterion(Protocol):
+    """An information function."""
+
+    @property
+    def name(self) -> str:
+        """One letter, or "test"."""
+        ...
+
+    def information(self, M: Array) -> float:
+        """Phi(M) of an information matrix, (r, r)."""
+        ...
+
+    def after(self, M: Array, rows: Array) -> Array:
+        """Phi(M + F^T F) for each F of `rows`, (candidates, k, r); 0 where it was not worth computing."""
+        ...
+
+    def dual(self, M: Array) -> Array:
+        """Z with Phi(M') <= <Z, M'> for all M', nearly equal at M, (r, r)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Determinant:
+    """D: det(M)^(1/r), the volume of the confidence ellipsoid."""
+
+    name: str = "D"
+
+    def information(self, M: Array) -> float:
+        """det(M)^(1/r)."""
+        sign, size = np.linalg.slogdet(M)
+        return float(np.exp(size / len(M))) if sign > 0 else 0.0
+
+    def after(self, M: Array, rows: Array) -> Array:
+        """By det(M + F^T F) = det(M) det(1 + F M^-1 F^T)."""
+        K = _leverage(rows @ np.linalg.inv(M), rows)
+        return np.asarray(self.information(M) * np.exp(np.linalg.slogdet(K)[1] / len(M)))
+
+    def dual(self, M: Array) -> Array:
+        """Phi(M) M^-1 / r: the arithmetic mean of eigenvalues is no less than the geometric."""
+        return np.asarray(self.information(M) * np.linalg.inv(M) / len(M))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """1 / tr(W M^-1): A with W = 1, I with the workspace's W, the test-pose criterion with the tasks'.
+
+    Attributes:
+        name: For reports.
+        W: Symmetric, positive semi-definite, (r, r).
+    """
+
+    name: str
+    W: Array
+
+    def information(self, M: Array) -> float:
+        """1 / tr(W M^-1)."""
+        return float(1 / np.trace(np.linalg.solve(M, self.W)))
+
+    def after(self, M: Array, rows: Array) -> Array:
+        """By Woodbury's formula."""
+        return np.asarray(1 / _cost_after(M, rows, self.W))
+
+    def dual(self, M: Array) -> Array:
+        """M^-1 W M^-1 / tr(W M^-1)^2: a tangent of a concave function that is homogeneous."""
+        return _tangent(M, self.W)
+
+
+@dataclass(frozen=True)
+class Largest:
+    """G and E: 1 / the largest of several costs, each a `Linear` one.
+
+    The stand-in weights every cost by its size to the power `POWER`; a mean is no larger than the maximum, so
+    that the tangent of the weighted criterion bounds this one too.
+
+    Attributes:
+        name: For reports.
+        largest: The largest cost at M.
+        weights: W of the weighted mean of the costs at M, the weights' sum being one, (r, r).
+    """
+
+    name: str
+    largest: Callable[[Array], float]
+    weights: Callable[[Array], Array]
+
+    def information(self, M: Array) -> float:
+        """1 / largest cost."""
+        return 1 / self.largest(M)
+
+    def after(self, M: Array, rows: Array) -> Array:
+        """Exact for the candidates that the stand-in ranks first."""
+        found = np.zeros(len(rows))
+        first = np.arange(len(rows))
+        if len(rows) > SHORTLIST:
+            cost = _cost_after(M, rows, self.weights(M))
+            first = np.argpartition(cost, SHORTLIST)[:SHORTLIST]
+        found[first] = [self.information(M + F.T @ F) for F in rows[first]]
+        return found
+
+    def dual(self, M: Array) -> Array:
+        """That of the weighted mean."""
+        return _tangent(M, self.weights(M))
+
+
+def criterion_d() -> Determinant:
+    """D-optimality."""
+    return Determinant()
+
+
+def criterion_a(r: int) -> Linear:
+    """A-optimality: mean variance of the unknowns."""
+    return Linear("A", np.eye(r) / r)
+
+
+def criterion_e() -> Largest:
+    """E-optimality: least eigenvalue of M, the largest of M^-1.
+
+    M^-1 has trace-one weights V (values^POWER) V^T in its own eigenvectors.
+    """
+
+    def largest(M: Array) -> float:
+        return float(1 / np.linalg.eigvalsh(M)[0])
+
+    def weights(M: Array) -> Array:
+        values, V = np.linalg.eigh(M)
+        share = (values[0] / values) ** POWER
+        return np.asarray((V * (share / share.sum())) @ V.T)
+
+    return Largest("E", largest, weights)
+
+
+def criterion_g(rows: Array) -> Largest:
+    """G-optimality: worst mean square error of a pose.
+
+    Args:
+        rows: Predictions per unit of a, (poses, k, r) [m].
+    """
+
+    def costs(M: Array) -> Array:
+        half = rows @ np.linalg.inv(np.linalg.cholesky(M)).T
+        return np.asarray((half**2).sum(axis=(1, 2)) / _points(rows))
+
+    def largest(M: Array) -> float:
+        return float(costs(M).max())
+
+    def weights(M: Array) -> Array:
+        size = costs(M)
+        share = (size / size.max()) ** POWER
+        A = np.sqrt(share / share.sum() / _points(rows))[:, None, None] * rows
+        return np.asarray(A.reshape(-1, A.shape[-1]).T @ A.reshape(-1, A.shape[-1]))
+
+    return Largest("G", largest, weights)
+
+
+def mean_square(rows: Array) -> Array:
+    """W of predictions: tr(W M^-1) is the mean square distance of a predicted target [m^2].
+
+    Args:
+        rows: Predictions per unit of a, three axes a target, (poses, 3 m, r) [m].
+    """
+    A = rows.reshape(-1, rows.shape[-1])
+    return np.asarray(A.T @ A / (len(rows) * _points(rows)))
+
+
+def _points(rows: Array) -> float:
+    """Targets a pose."""
+    return float(rows.shape[1] / 3)
+
+
+def _leverage(P: Array, rows: Array) -> Array:
+    """1 + F M^-1 F^T of every candidate, (candidates, k, k)."""
+    return np.asarray(np.eye(rows.shape[1]) + P @ rows.swapaxes(1, 2))
+
+
+def _cost_after(M: Array, rows: Array, W: Array) -> Array:
+    """tr(W (M + F^T F)^-1) for each F, (candidates,)."""
+    I = np.linalg.inv(M)  # noqa: E741 - of rank k updates, as in the books
+    P = rows @ I
+    gain = np.linalg.solve(_leverage(P, rows), (P @ W) @ P.swapaxes(1, 2))
+    return np.asarray(np.trace(I @ W) - np.trace(gain, axis1=1, axis2=2))
+
+
+def _tangent(M: Array, W: Array) -> Array:
+    half = np.linalg.solve(M, W)
+    return np.asarray(np.linalg.solve(M, half.T) / np.trace(half) ** 2)

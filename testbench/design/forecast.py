@@ -1,0 +1,68 @@
+"""What a plan promises: deflections to expect and the error of predicting them after identification."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.design.rows import Problem
+from testbench.errors import Array
+
+DRAWS = 4000
+"""Draws of the remaining error behind an interval."""
+OUTSIDE = 1e-6
+"""Share of a prediction's rows outside what the candidates show that counts as unseen."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """RMS distance of a predicted from a true target, pose by pose and over all, with an interval.
+
+    The interval holds 90 % of the errors that noise and what the prior leaves open can make.
+
+    Attributes:
+        error: In every pose, (poses,) [m]; infinite where the loads of the plan cannot show what is asked.
+        low: 5th percentile, (poses,) [m].
+        high: 95th percentile, (poses,) [m].
+        overall: Root mean square over all poses [m].
+        overall_low: 5th percentile of that [m].
+        overall_high: 95th percentile [m].
+    """
+
+    error: Array
+    low: Array
+    high: Array
+    overall: float
+    overall_low: float
+    overall_high: float
+
+
+def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
+    """Errors to expect of a linear model and normal noise.
+
+    Args:
+        problem: Coordinates of the plan.
+        M: Its information matrix, (r, r).
+        rows: Predictions per unit of x, three axes a target, (poses, 3 m, n) [m].
+    """
+    targets = rows.shape[1] / 3
+    half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
+    C = half.T @ half + problem.hidden
+    values, V = np.linalg.eigh(C)
+    root = V * np.sqrt(np.maximum(values, 0))
+    draws = root @ np.random.Generator(np.random.Philox(0)).standard_normal((len(C), DRAWS))
+    square = np.stack([np.square(A @ draws).sum(axis=0) for A in rows]) / targets  # (poses, draws)
+    mean = np.einsum("pkn,nl,pkl->p", rows, C, rows, optimize=True) / targets
+    unseen = np.linalg.norm(rows @ problem.unseen, axis=(1, 2)) > OUTSIDE * np.linalg.norm(rows, axis=(1, 2))
+    mean = np.where(unseen, np.inf, mean)
+    square[unseen] = np.inf
+    low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
+    over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
+    return Forecast(
+        error=np.sqrt(mean),
+        low=low,
+        high=high,
+        overall=math.sqrt(mean.mean()),
+        overall_low=math.sqrt(over[0]),
+        overall_high=math.sqrt(over[1]),
+    )

@@ -1,0 +1,113 @@
+"""From the best candidates to better angles: a local search in the joint angles, pose after pose.
+
+A random search with a shrinking step (an evolution strategy with one parent): many neighbours of a pose are
+judged at once by updates of the information matrix, and only those that would help are asked whether they
+are feasible.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.design.criteria import Criterion
+from testbench.errors import Array
+
+NEIGHBOURS = 64
+"""Neighbours of a pose that are judged at a time."""
+FEWER = 16
+"""The same where many poses climb at once."""
+ROUNDS = 14
+STEP, SHRINK = 0.25, 0.7
+"""First standard deviation of a joint's step [rad], and its factor after a round without gain."""
+TRIES = 8
+"""Neighbours, the best first, that are asked for feasibility in a round."""
+BETTER = 1e-6
+"""Relative gain below which a step does not count."""
+
+Rows = Callable[[Array, int], Array]
+"""Whitened rows (poses, k, r) of angles (poses, n), measured as the pose of this place in the plan is."""
+Feasible = Callable[[Array], npt.NDArray[np.bool_]]
+
+
+def refine(
+    q: Array,
+    *,
+    prior: Array,
+    criterion: Criterion,
+    rows: Rows,
+    feasible: Feasible,
+    limits: Array,
+    rng: np.random.Generator,
+) -> Array:
+    """Better joint angles for every pose of a plan, none of them worse.
+
+    Args:
+        q: The plan, (poses, n) [rad].
+        prior: Information before any reading, (r, r).
+        criterion: What makes a plan good.
+        rows: What a pose tells.
+        feasible: Which poses the arm can take and the tracker can see.
+        limits: Lower and upper joint limits, (2, n) [rad].
+        rng: Source of the steps.
+
+    Returns:
+        (poses, n) [rad].
+    """
+    q = q.copy()
+    own = np.stack([rows(pose[None], k)[0] for k, pose in enumerate(q)])
+    step = np.full(len(q), STEP)
+    value = criterion.information(_total(prior, own))
+    for _ in range(ROUNDS):
+        for k in range(len(q)):
+            trial = np.clip(q[k] + step[k] * rng.standard_normal((NEIGHBOURS, q.shape[1])), *limits)
+            seen = rows(trial, k)
+            reached = criterion.after(_total(prior, np.delete(own, k, axis=0)), seen)
+            better = [i for i in np.argsort(-reached)[:TRIES] if reached[i] > (1 + BETTER) * value]
+            allowed = np.flatnonzero(feasible(trial[better])).tolist() if better else []
+            if allowed:
+                best = better[allowed[0]]
+                q[k], own[k], value = trial[best], seen[best], float(reached[best])
+            else:
+                step[k] *= SHRINK
+    return q
+
+
+def ascend(
+    q: Array,
+    usefulness: Callable[[Array], Array],
+    *,
+    feasible: Feasible,
+    limits: Array,
+    rng: np.random.Generator,
+) -> Array:
+    """Poses more useful than their starts by a measure that asks one pose alone, all of them at once.
+
+    Args:
+        q: Starts, (poses, n) [rad].
+        usefulness: Of poses (poses, n) [rad], (poses,).
+        feasible: Which poses the arm can take and the tracker can see.
+        limits: Lower and upper joint limits, (2, n) [rad].
+        rng: Source of the steps.
+
+    Returns:
+        (poses, n) [rad].
+    """
+    q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
+    for _ in range(ROUNDS):
+        noise = rng.standard_normal((FEWER, *q.shape))
+        trial = np.clip(q + step[:, None] * noise, *limits)
+        reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(FEWER, -1)
+        best = reached.argmax(axis=0)
+        trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
+        better = np.flatnonzero(reached > (1 + BETTER) * value)
+        better = better[feasible(trial[better])] if len(better) else better
+        q[better], value[better] = trial[better], reached[better]
+        worse = np.setdiff1d(np.arange(len(q)), better)
+        step[worse] *= SHRINK
+    return q
+
+
+def _total(prior: Array, rows: Array) -> Array:
+    A = rows.reshape(-1, prior.shape[0])
+    return np.asarray(prior + A.T @ A)

@@ -1,0 +1,127 @@
+"""The relaxed problem: how much of each candidate, as a number, and what no plan of N poses can exceed.
+
+Weights w >= 0 with sum N instead of N poses make Phi(prior + sum w F^T F) a concave problem. With Z a dual
+at any M, Phi of every plan is at most <Z, prior> + N max <Z, F^T F>: the equivalence theorem (Kiefer and
+Wolfowitz 1960) read as a bound. The multiplicative algorithm (Silvey, Titterington and Torsney 1978; Yu 2010)
+climbs on a working set of candidates; those that the bound blames for the gap join it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.design.criteria import Criterion
+from testbench.design.rows import Ids, Problem
+from testbench.errors import Array
+
+FIRST, JOINING = 120, 40
+"""Candidates of the first working set, and how many join it in a round."""
+STEPS, ROUNDS = 150, 40
+"""Steps of the multiplicative algorithm in a round, and rounds."""
+GAP = 2e-3
+"""Relative gap between value and bound at which the relaxation ends."""
+DROPPED = 1e-6
+"""Share of the mean weight below which a candidate leaves the working set."""
+ENTRY = 0.02
+"""Share of all weight given to those who join."""
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """The relaxed optimum.
+
+    Attributes:
+        support: Candidates with weight, (s,).
+        weights: Their weights, the sum is the number of poses, (s,).
+        value: Phi there.
+        bound: No plan of as many poses has more.
+        dual: Z that proves it, (r, r).
+    """
+
+    support: Ids
+    weights: Array
+    value: float
+    bound: float
+    dual: Array
+
+
+def bound(problem: Problem, poses: int, Z: Array) -> float:
+    """What no plan of so many poses among the candidates exceeds.
+
+    Args:
+        problem: The candidates.
+        poses: How many.
+        Z: A dual of the criterion, (r, r).
+    """
+    return float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
+
+
+def sensitivity(rows: Array, Z: Array) -> Array:
+    """<Z, F^T F> of every candidate, (candidates,)."""
+    return np.asarray(((rows @ Z) * rows).sum(axis=(1, 2)))
+
+
+def relax(problem: Problem, criterion: Criterion, poses: int) -> Relaxed:
+    """The best weights, to within `GAP`, and the bound.
+
+    Args:
+        problem: The candidates.
+        criterion: What makes a plan good.
+        poses: Sum of the weights.
+    """
+    S = np.linspace(0, len(problem.rows) - 1, min(FIRST, len(problem.rows))).astype(int)
+    w = np.full(len(S), poses / len(S))
+    best: Relaxed | None = None
+    for _ in range(ROUNDS):
+        w = _climb(problem, criterion, S, w)
+        M = _information(problem, S, w)
+        Z = criterion.dual(M)
+        g = sensitivity(problem.rows, Z)
+        limit = float((Z * problem.prior).sum() + poses * g.max())
+        value = criterion.information(M)
+        if best is None or limit < best.bound:
+            best = Relaxed(S, w, value, limit, Z)
+        if limit <= (1 + GAP) * value:
+            break
+        S, w = _exchange_members(g, S, w)
+    assert best is not None
+    return best
+
+
+def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
+    """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum."""
+    rows, total, power = problem.rows[S], w.sum(), 1.0
+    value = criterion.information(_information(problem, S, w))
+    for _ in range(STEPS):
+        Z = criterion.dual(_information(problem, S, w))
+        g = sensitivity(rows, Z)
+        if total * g.max() - w @ g <= GAP / 4 * value:
+            break
+        while power > 1e-3:
+            trial = w * (g / g.max()) ** power
+            trial *= total / trial.sum()
+            reached = criterion.information(_information(problem, S, trial))
+            if reached >= value:
+                w, value = trial, reached
+                break
+            power /= 2
+        else:
+            break
+    return w
+
+
+def _information(problem: Problem, S: Ids, w: Array) -> Array:
+    A = (np.sqrt(w)[:, None, None] * problem.rows[S]).reshape(-1, problem.r)
+    return np.asarray(problem.prior + A.T @ A)
+
+
+def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
+    """Those without weight leave the working set; the most wanted join it."""
+    total, stay = w.sum(), w > DROPPED * w.mean()
+    wanted = np.argsort(-g, kind="stable")[:JOINING]
+    new = np.setdiff1d(wanted, S[stay])
+    S, w = S[stay], w[stay]
+    if len(new):
+        w = np.r_[(1 - ENTRY) * w, np.full(len(new), ENTRY * total / len(new))]
+    S = np.r_[S, new]
+    return S, np.asarray(w * total / w.sum())

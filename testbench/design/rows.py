@@ -1,0 +1,161 @@
+"""What a reading in a pose tells of the unknowns before it is taken: whitened rows, prior, what is seen."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array, BenchError
+from testbench.identify.prior import Metric
+from testbench.identify.regression import RANK_TOLERANCE, marker_motion
+from testbench.identify.regularised import Strength, precision_root
+from testbench.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
+
+Ids = npt.NDArray[np.int_]
+
+SCALE_UNCERTAINTY = 10.0
+"""Relative uncertainty of the scale common to all compliances [1]: left to the data, but finite."""
+RIDGE = 1e-9
+"""Information without a prior, over that of all candidates: only keeps the first poses invertible."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """What hangs or pushes at the tool, in every pose the same or in each its own.
+
+    Attributes:
+        wrench: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
+    """
+
+    wrench: Array
+    point: Array
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """How every pose is measured.
+
+    Attributes:
+        vjm: The model.
+        metric: The unknowns in units of what a prior expects.
+        targets: Points that the tracker reads, in the tool's frame, (m, 3) [m].
+        sigma: Standard deviation of one reading along one axis [m].
+    """
+
+    vjm: Vjm
+    metric: Metric
+    targets: Array
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Candidates to choose from, in the coordinates that their loads can show.
+
+    The unknowns are x = expected + lift a + what no candidate shows; a has the prior's information.
+
+    Attributes:
+        rows: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
+        prior: Information on a before any reading, (r, r).
+        lift: x per unit of a, (n, r).
+        hidden: Covariance of x that stays whatever is measured, (n, n); infinite entries are left at zero.
+        unseen: Directions of x that no candidate shows and no prior bounds, (n, n - r); (n, 0) with a prior.
+    """
+
+    rows: Array
+    prior: Array
+    lift: Array
+    hidden: Array
+    unseen: Array
+
+    @property
+    def r(self) -> int:
+        """Number of directions that the candidates can show."""
+        return int(self.prior.shape[0])
+
+
+def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
+    """Whitened rows of a loaded and an unloaded reading of all targets in every pose.
+
+    In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist; the
+    triangular factor of that matrix leaves at most six rows a pose, Eq. (12).
+
+    Args:
+        experiment: How poses are measured.
+        q: Actuated joint angles, (poses, n) [rad].
+        load: The load.
+
+    Returns:
+        (poses, k, n) [1].
+    """
+    G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
+    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma))
+
+
+def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
+    """Deflections of the targets per unit of x, in the tool's axes, (poses, 3 m, n) [m]."""
+    return _rows(experiment, q, load, marker_motion(experiment.targets))
+
+
+def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
+    where = chain(experiment.vjm, q)
+    wrench, point = np.broadcast_to(load.wrench, (len(q), 6)), np.broadcast_to(load.point, (len(q), 3))
+    u = generalised_load(where, wrench, point)
+    J = np.tensordot(motion, twist_rows(where), axes=1)
+    A = np.stack([*parameter_rows(experiment.metric.structure, J, u)])
+    rows: Array = np.ascontiguousarray(A.transpose(2, 0, 1)) @ experiment.metric.L
+    return rows
+
+
+def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None) -> Problem:
+    """Candidates in the coordinates that they can show.
+
+    Args:
+        experiment: How poses are measured.
+        rows: Whitened rows of every candidate, (candidates, k, n).
+        uncertainty: Relative uncertainty of the prior [1]; None for no prior.
+
+    Raises:
+        BenchError: When no candidate moves a target.
+    """
+    n = rows.shape[-1]
+    R: Array = np.asarray(np.linalg.qr(rows.reshape(-1, n), mode="r"))
+    _, s, Vt = np.linalg.svd(R)
+    if not s[0] > 0:
+        raise BenchError("candidates: expected loads that move a target, no reading changes under them")
+    r = int((s > RANK_TOLERANCE * s[0]).sum())
+    seen, rest = Vt[:r].T, Vt[r:].T
+    if uncertainty is None:
+        ridge = RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
+        return Problem(rows @ seen, ridge, seen, np.zeros((n, n)), rest)
+    B, _ = precision_root(experiment.metric, Strength(uncertainty, SCALE_UNCERTAINTY))
+    M = B.T @ B
+    if r == n:
+        return Problem(rows @ seen, seen.T @ M @ seen, seen, np.zeros((n, n)), rest)
+    covariance = np.linalg.inv(rest.T @ M @ rest)
+    follow = covariance @ (rest.T @ M @ seen)
+    prior = seen.T @ M @ seen - (seen.T @ M @ rest) @ follow
+    lift = seen - rest @ follow
+    return Problem(rows @ seen, prior, lift, rest @ covariance @ rest.T, np.zeros((n, 0)))
+
+
+def more(problem: Problem, rows: Array) -> Problem:
+    """The same problem with more candidates, whitened rows (candidates, k, n).
+
+    What they show beyond the directions of the problem is left out.
+    """
+    return replace(problem, rows=np.concatenate([problem.rows, rows @ problem.lift]))
+
+
+def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
+    """Information matrix M of a plan, prior included, (r, r).
+
+    Args:
+        problem: The candidates.
+        chosen: Indices of the candidates; one may be there several times.
+    """
+    A = problem.rows[np.asarray(chosen, dtype=int)].reshape(-1, problem.r)
+    return np.asarray(problem.prior + A.T @ A)
