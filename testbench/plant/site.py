@@ -1,0 +1,337 @@
+"""The rigid arm at work: a payload hangs from it, a tracker stands beside it; what touches, what hides.
+
+Which shapes count: what collides in the arm's MJCF may not touch, as in testbench/plant/feasible.py. A ray of
+light is stopped by what is drawn instead: shapes that only collide are padded, and may well enclose a marker.
+Of a body where nothing is drawn, and of the world, whose shapes nobody pads, every shape stops it.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from testbench.arm import Arm
+from testbench.errors import Array, BenchError, check_array
+from testbench.mjcf import read_mjcf
+from testbench.plant.equilibrium import compile_mjcf
+from testbench.plant.shapes import VISUAL_GROUPS
+from testbench.station import check_position
+
+Index = npt.NDArray[np.int_]
+Kind = Literal["itself", "room", "tracker", "payload"]
+
+KINDS: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
+"""What is touched: the arm itself, the floor and walls, the tracker; and the payload, whatever it touches.
+
+Every geom belongs to arm, room, tracker or payload in this order, and a contact to the later of its two.
+"""
+
+SHACKLE = 0.1
+"""Length below the load point that belongs to the tool that holds the sling [m], whatever its clearance."""
+SLING_RADIUS = 0.01
+"""Radius of the sling [m]."""
+HEAD_RADIUS = 0.2
+"""Radius of the sphere that stands for the tracker's head, its swing and the top of its stand [m]."""
+TARGET_RADIUS = 0.06
+"""What is hit this near to a marker [m] is the target itself, its nest or the end of its holder."""
+COLLIDES = f'contype="{2**31 - 1}" conaffinity="{2**31 - 1}" gap="0" group="0"'
+"""Collides with all that collides; says what the defaults of a stranger's MJCF could say otherwise."""
+OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
+"""Geom groups that stop a ray: `build_site` puts such geoms into group 0, all others into group 5."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A weight that hangs from the load point: an upright steel cylinder, as high as it is wide.
+
+    Attributes:
+        mass: Of the weight [kg].
+        sling: From the load point to the top of the weight [m].
+        density: Of the weight [kg/m^3]; 7850 is steel.
+        clearance: Least distance to anything [m], as weights swing.
+    """
+
+    mass: float
+    sling: float = 0.5
+    density: float = 7850.0
+    clearance: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "density"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise BenchError(f"{name} of the payload: expected a finite number above 0, got {value}")
+        if not 0 <= self.clearance < math.inf:
+            raise BenchError(
+                f"clearance [m] of the payload: expected a finite number of at least 0, got {self.clearance}"
+            )
+        shortest = self.upper_end + 2 * SLING_RADIUS
+        if not shortest < self.sling < math.inf:
+            raise BenchError(
+                f"sling [m] of the payload: expected more than {shortest:.4g} (shackle, clearance), "
+                f"got {self.sling}"
+            )
+
+    @property
+    def diameter(self) -> float:
+        """Diameter and height of the weight [m]."""
+        return float(np.cbrt(4 * self.mass / (np.pi * self.density)))
+
+    @property
+    def upper_end(self) -> float:
+        """Where the sling begins, below the load point [m]: what holds it there is no obstacle to it."""
+        return SHACKLE + self.clearance
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies that touch, or come nearer than the payload's clearance.
+
+    Attributes:
+        kind: What is touched.
+        bodies: Their names, in the order of `KINDS`: the arm's before the world's, the payload's last.
+    """
+
+    kind: Kind
+    bodies: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Site:
+    """The rigid arm, its room, and what stands or hangs there while it is measured.
+
+    Attributes:
+        arm: Its description.
+        payload: What hangs from it; None for nothing.
+        station: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
+        model: Rigid MuJoCo model of all of it.
+        joints: Address of each actuated joint in qpos, (n,).
+        slides: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
+        load: Body id of the load point.
+        markers: Body ids of the markers, (m,).
+        facing: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
+        part: Index in `KINDS` of what each geom belongs to, (geoms,).
+    """
+
+    arm: Arm
+    payload: Payload | None
+    station: Array | None
+    model: mujoco.MjModel
+    joints: Index
+    slides: Index
+    load: int
+    markers: Index
+    facing: Array
+    part: Index
+
+
+def build_site(
+    arm: Arm, payload: Payload | None = None, station: tuple[float, float, float] | None = None
+) -> Site:
+    """The rigid MuJoCo model of an arm with its payload and its tracker.
+
+    Args:
+        arm: The arm.
+        payload: What hangs from the load point.
+        station: Where the tracker's beam leaves, (3,) [m].
+
+    Raises:
+        InputError: When MuJoCo refuses the arm's MJCF.
+        BenchError: When the station is no place, or inside something that does not move.
+    """
+    where = None if station is None else check_position(station)
+    root = read_mjcf(arm.rigid)
+    weight, head = _unused(root, "payload"), _unused(root, "tracker")
+    if payload is not None:
+        _hang(root, weight, payload)
+    if where is not None:
+        _stand(root, head, where)
+    model = compile_mjcf(arm.rigid, ET.tostring(root, encoding="unicode"))
+    part = _parts(model, arm, weight, head)
+    _check_head(model, part, where)
+    _make_opaque(model, part)
+    slides = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == _body(model, weight))
+    markers = np.array([model.body(name).id for name in arm.markers])
+    return Site(
+        arm=arm,
+        payload=payload,
+        station=where,
+        model=model,
+        joints=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
+        slides=model.jnt_qposadr[slides].astype(int),
+        load=model.body(arm.load).id,
+        markers=markers,
+        facing=_facing(model, model.body(arm.tool).id, markers),
+        part=part,
+    )
+
+
+def _unused(root: ET.Element, name: str) -> str:
+    taken = {body.get("name") for body in root.iter("body")}
+    while name in taken:
+        name += "_"
+    return name
+
+
+def _hang(root: ET.Element, name: str, payload: Payload) -> None:
+    """Add the weight and its sling, hanging from the origin of their body.
+
+    The body has slides, though it is placed by hand: MuJoCo lets no two bodies without joints collide, not
+    even if one is a mocap body; and base and floor have none.
+    """
+    half, rope, top = payload.diameter / 2, (payload.sling - payload.upper_end) / 2, payload.upper_end
+    slides = "".join(f'<joint type="slide" axis="{x}" limited="false"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
+    _add(
+        root,
+        f"""<body name="{name}"><inertial pos="0 0 0" mass="{payload.mass}" diaginertia="1 1 1"/>{slides}
+        <geom type="cylinder" size="{half} {half}" pos="0 0 {-payload.sling - half}"
+          mass="{payload.mass}" margin="{payload.clearance}" {COLLIDES}/>
+        <geom type="capsule" size="{SLING_RADIUS} {rope - SLING_RADIUS}" pos="0 0 {-top - rope}"
+          mass="0" margin="{payload.clearance}" {COLLIDES}/></body>""",
+    )
+
+
+def _stand(root: ET.Element, name: str, where: Array) -> None:
+    x, y, z = where.tolist()
+    _add(
+        root,
+        f"""<body name="{name}" pos="{x} {y} {z}">
+        <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {COLLIDES}/></body>""",
+    )
+
+
+def _add(root: ET.Element, body: str) -> None:
+    world = root.find("worldbody")
+    assert world is not None  # the arm has bodies
+    world.append(ET.fromstring(body))
+
+
+def _body(model: mujoco.MjModel, name: str) -> int:
+    return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
+
+
+def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Index:
+    """Index in `KINDS` of what each geom belongs to; the arm is all that hangs on what carries its base."""
+    root = model.body_rootid[model.geom_bodyid]
+    part = np.full(model.ngeom, KINDS.index("room"))
+    part[root == model.body_rootid[_body(model, arm.links[0].name)]] = KINDS.index("itself")
+    part[root == _body(model, head)] = KINDS.index("tracker")
+    part[root == _body(model, weight)] = KINDS.index("payload")
+    return part
+
+
+def _check_head(model: mujoco.MjModel, part: Index, where: Array | None) -> None:
+    """Refuse a tracker inside what does not move, seen or not; MuJoCo's collisions leave such pairs out."""
+    if where is None:
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tracker = part == KINDS.index("tracker")
+    still = np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & ~tracker)
+    head = int(np.flatnonzero(tracker)[0])
+    for g in still:
+        if mujoco.mj_geomDistance(model, data, head, g, 1e-3, None) < 0:
+            raise BenchError(
+                f"station at {where.tolist()} m: the tracker's head (radius {HEAD_RADIUS} m) is inside "
+                f"{_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
+            )
+
+
+def _make_opaque(model: mujoco.MjModel, part: Index) -> None:
+    """Put the geoms that stop a ray into group 0, and all others into group 5."""
+    body, drawn = model.geom_bodyid, model.geom_group < VISUAL_GROUPS
+    bare = ~np.isin(body, body[drawn])
+    opaque = (drawn | bare | (body == 0)) & (part != KINDS.index("tracker"))
+    model.geom_group[:] = np.where(opaque, 0, 5)
+    model.geom_rgba[:, 3] = 1  # MuJoCo's rays pass through what is fully transparent
+    model.mat_rgba[:, 3] = 1
+
+
+def _facing(model: mujoco.MjModel, tool: int, markers: Index) -> Array:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return np.asarray(data.xmat[markers].reshape(-1, 3, 3)[:, :, 2] @ data.xmat[tool].reshape(3, 3))
+
+
+def _name(model: mujoco.MjModel, body: int) -> str:
+    return model.body(int(body)).name or ("world" if body == 0 else f"body_{body}")
+
+
+def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
+    """The site in every pose, the payload straight below the load point; the data are the same object."""
+    q = check_array(q, (None, site.arm.n_joints), "q [rad]")
+    model, data = site.model, mujoco.MjData(site.model)
+    qpos, load = data.qpos, data.xpos[site.load]
+    for pose in q:
+        qpos[site.joints] = pose
+        mujoco.mj_kinematics(model, data)
+        if site.payload is not None:
+            qpos[site.slides] = load
+            mujoco.mj_kinematics(model, data)
+        yield data
+
+
+def contacts(site: Site, q: Array) -> list[Contact | None]:
+    """What touches in every pose, None where the arm and its payload are clear.
+
+    Of several contacts the first in the order of `KINDS` is told.
+
+    Args:
+        site: Arm, payload, tracker.
+        q: Actuated joint angles, (poses, n) [rad].
+    """
+    found: list[Contact | None] = []
+    for data in _poses(site, q):
+        mujoco.mj_collision(site.model, data)
+        found.append(_first_contact(site, data) if data.ncon else None)
+    return found
+
+
+def _first_contact(site: Site, data: mujoco.MjData) -> Contact | None:
+    clearance = 0.0 if site.payload is None else site.payload.clearance
+    geoms = data.contact.geom
+    kind = site.part[geoms].max(axis=1)
+    near = np.where(kind == KINDS.index("payload"), clearance, 0.0)  # a stranger's geoms may have margins
+    touching = np.flatnonzero(data.contact.dist < near)
+    if not len(touching):
+        return None
+    k = touching[kind[touching].argmin()]
+    pair = sorted(geoms[k], key=lambda g: site.part[g])
+    one, other = (_name(site.model, site.model.geom_bodyid[g]) for g in pair)
+    return Contact(KINDS[kind[k]], (one, other))
+
+
+def hidden(site: Site, q: Array) -> list[tuple[str, str] | None]:
+    """The first marker in every pose whose line of sight is blocked, and by which body; None where none is.
+
+    A ray is cast from the station to every marker. The marker's own body stops none, nor does what is nearer
+    than TARGET_RADIUS to it; another marker, the load point's shackle and the payload do.
+
+    Args:
+        site: Arm, payload, tracker.
+        q: Actuated joint angles, (poses, n) [rad].
+
+    Raises:
+        BenchError: When no tracker stands there.
+    """
+    if site.station is None:
+        raise BenchError("line of sight: expected a site with a station, got one without")
+    return [_first_hidden(site, site.station, data) for data in _poses(site, q)]
+
+
+def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str, str] | None:
+    hit = np.empty(1, dtype=np.int32)
+    beams = data.xpos[site.markers] - station
+    lengths = np.sqrt((beams**2).sum(axis=1))
+    for k, (beam, length) in enumerate(zip(beams, lengths, strict=True)):
+        if length <= TARGET_RADIUS:
+            continue
+        share = mujoco.mj_ray(site.model, data, station, beam, OPAQUE, True, site.markers[k], hit, None)
+        if share >= 0 and share * length < length - TARGET_RADIUS:
+            return site.arm.markers[k], _name(site.model, site.model.geom_bodyid[hit[0]])
+    return None

@@ -1,0 +1,310 @@
+"""What the payload touches and what hides a target, against geometry worked out by hand and by Pinocchio."""
+
+import shutil
+
+import mujoco
+import numpy as np
+import pytest
+
+from testbench.arm import load_arm
+from testbench.errors import BenchError
+from testbench.plant import Contact, Payload, build_room, build_site, collisions, contacts, hidden
+from testbench.plant.shapes import body_names, rigid_frames
+from testbench.plant.site import HEAD_RADIUS, KINDS, TARGET_RADIUS
+from testbench.vjm import chain
+
+STATION = (4.5, -2.5, 1.6)
+READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
+"""A pose of the KR 500 in which 460.3 kg hang clear, and STATION sees all markers."""
+
+
+def random_q(cell, rng, poses):
+    return rng.uniform(*cell.arm.limits, (poses, cell.arm.n_joints))
+
+
+def in_world(cell, q, points):
+    """Points of the tool in the world, by Pinocchio: (poses, p, 3) [m]."""
+    where = chain(cell.vjm, q)
+    return where.position[:, None] + np.einsum("rxy,py->rpx", where.rotation, points)
+
+
+def load_point(cell, q=READY):
+    return in_world(cell, q, cell.vjm.load[None])[0, 0]
+
+
+def altered(cell, tmp_path, *changes):
+    """The arm with text of its rigid.xml replaced."""
+    folder = tmp_path / cell.arm.name
+    shutil.copytree(cell.arm.rigid.parent, folder, dirs_exist_ok=True)
+    text = (folder / "rigid.xml").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "rigid.xml").write_text(text)
+    return load_arm(folder)
+
+
+def furnished(cell, tmp_path, geom):
+    """The arm with one more geom in the world."""
+    return altered(cell, tmp_path, ("<worldbody>", f"<worldbody>{geom}"))
+
+
+def is_kind(found, kind):
+    return np.array([c is not None and c.kind == kind for c in found])
+
+
+@pytest.mark.parametrize("name", ["kr500", "arm_6r"])
+def test_alone_the_site_is_the_room(name, request, rng):
+    cell = request.getfixturevalue(name)
+    q = random_q(cell, rng, 300)
+    found = contacts(build_site(cell.arm), q)
+    expected = collisions(cell.room, q)
+    assert [c is None for c in found] == [pair is None for pair in expected]
+    if name == "kr500":  # the other one has no shapes that collide
+        touching = [c for c in found if c]
+        assert {c.kind for c in touching} == {"itself", "room"}
+        assert all((c.bodies[1] == "world") == (c.kind == "room") for c in touching)
+
+
+def test_the_weight_is_a_steel_cylinder_as_high_as_wide(kr500):
+    payload = Payload(460.3)
+    d = payload.diameter
+    assert np.pi / 4 * d**3 * 7850 == pytest.approx(460.3, rel=1e-12)  # rounding
+    model = build_site(kr500.arm, payload).model
+    weight = np.flatnonzero(model.geom_bodyid == model.body("payload").id)[0]
+    np.testing.assert_allclose(model.geom_size[weight, :2], d / 2, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("gap", "clear"), [(-0.01, False), (0.0, False), (0.04, False), (0.051, True), (0.06, True)]
+)
+def test_the_weight_hangs_above_the_floor_by_its_clearance(kr500, gap, clear):
+    """By Pinocchio's load point; the sling is as long as leaves the gap below the weight."""
+    sling = load_point(kr500)[2] - Payload(460.3).diameter - gap
+    site = build_site(kr500.arm, Payload(460.3, sling=sling, clearance=0.05))
+    expected = None if clear else Contact("payload", ("world", "payload"))
+    assert contacts(site, READY) == [expected]
+
+
+@pytest.mark.parametrize(("gap", "clear"), [(0.035, False), (0.045, False), (0.055, True)])
+def test_the_weight_hangs_beside_a_pillar_by_its_clearance(kr500, tmp_path, gap, clear):
+    """A box whose near face is so far from the weight's mantle."""
+    payload = Payload(460.3, clearance=0.05)
+    x, y, z = load_point(kr500) - [0, 0, payload.sling + payload.diameter / 2]
+    pillar = f'<body name="pillar" pos="{x + payload.diameter / 2 + gap + 0.1} {y} {z}">'
+    arm = furnished(kr500, tmp_path, pillar + '<geom type="box" size="0.1 0.1 0.05"/></body>')
+    expected = None if clear else Contact("payload", ("pillar", "payload"))
+    assert contacts(build_site(arm, payload), READY) == [expected]
+
+
+def test_the_sling_touches_too_but_not_the_tool_that_holds_it(kr500, tmp_path):
+    payload = Payload(460.3)
+    assert contacts(build_site(kr500.arm, payload), READY) == [None]
+    x, y, z = load_point(kr500) - [0, 0, 0.3]
+    bar = f'<geom type="sphere" size="0.02" pos="{x} {y + 0.06} {z}"/>'  # 3 cm from the sling
+    found = contacts(build_site(furnished(kr500, tmp_path, bar), payload), READY)
+    assert found == [Contact("payload", ("world", "payload"))]
+
+
+def test_what_the_payload_touches_is_what_is_nearer_than_its_clearance(kr500, rng):
+    """Against MuJoCo's distances, pair by pair: no broad phase, no filter, no margin."""
+    q = random_q(kr500, rng, 300)
+    payload = Payload(460.3)
+    site = build_site(kr500.arm, payload, (1.9, -1.5, 1.0))
+    model, data = site.model, mujoco.MjData(site.model)
+    hanging = np.flatnonzero(site.part == KINDS.index("payload"))
+    others = np.flatnonzero((site.part != KINDS.index("payload")) & (model.geom_contype != 0))
+    found = contacts(site, q)
+    loads = in_world(kr500, q, kr500.vjm.load[None])[:, 0]
+    for pose, load, contact in zip(q, loads, found, strict=True):
+        data.qpos[site.joints], data.qpos[site.slides] = pose, load
+        mujoco.mj_kinematics(model, data)
+        distance = [mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a in hanging for b in others]
+        near = min(distance) < payload.clearance
+        if contact is None or contact.kind == "payload":  # others are told before the payload
+            assert near == (contact is not None)
+    touched = {c.bodies for c in found if c is not None and c.kind == "payload"}
+    assert {("link_3", "payload"), ("tool", "payload"), ("world", "payload")} <= touched
+
+
+def test_of_several_contacts_the_arms_own_are_told_first(kr500, rng):
+    q = random_q(kr500, rng, 300)
+    bare = contacts(build_site(kr500.arm), q)
+    loaded = contacts(build_site(kr500.arm, Payload(460.3, sling=1.5)), q)
+    assert all(b is None or (a is not None and a.kind == b.kind) for a, b in zip(loaded, bare, strict=True))
+    assert is_kind(loaded, "payload").any()
+
+
+def test_margins_of_the_models_own_shapes_are_no_clearance(kr500, tmp_path, rng):
+    q = random_q(kr500, rng, 300)
+    wide = altered(kr500, tmp_path, ('group="3"', 'group="3" margin="0.2"'))
+    was, now = (contacts(build_site(arm, Payload(460.3)), q) for arm in (kr500.arm, wide))
+    assert [c and c.kind for c in now] == [c and c.kind for c in was]
+
+
+def test_payload_and_tracker_touch_whatever_collides_in_the_model(kr500, tmp_path, rng):
+    """Shapes with bits of their own, which neither touch each other nor anything else of the arm."""
+    odd = altered(kr500, tmp_path, ('contype="1" conaffinity="1"', 'contype="64" conaffinity="0"'))
+    q = random_q(kr500, rng, 200)
+    site = build_site(kr500.arm, Payload(460.3), (2.0, -1.0, 1.8))
+    before = contacts(site, q)
+    after = contacts(build_site(odd, Payload(460.3), (2.0, -1.0, 1.8)), q)
+    assert not is_kind(after, "itself").any()
+    for kind in ("tracker", "payload"):
+        was = is_kind(before, kind)
+        assert was.any()
+        assert is_kind(after, kind)[was].all()
+
+
+def test_the_tracker_is_a_sphere_that_the_arm_may_not_touch(kr500):
+    """Beside P1's end of its holder, a capsule of 35 mm radius: from both sides of touching."""
+    P1, other = in_world(kr500, READY, np.array([kr500.vjm.markers[0], [0.2, 0, 0]]))[0]
+    outward = (P1 - other) / np.linalg.norm(P1 - other)
+    for gap, expected in ((-0.01, Contact("tracker", ("tool", "tracker"))), (0.01, None)):
+        station = P1 + (HEAD_RADIUS + 0.035 + gap) * outward
+        assert contacts(build_site(kr500.arm, station=tuple(station)), READY) == [expected]
+
+
+def test_the_payload_may_not_swing_against_the_tracker(kr500):
+    payload = Payload(460.3)
+    weight = load_point(kr500) - [0, 0, payload.sling + payload.diameter / 2]
+    for gap, expected in ((0.04, Contact("payload", ("tracker", "payload"))), (0.06, None)):
+        station = weight + np.array([payload.diameter / 2 + gap + HEAD_RADIUS, 0, 0])
+        assert contacts(build_site(kr500.arm, payload, tuple(station)), READY) == [expected]
+
+
+@pytest.mark.parametrize(
+    ("name", "station", "where"),
+    [
+        ("kr500", (0.0, 0.0, 0.3), "link_0"),
+        ("kr500", (0.5, -0.65, 0.1), "world"),
+        ("kr500", (4.5, -2.5, -1.0), "world"),
+        ("arm_6r", (0.1, 0.0, 0.4), "link_0"),
+    ],
+)
+def test_a_tracker_inside_what_does_not_move_is_refused_by_name(name, station, where, request):
+    cell = request.getfixturevalue(name)
+    with pytest.raises(BenchError, match=f"station at .*{station[2]}.* is inside {where}, which") as err:
+        build_site(cell.arm, station=station)
+    assert "\n" not in str(err.value)
+
+
+@pytest.mark.parametrize("station", [(np.nan, 0, 1), (0, np.inf, 1), (5e3, 0, 1), (1, 2)])
+def test_a_station_that_is_no_place_is_refused(kr500, station):
+    with pytest.raises(BenchError, match="position of the station"):
+        build_site(kr500.arm, station=station)
+
+
+def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
+    """Whether the wall is drawn, only collides, or is fully transparent."""
+    assert hidden(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
+    middle = (in_world(kr500, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
+    wall = f'type="sphere" size="0.3" pos="{" ".join(map(str, middle))}"'
+    for looks in ("", 'group="3"', 'rgba="1 1 1 0"', 'contype="0" conaffinity="0"'):
+        arm = furnished(kr500, tmp_path, f"<geom {wall} {looks}/>")
+        assert hidden(build_site(arm, Payload(460.3), STATION), READY) == [("P1", "world")], looks
+
+
+@pytest.mark.parametrize("name", ["kr500", "arm_6r"])
+def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, tmp_path, rng):
+    """Distance of the ball's centre from the segment station to target, by Pinocchio's kinematics."""
+    cell = request.getfixturevalue(name)
+    q = random_q(cell, rng, 300)
+    centre, radius, station = np.array([2.5, -1.5, 1.8]), 0.5, np.array(STATION)
+    ball = f'<geom type="sphere" size="{radius}" pos="2.5 -1.5 1.8"/>'
+    arm = furnished(cell, tmp_path, ball)
+    by_arm = np.array([h is not None for h in hidden(build_site(cell.arm, station=STATION), q)])
+    by_both = np.array([h is not None for h in hidden(build_site(arm, station=STATION), q)])
+    beams = in_world(cell, q, cell.vjm.markers) - station
+    beams *= 1 - TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
+    along = np.clip((beams @ (centre - station)) / (beams**2).sum(axis=2), 0, 1)
+    distance = np.linalg.norm(station + along[:, :, None] * beams - centre, axis=2)
+    sure = np.abs(distance - radius).min(axis=1) > 1e-9  # rounding decides nothing
+    by_ball = (distance < radius).any(axis=1)
+    assert 10 < (by_ball & ~by_arm).sum() < (~by_arm).sum()
+    np.testing.assert_array_equal(by_both[sure], (by_arm | by_ball)[sure])
+
+
+def test_the_payload_hides_a_target(kr500):
+    """A station low behind the weight, on the line from P1 through the weight's centre."""
+    payload = Payload(460.3)
+    weight = load_point(kr500) - [0, 0, payload.sling + payload.diameter / 2]
+    P1 = in_world(kr500, READY, kr500.vjm.markers)[0, 0]
+    station = tuple(P1 + 2.0 * (weight - P1))
+    assert hidden(build_site(kr500.arm, station=station), READY) == [None]
+    assert hidden(build_site(kr500.arm, payload, station), READY) == [("P1", "payload")]
+
+
+def test_a_padded_collision_shape_around_a_target_hides_nothing(kr500, tmp_path):
+    """A ray is stopped by what is drawn of a body, and by what collides only where nothing is drawn."""
+    P1 = '<body name="P1" pos="0.12 0.40 0.24">'
+    hull = '<geom class="collision" type="sphere" size="0.3" pos="0.12 0.40 0.24"/>'
+    arm = altered(kr500, tmp_path, (P1, hull + P1))
+    assert hidden(build_site(arm, station=STATION), READY) == [None]
+    bare = altered(kr500, tmp_path, (P1, f'<body name="case">{hull}</body>{P1}'))
+    assert hidden(build_site(bare, station=STATION), READY) == [("P1", "case")]
+
+
+def test_the_end_of_its_holder_hides_no_target_but_another_thing_near_by_does(kr500, tmp_path):
+    P1 = in_world(kr500, READY, kr500.vjm.markers)[0, 0]
+    toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
+    for distance, expected in ((TARGET_RADIUS - 0.005, None), (TARGET_RADIUS + 0.005, ("P1", "world"))):
+        bead = P1 + (distance - 0.001) * toward  # its face towards the tracker is 1 mm nearer
+        geom = f'<geom type="sphere" size="0.001" pos="{" ".join(map(repr, bead.tolist()))}"/>'
+        site = build_site(furnished(kr500, tmp_path, geom), station=STATION)
+        assert hidden(site, READY) == [expected]
+
+
+def test_the_body_of_a_marker_hides_it_from_nowhere_but_may_hide_another(kr500, tmp_path):
+    """A bracket in P1's body, larger than what counts as target around it, on the beam to P1, then to P2."""
+    P1, P2 = in_world(kr500, READY, kr500.vjm.markers)[0, :2]
+    tool = chain(kr500.vjm, READY).rotation[0]
+    for seen, expected in ((P1, None), (P2, ("P2", "P1"))):
+        middle = tool.T @ (seen + 0.3 * (np.array(STATION) - seen) - P1)
+        bracket = f'<geom type="sphere" size="0.05" pos="{" ".join(map(repr, middle.tolist()))}"/>'
+        body = '<body name="P1" pos="0.12 0.40 0.24">'
+        arm = altered(kr500, tmp_path, (body, body + bracket))
+        assert hidden(build_site(arm, station=STATION), READY) == [expected]
+
+
+def test_line_of_sight_needs_a_station(kr500):
+    with pytest.raises(BenchError, match="expected a site with a station"):
+        hidden(build_site(kr500.arm), READY)
+
+
+def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
+    marker = '<body name="P2" pos="0.48 -0.32 0.26"'
+    arm = altered(kr500, tmp_path, (marker, f'{marker} quat="0.8 0.1 -0.5 0.3"'))
+    facing = build_site(arm).facing
+    np.testing.assert_allclose(facing[[0, 2]], [[0, 0, 1]] * 2, atol=1e-15)  # rounding, as below
+    room = build_room(arm)
+    frames = rigid_frames(room, random_q(kr500, rng, 1))
+    names = body_names(room)
+    tool, P2 = frames.rotations[0, names.index("tool")], frames.rotations[0, names.index("P2")]
+    np.testing.assert_allclose(tool @ facing[1], P2[:, 2], atol=1e-14)
+    assert abs(facing[1, 2]) < 0.9
+
+
+def test_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):
+    stands = '<body name="payload"/><body name="tracker"/>'
+    sling = load_point(kr500)[2] - 0.3
+    arm = furnished(kr500, tmp_path, stands)
+    found = contacts(build_site(arm, Payload(460.3, sling=sling), STATION), READY)
+    assert found == [Contact("payload", ("world", "payload_"))]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"mass": 0.0}, "mass of the payload: expected a finite number above 0, got 0.0"),
+        ({"mass": np.nan}, "mass of the payload: .* got nan"),
+        ({"density": -1.0}, "density of the payload: .* got -1.0"),
+        ({"clearance": -0.01}, r"clearance \[m\] of the payload: .* got -0.01"),
+        ({"clearance": np.inf}, r"clearance \[m\] of the payload: .* got inf"),
+        ({"sling": 0.1}, r"sling \[m\] of the payload: expected more than 0.17 .* got 0.1"),
+        ({"sling": np.nan}, r"sling \[m\] of the payload: .* got nan"),
+    ],
+)
+def test_a_payload_that_makes_no_sense_is_refused(wrong, message):
+    with pytest.raises(BenchError, match=message):
+        Payload(**{"mass": 460.3, **wrong})

@@ -1,0 +1,233 @@
+"""Candidate poses satisfy what was asked, judged by other code; and every pose drawn is accounted for."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from testbench.bench import Cell
+from testbench.candidates import (
+    ADVICE,
+    BATCH,
+    BLOCKED,
+    OFF_AREA,
+    OFF_LIMITS,
+    REASONS,
+    TOUCHING,
+    Candidates,
+    Checks,
+    Conditions,
+    build_checks,
+    find,
+    why_not,
+)
+from testbench.errors import Array, BenchError, PoseError
+from testbench.plant import Payload, collisions, contacts, hidden
+from testbench.plant.shapes import body_names, rigid_frames
+from testbench.poses import WorkArea
+from testbench.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
+
+HERE = (4.5, -2.5, 1.6)
+FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
+NOWHERE = WorkArea((20.0, 20.0, 20.0), (21.0, 21.0, 21.0))
+ALL = Conditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.3))
+
+
+@pytest.fixture(scope="module")
+def checks(kr500: Cell) -> Checks:
+    return build_checks(kr500, ALL)
+
+
+@pytest.fixture(scope="module")
+def found(checks: Checks) -> Candidates:
+    return find(checks, 40, np.random.default_rng(3))
+
+
+def bodies(cell: Cell, q: Array) -> tuple[Array, Array, Array]:
+    """Tool and markers by MuJoCo's kinematics: tool (poses, 3), markers and their z axes (poses, m, 3)."""
+    names, frames = body_names(cell.room), rigid_frames(cell.room, q)
+    markers = [names.index(name) for name in cell.arm.markers]
+    return (
+        frames.positions[:, names.index(cell.arm.tool)],
+        frames.positions[:, markers],
+        frames.rotations[:, markers][:, :, :, 2],
+    )
+
+
+def test_every_candidate_satisfies_every_condition(kr500: Cell, found: Candidates) -> None:
+    q = found.q
+    assert q.shape == (40, 6)
+    lower, upper = kr500.arm.limits
+    assert ((q >= lower) & (q <= upper)).all()
+    assert collisions(kr500.room, q) == [None] * len(q)
+    tool, markers, facing = bodies(kr500, q)
+    assert ((tool >= FRONT.lower) & (tool <= FRONT.upper)).all()
+    back = np.array(HERE) - markers
+    distance = np.linalg.norm(back, axis=2)
+    assert ((distance > 1) & (distance < 20)).all()
+    elevation = np.degrees(np.arcsin(-back[:, :, 2] / distance))
+    assert ((elevation > -50) & (elevation < 75)).all()
+    cosine = (facing * back).sum(axis=2) / distance
+    assert (np.degrees(np.arccos(cosine)) < 80).all()
+
+
+def test_every_candidate_hangs_clear_and_is_in_sight(checks: Checks, found: Candidates) -> None:
+    assert contacts(checks.site, found.q) == [None] * 40
+    assert hidden(checks.site, found.q) == [None] * 40
+    assert why_not(checks, found.q) == [None] * 40
+
+
+def test_every_pose_drawn_is_found_or_counted_once(checks: Checks, found: Candidates) -> None:
+    """The draws themselves, judged in other batches, up to the last one found."""
+    drawn = np.random.default_rng(3).uniform(*checks.vjm.arm.limits, (found.drawn, 6))
+    reasons = [reason for q in np.array_split(drawn, 7) for reason in why_not(checks, q)]
+    assert reasons[-1] is None
+    np.testing.assert_array_equal(found.q, drawn[[r is None for r in reasons]])
+    assert found.rejected == {reason: reasons.count(reason) for reason in REASONS}
+    assert list(found.rejected) == list(REASONS)
+    assert len(found.q) + sum(found.rejected.values()) == found.drawn
+
+
+def test_same_rng_finds_the_same_poses_and_another_finds_others(checks: Checks, found: Candidates) -> None:
+    again, other = (find(checks, 40, np.random.default_rng(seed)) for seed in (3, 4))
+    np.testing.assert_array_equal(again.q, found.q)
+    assert (again.drawn, again.rejected) == (found.drawn, found.rejected)
+    assert (other.q != found.q).all()
+
+
+def test_fewer_poses_are_the_first_of_more(checks: Checks, found: Candidates) -> None:
+    few = find(checks, 10, np.random.default_rng(3))
+    np.testing.assert_array_equal(few.q, found.q[:10])
+    assert few.drawn < found.drawn
+
+
+def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500: Cell, checks: Checks) -> None:
+    """Each reason judged by itself, of all poses."""
+    q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
+    q[:20, 3] = 7.0  # beyond joint 4
+    tool, markers, facing = bodies(kr500, q)
+    back = np.array(HERE) - markers
+    distance = np.linalg.norm(back, axis=2)
+    elevation = np.degrees(np.arcsin(-back[:, :, 2] / distance))
+    touching = [c and TOUCHING[c.kind] for c in contacts(checks.site, q)]
+    single = {
+        OFF_LIMITS: np.abs(q[:, 3]) > 6.2,
+        OFF_AREA: ((tool < FRONT.lower) | (tool > FRONT.upper)).any(axis=1),
+        TOO_NEAR: (distance < 1).any(axis=1),
+        TOO_FAR: (distance > 20).any(axis=1),
+        TOO_STEEP: ((elevation < -50) | (elevation > 75)).any(axis=1),
+        FACES_AWAY: ((facing * back).sum(axis=2) < np.cos(np.radians(80)) * distance).any(axis=1),
+        **{reason: np.array([t == reason for t in touching]) for reason in TOUCHING.values()},
+        BLOCKED: np.array([h is not None for h in hidden(checks.site, q)]),
+    }
+    assert tuple(single) == REASONS
+    expected = [next((r for r, mask in single.items() if mask[i]), None) for i in range(len(q))]
+    assert why_not(checks, q) == expected
+    assert len(set(expected)) >= 6
+
+
+def test_with_nothing_asked_limits_and_collisions_decide(kr500: Cell) -> None:
+    q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
+    reasons = why_not(build_checks(kr500, Conditions()), q)
+    assert [r is None for r in reasons] == [pair is None for pair in collisions(kr500.room, q)]
+    assert set(reasons) == {None, TOUCHING["itself"], TOUCHING["room"]}
+
+
+@pytest.mark.parametrize(
+    ("conditions", "reason"),
+    [
+        (Conditions(area=NOWHERE), OFF_AREA),
+        (Conditions(station=Station((0.5, 0.0, 6.0), farthest=2.0)), TOO_FAR),
+        (Conditions(station=Station(HERE, nearest=15.0)), TOO_NEAR),
+        (Conditions(station=Station((0.0, 0.0, 15.0))), TOO_STEEP),
+        (Conditions(station=Station(HERE, acceptance=0.01)), FACES_AWAY),
+        (Conditions(payload=Payload(460.3, sling=5.0)), TOUCHING["payload"]),
+        (
+            Conditions(station=Station((0.29, -0.05, 0.85), nearest=0.01, lowest=-1.5, highest=1.5)),
+            TOUCHING["tracker"],
+        ),
+    ],
+)
+def test_an_empty_set_names_the_constraint_that_emptied_it(
+    kr500: Cell, conditions: Conditions, reason: str
+) -> None:
+    with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
+        find(build_checks(kr500, conditions), 5, np.random.default_rng(6), patience=2000)
+    message = str(err.value)
+    assert f"{reason!r}" in message.split(" (refused: ")[0]
+    assert ADVICE[reason] in message
+    assert "\n" not in message
+
+
+def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500: Cell) -> None:
+    """A weight on a sling of 5 m never hangs clear, wherever the tool is; most poses never come so far."""
+    conditions = Conditions(area=FRONT, payload=Payload(460.3, sling=5.0))
+    with pytest.raises(PoseError) as err:
+        find(build_checks(kr500, conditions), 5, np.random.default_rng(7), patience=1000)
+    drawn = np.random.default_rng(7).uniform(*kr500.arm.limits, (1024, 6))
+    reasons = why_not(build_checks(kr500, conditions), drawn)
+    counts = {reason: reasons.count(reason) for reason in REASONS if reason in reasons}
+    hangs = counts[TOUCHING["payload"]]
+    assert counts[OFF_AREA] > hangs
+    assert str(err.value) == (
+        f"found 0 of 5 poses in 1024 draws; most were refused by '{OFF_AREA}': {ADVICE[OFF_AREA]}; "
+        f"'{TOUCHING['payload']}' refused {hangs} of the {hangs} that came to it: "
+        f"{ADVICE[TOUCHING['payload']]} (refused: {', '.join(f'{r} {n}' for r, n in counts.items())})"
+    )
+
+
+def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500: Cell) -> None:
+    """One pose in 2000 has its tool in this box; a search goes on for 1000 draws a pose, so it ends."""
+    rare = Conditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9)))
+    checks = build_checks(kr500, rare)
+    few = find(checks, 10**6, np.random.default_rng(8), least=1, patience=10_000)
+    n = len(few.q)
+    assert 1 <= n < 10**6
+    assert 10_000 + 1000 * n <= few.drawn < 10_000 + 1000 * n + BATCH
+    assert why_not(checks, few.q) == [None] * n
+    assert n + sum(few.rejected.values()) == few.drawn
+    with pytest.raises(PoseError, match=f"found {n} of {n + 1} poses in {few.drawn} draws"):
+        find(checks, n + 1, np.random.default_rng(8), patience=10_000)
+    with pytest.raises(PoseError, match=f"found {n} of {n + 9} poses"):
+        find(checks, n + 9, np.random.default_rng(8), least=n + 1, patience=10_000)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"count": 0}, {"count": 5, "least": 6}, {"count": 5, "least": 0}, {"count": 5, "patience": 0}]
+)
+def test_numbers_that_make_no_sense_are_refused(checks: Checks, wrong: dict[str, Any]) -> None:
+    with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
+        find(checks, rng=np.random.default_rng(9), **wrong)
+
+
+def test_a_payload_and_a_station_only_ever_take_poses_away(kr500: Cell) -> None:
+    q = np.random.default_rng(10).uniform(*kr500.arm.limits, (300, 6))
+    bare = [r is None for r in why_not(build_checks(kr500, Conditions()), q)]
+    fixed = Station(HERE, acceptance=1.0)
+    for conditions in (Conditions(payload=Payload(460.3)), Conditions(station=Station(HERE))):
+        more = [r is None for r in why_not(build_checks(kr500, conditions), q)]
+        assert sum(more) < sum(bare)
+        assert not any(m and not b for m, b in zip(more, bare, strict=True))
+    by_hand = why_not(build_checks(kr500, Conditions(station=replace(fixed, acceptance=None))), q)
+    assert FACES_AWAY not in by_hand
+    assert FACES_AWAY in why_not(build_checks(kr500, Conditions(station=fixed)), q)
+
+
+def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r: Cell) -> None:
+    checks = build_checks(arm_6r, Conditions(station=Station((2.5, -2.0, 1.2)), payload=Payload(20.0)))
+    found = find(checks, 20, np.random.default_rng(11))
+    assert found.rejected[BLOCKED] > 0
+    assert all(found.rejected[reason] == 0 for reason in TOUCHING.values())
+
+
+def test_a_tracker_inside_the_base_is_refused_at_once(kr500: Cell) -> None:
+    with pytest.raises(BenchError, match="is inside link_0, which does not move"):
+        build_checks(kr500, Conditions(station=Station((0.0, 0.0, 0.3))))
+
+
+def test_poses_of_another_arm_are_refused(checks: Checks) -> None:
+    with pytest.raises(BenchError, match=r"q \[rad\]: expected shape \(any, 6\), got \(1, 5\)"):
+        why_not(checks, np.zeros((1, 5)))
+    assert why_not(checks, np.empty((0, 6))) == []
