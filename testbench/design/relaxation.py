@@ -18,6 +18,8 @@ FIRST, JOINING = 120, 40
 """Candidates of the first working set, and how many join it in a round."""
 STEPS, ROUNDS = 150, 40
 """Steps of the multiplicative algorithm in a round, and rounds."""
+POWER = 0.5
+"""First exponent of a multiplicative step: the square root climbs for A as 1 does for D."""
 GAP = 2e-3
 """Relative gap between value and bound at which the relaxation ends."""
 DROPPED = 1e-6
@@ -62,7 +64,7 @@ def sensitivity(rows: Array, Z: Array) -> Array:
 
 
 def relax(problem: Problem, criterion: Criterion, poses: int) -> Relaxed:
-    """The best weights, to within `GAP`, and the bound.
+    """The best weights, to within `GAP`, and the bound; with G and E, not smooth, it may be a fifth too high.
 
     Args:
         problem: The candidates.
@@ -90,7 +92,7 @@ def relax(problem: Problem, criterion: Criterion, poses: int) -> Relaxed:
 
 def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
     """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum."""
-    rows, total, power = problem.rows[S], w.sum(), 1.0
+    rows, total, power = problem.rows[S], w.sum(), POWER
     value = criterion.information(_information(problem, S, w))
     for _ in range(STEPS):
         Z = criterion.dual(_information(problem, S, w))

@@ -1,0 +1,260 @@
+"""Optimal design against textbook optima, brute force and the definitions."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from testbench.design.criteria import (
+    Linear,
+    criterion_a,
+    criterion_d,
+    criterion_e,
+    criterion_g,
+    mean_square,
+)
+from testbench.design.exchange import exchange, greedy, select
+from testbench.design.forecast import forecast
+from testbench.design.observability import observability
+from testbench.design.order import joint_travel, round_trip, shortest_path
+from testbench.design.refine import ascend, refine
+from testbench.design.relaxation import bound, relax, sensitivity
+from testbench.design.rows import Problem, information
+
+R, K = 5, 2
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def random_problem(candidates=40, seed=0, prior=0.1):
+    rows = rng(seed).normal(size=(candidates, K, R))
+    return Problem(rows, prior * np.eye(R), np.eye(R), np.zeros((R, R)), np.zeros((R, 0)))
+
+
+def criteria(seed=5):
+    W = mean_square(rng(seed).normal(size=(4, 3, R)))
+    return [
+        criterion_d(),
+        criterion_a(R),
+        criterion_e(),
+        criterion_g(rng(seed + 1).normal(size=(7, 3, R))),
+        Linear("test", W),
+    ]
+
+
+def positive(seed):
+    A = rng(seed).normal(size=(3 * R, R))
+    return A.T @ A
+
+
+@pytest.mark.parametrize("criterion", criteria(), ids=lambda c: c.name)
+class TestEveryCriterion:
+    def test_update_agrees_with_the_information_of_the_sum(self, criterion):
+        M, rows = positive(1), rng(2).normal(size=(20, K, R))
+        direct = [criterion.information(M + F.T @ F) for F in rows]
+        np.testing.assert_allclose(criterion.after(M, rows), direct, rtol=1e-9)
+
+    def test_shortlist_holds_the_best_of_many(self, criterion):
+        M, rows = positive(1), rng(3).normal(size=(300, K, R))
+        direct = [criterion.information(M + F.T @ F) for F in rows]
+        assert criterion.after(M, rows).max() == pytest.approx(max(direct), rel=1e-9)
+
+    def test_dual_bounds_every_information_matrix(self, criterion):
+        Z = criterion.dual(positive(1))
+        for seed in range(200):
+            M = positive(seed) * 10 ** rng(seed).uniform(-2, 2)
+            assert criterion.information(M) <= (Z * M).sum() * (1 + 1e-9)
+
+    def test_is_concave_homogeneous_and_grows_with_information(self, criterion):
+        A, B = positive(1), positive(2)
+        a, b = criterion.information(A), criterion.information(B)
+        assert criterion.information(3 * A) == pytest.approx(3 * a)
+        assert criterion.information((A + B) / 2) >= (a + b) / 2 * (1 - 1e-9)
+        assert criterion.information(A + B) > max(a, b)
+
+    def test_bound_holds_for_every_plan_and_is_tight_when_relaxed(self, criterion):
+        problem = random_problem(12)
+        relaxed = relax(problem, criterion, 3)
+        plans = itertools.combinations_with_replacement(range(12), 3)
+        best = max(criterion.information(information(problem, plan)) for plan in plans)
+        slack = 1.3 if criterion.name in "EG" else 1.003
+        assert best <= relaxed.bound
+        assert relaxed.value <= relaxed.bound <= slack * relaxed.value
+
+    def test_search_finds_the_best_plan_of_all(self, criterion):
+        problem = random_problem(14, seed=3)
+        plans = itertools.combinations_with_replacement(range(14), 3)
+        best = max(criterion.information(information(problem, plan)) for plan in plans)
+        found = select(problem, criterion, 3, relax(problem, criterion, 3), rng(1))
+        assert criterion.information(information(problem, found)) == pytest.approx(best, rel=1e-9)
+
+
+@pytest.mark.parametrize("criterion", [criterion_d(), criterion_a(R)], ids=lambda c: c.name)
+def test_smooth_duals_touch_the_criterion(criterion):
+    M = positive(4)
+    assert (criterion.dual(M) * M).sum() == pytest.approx(criterion.information(M))
+
+
+def parabola():
+    x = np.linspace(-1, 1, 201)
+    rows = np.stack([np.ones_like(x), x, x**2], axis=1)[:, None]
+    return x, Problem(rows, 1e-12 * np.eye(3), np.eye(3), np.zeros((3, 3)), np.zeros((3, 0)))
+
+
+@pytest.mark.parametrize(
+    ("criterion", "weights"),
+    [(criterion_d(), (1 / 3, 1 / 3, 1 / 3)), (criterion_a(3), (1 / 4, 1 / 2, 1 / 4))],
+    ids=["D", "A"],
+)
+def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
+    # Kiefer and Wolfowitz: quadratic regression on [-1, 1] wants -1, 0 and 1 alone
+    x, problem = parabola()
+    relaxed = relax(problem, criterion, 1)
+    mass = [relaxed.weights[np.abs(x[relaxed.support] - at) < 0.06].sum() for at in (-1, 0, 1)]
+    np.testing.assert_allclose(mass, weights, atol=0.03)
+    assert relaxed.bound <= 1.002 * relaxed.value
+
+
+def test_exchange_never_loses_and_beats_greedy_at_least_once():
+    better = 0
+    for seed in range(10):
+        problem, criterion = random_problem(60, seed), criterion_a(R)
+        start = greedy(problem, criterion, problem.rows, 5)
+        end = exchange(problem, criterion, problem.rows, start)
+        a, b = (criterion.information(information(problem, plan)) for plan in (start, end))
+        assert b >= a * (1 - 1e-12)
+        better += b > a * (1 + 1e-6)
+    assert better > 0
+
+
+def test_bound_is_that_of_the_most_useful_candidate():
+    problem, Z = random_problem(), positive(3)
+    by_hand = (Z * problem.prior).sum() + 4 * max(np.trace(F @ Z @ F.T) for F in problem.rows)
+    assert bound(problem, 4, Z) == pytest.approx(by_hand)
+    assert sensitivity(problem.rows, Z)[7] == pytest.approx(np.trace(problem.rows[7] @ Z @ problem.rows[7].T))
+
+
+def test_forecast_is_the_spread_of_least_squares():
+    problem, targets = random_problem(8, prior=1e-9), rng(4).normal(size=(6, 3, R))
+    A = problem.rows.reshape(-1, R)
+    M = information(problem, range(8))
+    promised = forecast(problem, M, targets)
+    noise = rng(5).normal(size=(4000, len(A)))
+    errors = np.einsum("pkr,nr->npk", targets, noise @ np.linalg.pinv(A).T)
+    square = np.square(errors).sum(axis=2)
+    np.testing.assert_allclose(promised.error, np.sqrt(square.mean(axis=0)), rtol=0.05)
+    assert promised.overall == pytest.approx(np.sqrt(square.mean()), rel=0.04)
+    whole = np.sqrt(square.mean(axis=1))
+    ends = promised.overall_low, promised.overall_high
+    np.testing.assert_allclose(ends, np.percentile(whole, [5, 95]), rtol=0.08)
+    low, high = np.percentile(np.sqrt(square), [5, 95], axis=0)
+    np.testing.assert_allclose(promised.low, low, rtol=0.15)
+    np.testing.assert_allclose(promised.high, high, rtol=0.08)
+
+
+def test_forecast_is_infinite_where_nothing_is_shown():
+    seen, unseen = np.eye(R)[:, :3], np.eye(R)[:, 3:]
+    problem = Problem(rng(1).normal(size=(4, K, 3)), np.eye(3), seen, np.zeros((R, R)), unseen)
+    targets = np.zeros((2, 3, R))
+    targets[0, :, :3] = 1
+    targets[1, :, 4] = 1
+    promised = forecast(problem, information(problem, [0, 1]), targets)
+    assert np.isfinite(promised.error[0])
+    assert np.isinf([promised.error[1], promised.high[1], promised.overall]).all()
+
+
+def test_observability_indices_are_those_of_the_definitions():
+    problem, plan = random_problem(), np.array([3, 5, 8, 13])
+    s = np.linalg.svd(problem.rows[plan].reshape(-1, R))[1]
+    found = observability(problem, plan)
+    assert (found.seen, found.of) == (R, R)
+    by_hand = (
+        np.prod(s) ** (1 / R) / 2,
+        s.min() / s.max(),
+        s.min(),
+        s.min() ** 2 / s.max(),
+        1 / np.sum(1 / s),
+    )
+    np.testing.assert_allclose((found.o1, found.o2, found.o3, found.o4, found.o5), by_hand)
+
+
+def test_a_plan_that_sees_too_little_has_no_observability():
+    found = observability(random_problem(), np.array([0, 0]))
+    assert (found.seen, found.o1, found.o3) == (K, 0, 0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_shortest_path_is_that_of_brute_force(seed):
+    cost = joint_travel(rng(seed).uniform(-3, 3, (7, 6)))
+
+    def length(path):
+        return sum(cost[a, b] for a, b in itertools.pairwise(path))
+
+    best = min(map(length, itertools.permutations(range(7))))
+    found = shortest_path(cost)
+    assert sorted(found) == list(range(7))
+    assert length(found) == pytest.approx(best)
+
+
+def test_round_trip_goes_around_and_not_across():
+    angle = rng(2).permutation(20) * 2 * np.pi / 20
+    points = np.column_stack([np.cos(angle), np.sin(angle)])
+    cost = np.linalg.norm(points[:, None] - points[None], axis=2)
+    trip = round_trip(cost)
+    legs = cost[trip, np.roll(trip, -1)]
+    np.testing.assert_allclose(legs, 2 * np.sin(np.pi / 20))
+
+
+def test_joint_travel_is_that_of_the_slowest_joint():
+    assert joint_travel(np.array([[0.0, 0, 0], [0.1, -0.5, 0.2]]))[0, 1] == pytest.approx(0.5)
+
+
+def circle_rows(q, _k=0):
+    """Rows that see the direction of an angle: the best pair is at right angles."""
+    return np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=1)[:, None]
+
+
+LIMITS = np.array([[-3.0], [3.0]])
+
+
+def test_refinement_turns_a_pair_to_right_angles():
+    q = refine(
+        np.array([[0.0], [0.4]]),
+        prior=1e-6 * np.eye(2),
+        criterion=criterion_d(),
+        rows=circle_rows,
+        feasible=lambda q: np.ones(len(q), dtype=bool),
+        limits=LIMITS,
+        rng=rng(0),
+    )
+    assert abs(np.cos(q[1, 0] - q[0, 0])) < 0.05
+
+
+def test_refinement_stays_where_it_may():
+    q = refine(
+        np.array([[0.0], [0.4]]),
+        prior=1e-6 * np.eye(2),
+        criterion=criterion_d(),
+        rows=circle_rows,
+        feasible=lambda q: (q[:, 0] > -0.2) & (q[:, 0] < 0.8),
+        limits=LIMITS,
+        rng=rng(0),
+    )
+    assert (q > -0.2).all()
+    assert (q < 0.8).all()
+    assert q.max() - q.min() > 0.9  # as far apart as it may
+
+
+def test_ascent_climbs_within_limits_and_feasible():
+    q = ascend(
+        np.array([[0.0], [2.5], [-1.0]]),
+        lambda q: 1 / (1 + (q[:, 0] - 1) ** 2),
+        feasible=lambda q: q[:, 0] < 0.9,
+        limits=LIMITS,
+        rng=rng(0),
+    )
+    assert 0.7 < q[0, 0] < 0.9
+    assert 0.7 < q[2, 0] < 0.9
+    assert (q[1, 0] == 2.5) or (q[1, 0] < 0.9)  # an infeasible start stays or comes home
