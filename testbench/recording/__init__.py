@@ -4,8 +4,18 @@ One layout a kind of study, one module a layout; `stream`, `style` and the rest 
 """
 
 from testbench.recording.calibration import write_calibration
+from testbench.recording.plan import PlanScene, write_plan
 from testbench.recording.single_link import write_single_link
 from testbench.recording.solver import write_solver
 from testbench.recording.sweep import Point, Sweep, write_sweep
 
-__all__ = ["Point", "Sweep", "write_calibration", "write_single_link", "write_solver", "write_sweep"]
+__all__ = [
+    "PlanScene",
+    "Point",
+    "Sweep",
+    "write_calibration",
+    "write_plan",
+    "write_single_link",
+    "write_solver",
+    "write_sweep",
+]

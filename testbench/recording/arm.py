@@ -1,4 +1,4 @@
-"""Any MJCF arm from its geometry: bodies rigid and, magnified, deflected."""
+"""Any MJCF arm from its geometry: bodies rigid and, magnified, deflected; and the weight that it carries."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,12 @@ from scipy.spatial.transform import Rotation
 from testbench.bench import Cell
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visual_shapes
-from testbench.recording.style import GHOST, Colour
+from testbench.recording.style import GHOST, LOAD, Colour
+
+ARROW = 0.2
+"""Length of the load's arrow over the reach of the arm [1]."""
+STEEL = 7850.0
+"""Density [kg/m^3] of the drawn weight, a cube."""
 
 
 def write_shapes(stream: rr.RecordingStream, cell: Cell, moving: Sequence[int]) -> None:
@@ -36,8 +41,8 @@ def write_places(
     cell: Cell,
     times: Sequence[rr.TimeColumn],
     rigid: Frames,
-    ghost: Frames,
-    moving: Sequence[int],
+    ghost: Frames | None = None,
+    moving: Sequence[int] = (),
 ) -> None:
     """Where every body is at every time, and where its ghost is.
 
@@ -46,15 +51,54 @@ def write_places(
         cell: The arm.
         times: Of the rows of the frames.
         rigid: Without load.
-        ghost: Under load, magnified.
+        ghost: Under load, magnified; None where no body has a ghost.
         moving: Bodies with a ghost.
     """
     for body, name in drawn_bodies(cell):
         for entity, frames in (("arm", rigid), ("arm_deflected", ghost)):
-            if entity == "arm" or body in moving:
+            if frames is not None and (entity == "arm" or body in moving):
                 turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
                 at = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
                 stream.send_columns(_path(entity, name), times, at)
+
+
+def write_weight(
+    stream: rr.RecordingStream,
+    times: Sequence[rr.TimeColumn],
+    hook: Array,
+    payload: Array,
+    share: Array,
+    reach: float,
+) -> None:
+    """The hung weight, a cube of steel; its label stands below it, away from the markers.
+
+    Args:
+        stream: Where to.
+        times: Of the rows.
+        hook: Load point, (rows, 3) [m].
+        payload: Mass of the weight, (rows,) [kg].
+        share: How much of it the arm carries, (rows,) [1].
+        reach: Of the arm, the scale of symbols [m].
+    """
+    half = np.cbrt(payload / STEEL) / 2
+    look = rr.Boxes3D.from_fields(colors=LOAD, fill_mode=FillMode.Solid)
+    stream.log("world/load/weight", look, static=True)
+    down = np.array([0.0, 0.0, -1.0])
+    centre = hook + np.outer(ARROW * reach * share + half, down)
+    cubes = rr.Boxes3D.columns(centers=centre, half_sizes=np.column_stack([half] * 3))
+    stream.send_columns("world/load/weight", times, cubes)
+    below = centre + np.outer(half + 0.04 * reach, down)
+    write_load_label(stream, times, below, [f"{kg:.4g} kg" for kg in share * payload])
+
+
+def write_load_label(
+    stream: rr.RecordingStream, times: Sequence[rr.TimeColumn], at: Array, texts: Sequence[str]
+) -> None:
+    """What the load is: a text a row, at points (rows, 3) [m]."""
+    look = rr.Points3D.from_fields(colors=LOAD, radii=0.0, show_labels=True)
+    stream.log("world/load/label", look, static=True)
+    columns = rr.Points3D.columns(positions=at, labels=texts).partition([1] * len(at))
+    stream.send_columns("world/load/label", times, columns)
 
 
 def drawn_bodies(cell: Cell) -> list[tuple[int, str]]:

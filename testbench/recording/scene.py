@@ -6,25 +6,22 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.components import FillMode
 
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, visual_shapes
-from testbench.recording.arm import write_places, write_shapes
+from testbench.recording.arm import ARROW, write_load_label, write_places, write_shapes, write_weight
 from testbench.recording.study import Study
 from testbench.recording.style import LOAD, MEASURED, NOMINAL, Colour
 from testbench.report import MM
 
-STEEL = 7850.0
-"""Density [kg/m^3] of the drawn weight, a cube."""
 HALF_VIEW = np.tan(np.deg2rad(27.5))
 """Tangent of half the viewer's vertical angle of view."""
 ASPECT = 0.8
 """Width over height of the narrowest pane that shows the arm [1]."""
+SIDE = (0.35, 0.9, 0.25)
+"""Where the eye is: ahead along the reach of the arm, beside it, above [1]."""
 CLOSER = 0.6
 """The eye is at least at this share of the distance from which all runs are in view [1]."""
-ARROW = 0.2
-"""Length of the load's arrow over the reach of the arm [1]."""
 
 
 def write_scene(
@@ -85,11 +82,11 @@ def _write_markers(stream: rr.RecordingStream, study: Study, times: Sequence[rr.
     data, M, scale = study.data, study.magnification, study.residual_scale
     nominal = study.bodies(data.markers, study.rigid)
     measured = nominal + M * data.deflection
-    _points(stream, "nominal", times, nominal)
-    _points(stream, "measured", times, measured)
+    write_points(stream, "nominal", times, nominal)
+    write_points(stream, "measured", times, measured)
     _arrows(stream, "deflection", times, nominal, M * data.deflection)
     for path, errors in zip(study.paths, study.errors, strict=True):
-        _points(stream, f"predicted_{path}", times, measured - M * errors)
+        write_points(stream, f"predicted_{path}", times, measured - M * errors)
         _arrows(stream, f"residual_{path}", times, measured, -scale * errors)
     _write_worst(stream, study, times, measured)
 
@@ -118,14 +115,16 @@ def _write_loading(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn
     """The same markers while the load grows: true instead of measured, predicted by the shown models."""
     loading, M = study.loading, study.magnification
     nominal = study.bodies(study.data.markers, loading.rigid)
-    _points(stream, "nominal", [time], nominal)
-    _points(stream, "true", [time], nominal + M * loading.deflection)
+    write_points(stream, "nominal", [time], nominal)
+    write_points(stream, "true", [time], nominal + M * loading.deflection)
     _arrows(stream, "deflection", [time], nominal, M * loading.deflection)
     for k in study.shown:
-        _points(stream, f"predicted_{study.paths[k]}", [time], nominal + M * loading.predicted[k])
+        write_points(stream, f"predicted_{study.paths[k]}", [time], nominal + M * loading.predicted[k])
 
 
-def _points(stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], positions: Array) -> None:
+def write_points(
+    stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], positions: Array
+) -> None:
     """A point a marker: positions (times, m, 3) [m]."""
     columns = rr.Points3D.columns(positions=positions.reshape(-1, 3))
     stream.send_columns(_marker(name), times, columns.partition([positions.shape[1]] * len(positions)))
@@ -159,8 +158,6 @@ def _write_load(
     """
     hook = study.bodies([study.cell.arm.load], ghost)[:, 0]
     payload = study.report.get("payload_kg")
-    label = rr.Points3D.from_fields(colors=LOAD, radii=0.0, show_labels=True)
-    stream.log("world/load/label", label, static=True)
     for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
         size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
         if not size.any():
@@ -171,38 +168,15 @@ def _write_load(
         columns = rr.Arrows3D.columns(origins=hook, vectors=ARROW * study.reach * vectors)
         stream.send_columns(f"world/load/{entity}", times, columns)
     if payload is not None:
-        _write_weight(stream, study, times, hook, whole[:, :3], wrench[:, :3])
+        share = np.linalg.norm(wrench[:, :3], axis=1) / np.linalg.norm(whole[:, :3], axis=1)
+        write_weight(stream, times, hook, np.full(len(hook), payload), share, study.reach)
         return
     texts = [
         " and ".join(f"{x:.0f} {unit}" for x, unit in zip(sizes, ("N", "N m"), strict=True) if x > 0)
         or "no load"
         for sizes in np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
     ]
-    at = hook - [0, 0, 0.5 * ARROW * study.reach]
-    columns = rr.Points3D.columns(positions=at, labels=texts).partition([1] * len(at))
-    stream.send_columns("world/load/label", times, columns)
-
-
-def _write_weight(
-    stream: rr.RecordingStream,
-    study: Study,
-    times: Sequence[rr.TimeColumn],
-    hook: Array,
-    whole: Array,
-    force: Array,
-) -> None:
-    """The hung weight; its label stands below it, away from the markers."""
-    payload = study.report["payload_kg"]
-    half = (payload / STEEL) ** (1 / 3) / 2
-    cube = rr.Boxes3D.from_fields(half_sizes=[half] * 3, colors=LOAD, fill_mode=FillMode.Solid)
-    stream.log("world/load/weight", cube, static=True)
-    size = np.linalg.norm(whole, axis=1, keepdims=True)
-    centre = hook + ARROW * study.reach * force / size + half * whole / size
-    stream.send_columns("world/load/weight", times, rr.Boxes3D.columns(centers=centre))
-    texts = [f"{share * payload:.4g} kg" for share in np.linalg.norm(force, axis=1) / size[:, 0]]
-    below = centre + (half + 0.04 * study.reach) * whole / size
-    columns = rr.Points3D.columns(positions=below, labels=texts).partition([1] * len(below))
-    stream.send_columns("world/load/label", times, columns)
+    write_load_label(stream, times, hook - [0, 0, 0.5 * ARROW * study.reach], texts)
 
 
 def world_view(study: Study) -> rrb.Spatial3DView:
@@ -231,9 +205,9 @@ def _camera(study: Study) -> tuple[Array, Array]:
     tool = study.bodies([study.cell.arm.tool], study.rigid)[study.worst, 0, :2]
     centres, radii = _spheres(study)
     worst = np.vstack([points[study.worst], centres])
-    eye, target = _frame(worst, np.append(np.zeros(points.shape[1]), radii), tool)
+    eye, target = frame(worst, np.append(np.zeros(points.shape[1]), radii), tool)
     every = points.reshape(-1, 3)
-    far, middle = _frame(every, np.zeros(len(every)), tool)
+    far, middle = frame(every, np.zeros(len(every)), tool)
     closer = CLOSER * np.linalg.norm(far - middle) / np.linalg.norm(eye - target)
     return target + max(1.0, float(closer)) * (eye - target), target
 
@@ -253,17 +227,26 @@ def _spheres(study: Study) -> tuple[Array, Array]:
     return np.concatenate(centres), np.tile(radii, 2)
 
 
-def _frame(points: Array, radii: Array, tool: Array) -> tuple[Array, Array]:
-    """Eye and target from the side and a little ahead, all spheres in view.
+def frame(
+    points: Array,
+    radii: Array,
+    tool: Array,
+    side: tuple[float, float, float] = SIDE,
+    aspect: float = ASPECT,
+) -> tuple[Array, Array]:
+    """Eye and target, each (3,) [m], all spheres in view.
 
     Args:
         points: Their centres, (points, 3) [m].
         radii: Of the spheres, (points,) [m].
         tool: Where the arm reaches, seen from above, (2,) [m].
+        side: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+        aspect: Width over height of the pane [1].
     """
     length = float(np.linalg.norm(tool))
     x, y = tool / length if length > 0 else (1.0, 0.0)
-    back = np.array([0.9 * y + 0.35 * x, -0.9 * x + 0.35 * y, 0.25])
+    ahead, aside, above = side
+    back = np.array([aside * y + ahead * x, -aside * x + ahead * y, above])
     back /= np.linalg.norm(back)
     right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
     axes = np.column_stack([back, right, np.cross(back, right)])
@@ -271,6 +254,6 @@ def _frame(points: Array, radii: Array, tool: Array) -> tuple[Array, Array]:
     low, high = (along - radii[:, None]).min(axis=0), (along + radii[:, None]).max(axis=0)
     target = axes @ ((low + high) / 2)
     depth, across, up = ((points - target) @ axes).T
-    wide = np.maximum(np.abs(across) / ASPECT, np.abs(up)) + radii
+    wide = np.maximum(np.abs(across) / aspect, np.abs(up)) + radii
     distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
     return target + distance * back, target

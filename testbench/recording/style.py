@@ -12,6 +12,8 @@ Colour = tuple[int, ...]
 NOMINAL, MEASURED, LOAD, NOISE = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
 GHOST = (*MEASURED, 70)
+TASK = (178, 156, 48)
+"""Where the robot works: olive, which is neither least squares nor GCO."""
 
 ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105))
 """Least squares: the best model first; shades tell the others apart."""

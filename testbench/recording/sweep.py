@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from testbench.dataset import Ids
 from testbench.errors import BenchError
 from testbench.recording.stream import Header, layout, recording, write_texts
 from testbench.recording.style import GREENS, ORANGES, SHAPES, Colour
@@ -106,6 +107,33 @@ def write_sweep(path: Path, sweep: Sweep) -> None:
     Raises:
         BenchError: When two values of x are the same whole number, or a model lacks a value of x.
     """
+    steps = _steps(sweep)
+    header = Header("sweep", sweep.scenario, json.dumps(sweep.parameters, sort_keys=True), sweep.seed)
+    with recording(path, header, _blueprint(sweep)) as stream:
+        write_texts(stream, {"summary": summary(sweep), "table": table(sweep)})
+        captions = [_caption(sweep, k) for k in range(len(steps))]
+        columns = rr.TextDocument.columns(text=captions, media_type=["text/markdown"] * len(steps))
+        stream.send_columns("this_step", [rr.TimeColumn(TIMELINE, sequence=steps)], columns)
+        write_lines(stream, sweep)
+
+
+def write_lines(stream: rr.RecordingStream, sweep: Sweep) -> None:
+    """The lines of `plot_views`, one a model with its spread, on the timeline `sweep`.
+
+    Args:
+        stream: Where to.
+        sweep: Numbers and words.
+
+    Raises:
+        BenchError: When two values of x are the same whole number, or a model lacks a value of x.
+    """
+    time = rr.TimeColumn(TIMELINE, sequence=_steps(sweep))
+    for k, model in enumerate(sweep.models):
+        _write_line(stream, sweep, k, model, time)
+
+
+def _steps(sweep: Sweep) -> Ids:
+    """Values of x as whole numbers, the places on the timeline."""
     x = sorted({point.x for point in sweep.points})
     steps = np.rint(x).astype(int)
     if len(set(steps.tolist())) < len(x):
@@ -113,15 +141,7 @@ def write_sweep(path: Path, sweep: Sweep) -> None:
     for model in sweep.models:
         if [p.x for p in sweep.line(model)] != x:
             raise BenchError(f"sweep: expected {model!r} once at every value of {sweep.swept}")
-    header = Header("sweep", sweep.scenario, json.dumps(sweep.parameters, sort_keys=True), sweep.seed)
-    time = rr.TimeColumn(TIMELINE, sequence=steps)
-    with recording(path, header, _blueprint(sweep)) as stream:
-        write_texts(stream, {"summary": summary(sweep), "table": table(sweep)})
-        captions = [_caption(sweep, k) for k in range(len(x))]
-        columns = rr.TextDocument.columns(text=captions, media_type=["text/markdown"] * len(x))
-        stream.send_columns("this_step", [time], columns)
-        for k, model in enumerate(sweep.models):
-            _write_line(stream, sweep, k, model, time)
+    return steps
 
 
 def _write_line(stream: rr.RecordingStream, sweep: Sweep, k: int, model: str, time: rr.TimeColumn) -> None:
@@ -186,7 +206,7 @@ def table(sweep: Sweep) -> str:
         f"{sweep.swept}, {sweep.swept_unit}",
         *(f"{k}, {sweep.unit}" for k in ("median", "5 %", "95 %")),
     ]
-    return "\n\n".join([f"### {sweep.measured.capitalize()}", "\n".join(grid(head, rows))])
+    return "\n\n".join([f"### {sweep.measured[:1].upper()}{sweep.measured[1:]}", "\n".join(grid(head, rows))])
 
 
 def _caption(sweep: Sweep, k: int) -> str:
@@ -197,30 +217,33 @@ def _caption(sweep: Sweep, k: int) -> str:
     return "\n\n".join([place, "\n".join(grid(head, rows))])
 
 
-def _blueprint(sweep: Sweep) -> rrb.Blueprint:
+def plot_views(sweep: Sweep, hint: str = "") -> list[rrb.TimeSeriesView]:
+    """The plot in its unit, and the logarithms of the same.
+
+    Args:
+        sweep: Numbers and words.
+        hint: Ends the titles, where the reader does not land on the timeline `sweep`.
+    """
     root = _root(sweep)
-    axis = f"over {sweep.swept} ({sweep.swept_unit})"
-    legend = rrb.PlotLegend(rrb.Corner2D.LeftTop)
+    axis = f"over {sweep.swept} ({sweep.swept_unit}){hint}"
     x = np.rint([p.x for p in sweep.points]).astype(int)
     margin = max(1, round(0.03 * float(np.ptp(x))))
     ends = [rr.TimeRangeBoundary.absolute(seq=int(k)) for k in (x.min() - margin, x.max() + margin)]
-    time = rrb.TimeAxis(view_range=rr.TimeRange(*ends))
-    plots = [
+    scales = {root: sweep.unit, f"log10_{root}": f"log10 {sweep.unit}"}
+    return [
         rrb.TimeSeriesView(
-            origin=root,
-            name=f"{sweep.measured.capitalize()} ({sweep.unit}) {axis}",
-            axis_x=time,
-            plot_legend=legend,
-        ),
-        rrb.TimeSeriesView(
-            origin=f"log10_{root}",
-            name=f"{sweep.measured.capitalize()} (log10 {sweep.unit}) {axis}",
-            axis_x=time,
-            plot_legend=rrb.PlotLegend(visible=False),
-        ),
+            origin=path,
+            name=f"{sweep.measured[:1].upper()}{sweep.measured[1:]} ({unit}) {axis}",
+            axis_x=rrb.TimeAxis(view_range=rr.TimeRange(*ends)),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=path == root),
+        )
+        for path, unit in scales.items()
     ]
+
+
+def _blueprint(sweep: Sweep) -> rrb.Blueprint:
     overview = rrb.Horizontal(
-        rrb.Vertical(*plots),
+        rrb.Vertical(*plot_views(sweep)),
         rrb.Vertical(
             rrb.TextDocumentView(origin="summary", name="Summary"),
             rrb.TextDocumentView(origin="this_step", name="This step"),

@@ -1,0 +1,280 @@
+"""The recording of a measurement plan, read back from its file."""
+
+import re
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from read_back import chunks_of, columns, document, layout, on, panes, rerun, series, views
+
+from testbench.errors import BenchError
+from testbench.plant.shapes import body_names, rigid_frames
+from testbench.recording import PlanScene, Point, Sweep, write_plan
+from testbench.recording.error_map import shades, shares, sizes
+from testbench.vjm import chain
+
+BUDGET = 2**20
+POSES, STATION, LOADS = 5, (4.5, -2.5, 1.6), (230.0, 460.3)
+SWEEP_ROOT = "/rms_error_in_the_tasks_mm"
+
+
+def sweep():
+    points = [
+        Point(n, name, a / n, 0.8 * a / n, 1.3 * a / n)
+        for n in (4, 8)
+        for name, a in (("plan", 1), ("random", 2))
+    ]
+    words = ["How many poses are enough?", "0.2 mm with 4", "poses", "1", "RMS error in the tasks", "mm"]
+    return Sweep("plan", {}, 1, *words, points, {})
+
+
+def plan(cell, poses=POSES, candidates=300, field=40, **changes):
+    """Poses drawn evenly over the joint limits, whatever they collide with, and a smooth error."""
+    rng = np.random.default_rng(7)
+    lower, upper = cell.arm.limits
+    q = rng.uniform(lower, upper, (poses, len(lower)))
+    some = chain(cell.vjm, rng.uniform(lower, upper, (candidates + field + 9, len(lower)))).position
+    error = 0.05 + 0.02 * np.linalg.norm(some - [2, 0, 1.5], axis=1)
+    every = {
+        "scenario": "pose_selection",
+        "parameters": {"poses": poses},
+        "seed": 1,
+        "station": STATION,
+        "loads_kg": LOADS,
+        "load": np.arange(poses) % 2,
+        "candidates": some[field + 9 :],
+        "q": q,
+        "pose_words": [f"**Step {k + 1}**" for k in range(poses)],
+        "deflection_mm": np.linspace(3, 9, poses),
+        "error_mm": np.linspace(0.2, 0.05, poses),
+        "tasks": some[:9],
+        "task_error_mm": error[:9],
+        "field": some[9 : field + 9],
+        "field_error_mm": error[9 : field + 9],
+        "field_words": "expected error after identification (mm)",
+        "summary": "### Which poses?\n\n#### **These 5: 0.07 mm**",
+        "tables": {"Criteria compared": "| D | 0.1 |"},
+        "sweep": sweep(),
+    }
+    return PlanScene(cell=cell, **every | changes)
+
+
+def recorded(path, scene):
+    write_plan(path, scene)
+    return chunks_of(path)
+
+
+@pytest.fixture(scope="module")
+def scene(kr500):
+    return plan(kr500)
+
+
+@pytest.fixture(scope="module")
+def file(scene, tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "recording.rrd"
+    write_plan(path, scene)
+    return path
+
+
+@pytest.fixture(scope="module")
+def chunks(file):
+    return chunks_of(file)
+
+
+@pytest.fixture(scope="module")
+def markers(kr500, scene):
+    """Markers of every pose by Pinocchio's kinematics, (poses, m, 3) [m]: the recording has MuJoCo's."""
+    where = chain(kr500.vjm, scene.q)
+    return where.position[:, None] + kr500.vjm.markers @ where.rotation.swapaxes(1, 2)
+
+
+def test_the_file_is_one_whole_recording_and_equal_plans_are_equal(file, scene, tmp_path):
+    assert "1 file verified without error" in rerun("verify", file)[1]
+    again = tmp_path / "again.rrd"
+    write_plan(again, scene)
+    assert rerun("compare", "--unordered", file, again)[0] == 0
+
+
+def check_views(file, chunks):
+    for origin, *_ in views(file):
+        assert [c for c in chunks if f"{c.entity_path}/".startswith(f"/{origin}/")], origin
+    assert max(panes(file)) <= 8
+
+
+def test_every_view_has_data_under_its_origin(file, chunks):
+    assert len(panes(file)) == 4
+    check_views(file, chunks)
+
+
+def test_every_number_has_its_unit_in_the_title_of_its_view(file):
+    for origin, kind, name in views(file):
+        assert kind == "TextDocument" or re.search(r"\((m|mm|log10 mm)\)", name), (origin, name)
+
+
+def test_entities_are_few_and_in_snake_case(chunks):
+    paths = {c.entity_path for c in chunks if not c.entity_path.startswith("/__properties")}
+    assert len(paths) < 100
+    assert all(re.fullmatch(r"(/[a-z][a-z0-9_]*)+", path) for path in paths)
+
+
+def test_all_that_moves_is_there_in_every_pose_of_the_run(file, chunks):
+    assert layout(file)["/time_panel"]["TimePanelBlueprint:timeline"] == [["run"]]
+    moving = [c for c in chunks if not c.is_static]
+    assert {name for c in moving for name in c.timeline_names} == {"run", "sweep"}
+    for chunk in moving:
+        if "run" in chunk.timeline_names:
+            data = columns([chunk], chunk.entity_path)
+            assert data["run"] == list(range(1, POSES + 1)), chunk.entity_path
+    assert columns(chunks, "/this_step")["TextDocument:text"][2] == ["**Step 3**"]
+
+
+def test_the_arm_stands_in_the_pose_of_its_step(chunks, kr500, scene):
+    frames = rigid_frames(kr500.room, scene.q)
+    at = columns(on(chunks, "run"), "/world/arm/link_6")["Transform3D:translation"]
+    expected = frames.positions[:, body_names(kr500.room).index("link_6")]
+    assert np.array(at)[:, 0] == pytest.approx(expected, abs=1e-6)  # kept in single precision
+    assert not [c for c in chunks if "arm_deflected" in c.entity_path]
+
+
+def test_lines_of_sight_go_from_the_tracker_to_every_marker(chunks, markers):
+    strips = np.array(columns(chunks, "/world/sight")["LineStrips3D:strips"])
+    assert strips.shape == (POSES, 3, 2, 3)
+    # single precision at up to 5 m, and two readings of the MJCF
+    assert strips[:, :, 0] == pytest.approx(np.broadcast_to(STATION, markers.shape), abs=1e-6)
+    assert strips[:, :, 1] == pytest.approx(markers, abs=2e-6)
+    nominal = columns(chunks, "/world/markers/nominal")["Points3D:positions"]
+    assert np.array(nominal) == pytest.approx(markers, abs=2e-6)
+
+
+def test_planned_positions_are_numbered_and_joined_in_the_order_of_measuring(chunks, kr500, scene):
+    tools = chain(kr500.vjm, scene.q).position
+    points = columns(chunks, "/world/plan/positions")
+    assert points["Points3D:labels"] == [[str(k + 1) for k in range(POSES)]]
+    assert np.array(points["Points3D:positions"][0]) == pytest.approx(tools, abs=2e-6)
+    (path,) = columns(chunks, "/world/plan/path")["LineStrips3D:strips"]
+    assert np.array(path[0]) == pytest.approx(tools, abs=2e-6)
+
+
+def test_the_weight_of_every_step_hangs_below_the_load_point(chunks, kr500, scene):
+    labels = columns(chunks, "/world/load/label")["Points3D:labels"]
+    assert labels == [[f"{LOADS[k]:.4g} kg"] for k in scene.load]
+    data = columns(chunks, "/world/load/weight")
+    half = np.array(data["Boxes3D:half_sizes"])[:, 0]
+    assert 7850 * (2 * half).prod(axis=1) == pytest.approx(np.array(LOADS)[scene.load], rel=1e-6)
+    where = chain(kr500.vjm, scene.q)
+    hook = where.position + where.rotation @ kr500.vjm.load
+    hangs = np.array(data["Boxes3D:centers"])[:, 0] - hook
+    assert hangs[:, :2] == pytest.approx(0, abs=2e-6)
+    assert (hangs[:, 2] < 0).all()
+
+
+def test_expected_deflection_and_error_are_plotted_over_the_run(chunks, scene):
+    assert series(chunks, "/expected_deflection_mm", "run") == scene.deflection_mm.tolist()
+    assert series(chunks, "/expected_error_mm", "run") == scene.error_mm.tolist()
+
+
+def brightness(colours):
+    return np.asarray(colours, dtype=float) @ [0.2126, 0.7152, 0.0722]
+
+
+def test_the_greater_the_error_the_brighter_and_the_larger(chunks, scene):
+    low, high = scene.error_map.ends
+    assert (np.diff(brightness(shades(np.linspace(0, 1, 50)))) > 0).all()
+    for path, kind, size, mm in (
+        ("field", "Points3D", "radii", scene.field_error_mm),
+        ("tasks", "Boxes3D", "half_sizes", scene.task_error_mm),
+    ):
+        data, order = columns(chunks, f"/world/error_map/{path}"), np.argsort(mm)
+        packed = np.array(data[f"{kind}:colors"][0], dtype=np.uint32)
+        drawn = np.column_stack([packed >> shift & 255 for shift in (24, 16, 8)])
+        assert np.array_equal(drawn, shades((mm - low) / (high - low)))
+        assert (np.diff(brightness(drawn[order])) > -1).all()  # 8-bit colours: each part rounds by a half
+        extent = np.array(data[f"{kind}:{size}"][0]).reshape(len(mm), -1)[:, 0]
+        assert (np.diff(extent[order]) >= 0).all()
+
+
+def test_equal_errors_have_one_colour(kr500, tmp_path):
+    same = shares(np.full(3, 0.1), (0.1, 0.1))
+    assert len(np.unique(shades(same), axis=0)) == len(np.unique(sizes(same))) == 1
+    recorded(tmp_path / "x.rrd", plan(kr500, field_error_mm=np.full(40, 0.1), task_error_mm=np.full(9, 0.1)))
+
+
+def test_the_map_says_its_ends_with_their_unit(chunks, scene):
+    text, low, high = document(chunks, "/error_words"), *scene.error_map.ends
+    assert text.startswith("### Expected error after identification (mm)")
+    assert f"{low:.3f} mm, the least" in text
+    assert f"{high:.3f} mm, the greatest" in text
+    numbers = columns(chunks, "/error_key_mm/number")["Points2D:labels"][0]
+    assert (numbers[0], numbers[-1]) == (f"{low:.3f} mm", f"{high:.3f} mm")
+    labels = columns(chunks, "/world/error_map/label")["Points3D:labels"][0]
+    assert f"greatest {scene.field_error_mm.max():.3f} mm" in labels
+    assert f"worst task {scene.task_error_mm.max():.3f} mm" in labels
+
+
+def test_the_summary_is_the_callers_with_colours_and_scrubbing(chunks, scene):
+    text = document(chunks, "/summary")
+    assert text.startswith(scene.summary)
+    assert "Vermillion: tracker" in text
+    assert "`run` 1 to 5" in text
+    assert document(chunks, "/tables") == "### Criteria compared\n\n| D | 0.1 |"
+
+
+def test_of_many_candidates_some_are_drawn_evenly_and_the_legend_says_so(kr500, tmp_path):
+    scene = plan(kr500, candidates=5000)
+    chunks = recorded(tmp_path / "many.rrd", scene)
+    (drawn,) = columns(chunks, "/world/candidates")["Points3D:positions"]
+    assert len(drawn) == 2000
+    ends = scene.candidates[[0, -1]]
+    assert np.array(drawn)[[0, -1]] == pytest.approx(ends, abs=1e-6)
+    assert "candidates, 2000 of 5000 drawn" in document(chunks, "/summary")
+
+
+def test_the_sweep_has_its_own_timeline_and_plots(chunks):
+    assert series(chunks, f"{SWEEP_ROOT}/plan/median", "sweep") == [0.25, 0.125]
+    assert "How many poses are enough?" in document(chunks, "/sweep_words")
+
+
+@pytest.mark.parametrize(
+    ("without", "tabs"), [({"station": None}, 4), ({"sweep": None}, 3), ({"tables": {}, "sweep": None}, 2)]
+)
+def test_a_plan_without_tracker_sweep_or_tables_is_drawn_too(without, tabs, kr500, tmp_path):
+    path = tmp_path / "less.rrd"
+    chunks = recorded(path, plan(kr500, **without))
+    check_views(path, chunks)
+    assert len(panes(path)) == tabs
+    paths = {c.entity_path for c in chunks}
+    assert ("/world/sight" in paths) == ("station" not in without)
+    assert ("Vermillion" in document(chunks, "/summary")) == ("station" not in without)
+    assert ("`sweep`" in document(chunks, "/summary")) == ("sweep" not in without)
+
+
+def test_one_pose_without_candidates_is_a_plan(arm_6r, tmp_path):
+    path = tmp_path / "one.rrd"
+    check_views(path, recorded(path, plan(arm_6r, poses=1, candidates=0)))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"load": np.full(POSES, 2)}, "indices into 2 loads"),
+        ({"load": np.zeros(POSES - 1, dtype=int)}, "expected 5 indices"),
+        ({"pose_words": ["one"]}, "pose_words: expected 5"),
+        ({"error_mm": np.full(POSES, np.nan)}, "error_mm: expected finite"),
+        ({"task_error_mm": np.ones(8)}, r"task_error_mm: expected shape \(9\)"),
+        ({"field": np.empty((0, 3)), "field_error_mm": []}, "at least one"),
+        ({"station": (1.0, 2.0)}, "station"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(wrong, message, scene, tmp_path):
+    with pytest.raises(BenchError, match=message):
+        write_plan(tmp_path / "wrong.rrd", replace(scene, **wrong))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_large_plan_stays_within_its_budget(kr500, tmp_path):
+    scene, path = plan(kr500, poses=12, candidates=5000, field=200), tmp_path / "large.rrd"
+    start = time.perf_counter()
+    write_plan(path, scene)
+    assert time.perf_counter() - start < 1  # takes 0.1 s; the rest is for a busy machine
+    assert path.stat().st_size < BUDGET
