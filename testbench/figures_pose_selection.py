@@ -20,6 +20,8 @@ LINES: dict[str, tuple[str, str]] = {
     "test": (GREEN, "o-"),
 }
 """Colour and style of every criterion; the last one is on top."""
+TICKS = (0.02, 0.03, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
+"""Of the axis of errors [mm]."""
 BANDS = ("random", "test")
 FIT, BARE = "MGCO68 + prior", "MGCO68"
 
@@ -45,8 +47,11 @@ def curves(report: Report, file: Path) -> None:
         va="bottom",
         color=GREY,
     )
-    centre.sharey(left)
-    left.legend(frameon=False, fontsize="small", ncols=2)
+    low, high = (f(axes.dataLim.intervaly[k] for axes in (left, centre)) for f, k in ((min, 0), (max, 1)))
+    for axes in (left, centre):
+        axes.set_ylim(0.9 * low, 1.1 * high)
+    right.set_ylim(0.9 * right.dataLim.ymin, 1.1 * right.dataLim.ymax)
+    figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=7)
     left.set_ylabel("RMS error of predicted deflection [mm]")
     seeds = report["seed"]
     spread = "" if isinstance(seeds, int) else f"; median, bands 5 to 95 % of {len(seeds)} seeds"
@@ -70,6 +75,8 @@ def _curve(axes: Axes, report: Report, fit: str, key: str, words: str) -> None:
             axes.fill_between(x, *ends, color=shade, alpha=0.15, linewidth=0)
     ticks = [row["poses"] for row in report["errors"][fit]["random"]]
     axes.set_yscale("log")
+    axes.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
+    axes.set_yticks([], minor=True)
     axes.set_xscale("log")
     axes.set_xticks(ticks, [str(n) for n in ticks])
     axes.set_xticks([], minor=True)
@@ -97,14 +104,14 @@ def featured(report: Report, file: Path) -> None:
         _dots(left, [rows[name][key] for name in names], shade, marker, words)
     left.set_yticks(range(len(names)), names)
     left.set_title(f"{poses} poses by criterion", fontsize="medium")
-    left.legend(frameon=False, fontsize="small")
+    left.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2)
     variants = list(reversed(report["worth"]))
     _dots(right, [row["judged"]["tasks_mm"] for row in variants], GREEN, "o", "simulated, at the tasks")
     promised = [row["expected_tasks_mm"] for row in variants]
     right.plot(promised, range(len(variants)), "|", color=ORANGE, markersize=16, label="promised")
     right.set_yticks(range(len(variants)), [row["variant"] for row in variants], fontsize="small")
     right.set_title("what else would help", fontsize="medium")
-    right.legend(frameon=False, fontsize="small")
+    right.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2)
     for axes in (left, right):
         axes.set_xlim(left=0)
         axes.set_xlabel("RMS error [mm]")
