@@ -11,6 +11,9 @@ from testbench.errors import Array, BenchError, check_array
 Mask = npt.NDArray[np.bool_]
 Ids = npt.NDArray[np.int_]
 
+SKEW = 1e-9
+"""Share of a matrix by which it may differ from its transpose."""
+
 
 @dataclass(frozen=True)
 class Dataset:
@@ -29,6 +32,8 @@ class Dataset:
         rotation_before: Tool orientation read unloaded, rotation vectors, (runs, 3) [rad]; None if not read.
         rotation_after: The same loaded, (runs, 3) [rad].
         sigma_rotation: Standard deviation of one orientation reading about one axis [rad].
+        precision: Inverse covariance of every deflection, world axes, (runs, m, 3, 3) [1/m^2]; all zero
+            where a target was lost. None where sigma holds along every axis: a deflection then has 2 sigma^2.
     """
 
     markers: tuple[str, ...]
@@ -43,6 +48,7 @@ class Dataset:
     rotation_before: Array | None = None
     rotation_after: Array | None = None
     sigma_rotation: float | None = None
+    precision: Array | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values at the door.
@@ -73,6 +79,8 @@ class Dataset:
             check_array(self.rotation_after, (runs, 3), "rotation_after [rad]")
             if not 0 < self.sigma_rotation < np.inf:
                 raise BenchError(f"sigma [rad]: expected more than 0, got {self.sigma_rotation}")
+        if self.precision is not None:
+            _check_precision(check_array(self.precision, (runs, m, 3, 3), "precision [1/m^2]"))
 
     @property
     def runs(self) -> int:
@@ -83,6 +91,13 @@ class Dataset:
     def points(self) -> int:
         """Number of measured points: markers times runs."""
         return len(self.run) * len(self.markers)
+
+    @property
+    def seen(self) -> Mask:
+        """Which targets were read, (runs, m): not those that the tracker lost."""
+        if self.precision is None:
+            return np.ones((self.runs, len(self.markers)), dtype=bool)
+        return np.asarray(self.precision.any(axis=(2, 3)))
 
     @property
     def deflection(self) -> Array:
@@ -103,6 +118,24 @@ class Dataset:
         return np.asarray((after * before.inv()).as_rotvec())
 
 
+def _check_precision(precision: Array) -> None:
+    """Symmetric, and positive definite or zero.
+
+    Raises:
+        BenchError: When a matrix is neither.
+    """
+    size = np.abs(precision).max(axis=(2, 3))
+    skew = np.abs(precision - precision.swapaxes(2, 3)).max(axis=(2, 3))
+    least = np.linalg.eigvalsh(precision)[..., 0]
+    bad = (size > 0) & ((skew > SKEW * size) | (least <= 0))
+    if bad.any():
+        run, marker = np.argwhere(bad)[0]
+        raise BenchError(
+            "precision [1/m^2]: expected symmetric positive definite matrices, or zero for a lost target, "
+            f"got {precision[run, marker].tolist()} in place {run}, {marker}"
+        )
+
+
 def select(data: Dataset, runs: Mask) -> Dataset:
     """The runs under a mask, (runs,).
 
@@ -111,9 +144,11 @@ def select(data: Dataset, runs: Mask) -> Dataset:
     """
     if np.shape(runs) != (data.runs,):
         raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
-    arrays = ("run", "pose", "q", "wrench", "point", "before", "after")
-    rotations = ("rotation_before", "rotation_after") if data.rotation_before is not None else ()
-    return replace(data, **{name: getattr(data, name)[runs] for name in (*arrays, *rotations)})
+    arrays = ["run", "pose", "q", "wrench", "point", "before", "after"]
+    arrays += [
+        name for name in ("rotation_before", "rotation_after", "precision") if getattr(data, name) is not None
+    ]
+    return replace(data, **{name: getattr(data, name)[runs] for name in arrays})
 
 
 def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:

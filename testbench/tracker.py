@@ -1,16 +1,43 @@
-"""The measuring instrument: targets read with noise, once unloaded and once loaded."""
+"""The measuring instrument: targets read with noise, once unloaded and once loaded.
 
+A flat instrument has the same noise along every axis, as in the paper. A laser tracker stands somewhere: its
+range is good to microns, its two angles cost microns a metre, so that every reading has a covariance of its
+own.
+"""
+
+import math
 from dataclasses import dataclass
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, BenchError
 
+Quality = Literal["typical", "mpe"]
+
+LONGEST = 1e-2
+"""Largest standard deviation of a reading, or drift of a frame, that an instrument can have [m, rad]."""
+
+
+class Instrument(Protocol):
+    """Whatever reads positions."""
+
+    def covariance(self, positions: Array) -> Array:
+        """Covariance of the noise of one reading at each position, world axes.
+
+        Args:
+            positions: True positions, (..., 3) [m].
+
+        Returns:
+            (..., 3, 3) [m^2].
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class Tracker:
-    """A laser tracker whose noise is white, normal and equal along every axis.
+    """A flat instrument: its noise is white, normal and equal along every axis.
 
     Attributes:
         sigma: Standard deviation of ONE position reading along one axis [m].
@@ -31,8 +58,106 @@ class Tracker:
             if value is not None and not 0 <= value < np.inf:
                 raise BenchError(f"{name}: expected a finite number of at least 0, got {value}")
 
+    def covariance(self, positions: Array) -> Array:
+        """sigma^2 along every axis, (..., 3, 3) [m^2]."""
+        return np.broadcast_to(self.sigma**2 * np.eye(3), (*positions.shape, 3))
 
-def read_positions(tracker: Tracker, positions: Array, rng: np.random.Generator) -> Array:
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How an error grows with distance: a + b d.
+
+    Attributes:
+        base: a [m].
+        slope: b [m/m].
+    """
+
+    base: float
+    slope: float
+
+
+RADIAL, TRANSVERSE = Accuracy(10e-6, 0.3e-6), Accuracy(15e-6, 6e-6)
+"""Maximum permissible errors along the beam and across it: 10 um + 0.3 um/m and 15 um + 6 um/m, as makers of
+laser trackers publish them."""
+SHARE: dict[Quality, float] = {"typical": 0.5, "mpe": 1.0}
+"""Standard deviation over the maximum permissible error: typical results are half of it."""
+
+
+@dataclass(frozen=True)
+class LaserTracker:
+    """A spherical instrument: one distance and two angles, independent and normal.
+
+    Attributes:
+        station: Where the beam leaves, world, (3,) [m].
+        quality: Whether the standard deviation is half of the maximum permissible error or all of it.
+        radial: Maximum permissible error along the beam.
+        transverse: The same across it, in each of the two directions.
+        repeats: Readings that are averaged into one.
+    """
+
+    station: tuple[float, float, float]
+    quality: Quality = "typical"
+    radial: Accuracy = RADIAL
+    transverse: Accuracy = TRANSVERSE
+    repeats: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse an instrument that cannot be.
+
+        Raises:
+            BenchError: When an error is negative, too large or zero at the station, repeats is below 1, or
+                the station is no place.
+        """
+        for name in ("radial", "transverse"):
+            own = getattr(self, name)
+            if not (0 < own.base <= LONGEST and 0 <= own.slope <= LONGEST):
+                raise BenchError(
+                    f"tracker, {name}: expected a base above 0 m and a slope of at least 0, both up to "
+                    f"{LONGEST:g}, got {own.base} and {own.slope}"
+                )
+        if self.quality not in SHARE:
+            raise BenchError(f"tracker: expected quality {' or '.join(SHARE)}, got {self.quality!r}")
+        if self.repeats < 1:
+            raise BenchError(f"tracker: expected at least 1 reading to average, got {self.repeats}")
+        if np.shape(self.station) != (3,) or not np.isfinite(self.station).all():
+            raise BenchError(f"tracker: expected a station x, y, z, got {self.station}")
+
+    def covariance(self, positions: Array) -> Array:
+        """Along the beam the radial variance, across it the transverse one, (..., 3, 3) [m^2]."""
+        beam = positions - np.array(self.station)
+        distance = np.linalg.norm(beam, axis=-1)[..., None, None]
+        along = beam[..., :, None] * beam[..., None, :] / distance**2
+        share = SHARE[self.quality] / math.sqrt(self.repeats)
+        radial, transverse = (
+            share * (own.base + own.slope * distance) for own in (self.radial, self.transverse)
+        )
+        return np.asarray(transverse**2 * (np.eye(3) - along) + radial**2 * along)
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How far the tracker's frame moves between the unloaded and the loaded reading of a run.
+
+    Attributes:
+        shift: Standard deviation of the frame's displacement along each axis [m].
+        turn: The same of its rotation about each axis through the station [rad].
+    """
+
+    shift: float
+    turn: float
+
+    def __post_init__(self) -> None:
+        """Refuse a drift that is no slow one.
+
+        Raises:
+            BenchError: When a number is below 0 or too large.
+        """
+        for name in ("shift", "turn"):
+            if not 0 <= getattr(self, name) <= LONGEST:
+                raise BenchError(f"drift, {name}: expected 0 to {LONGEST:g}, got {getattr(self, name)}")
+
+
+def read_positions(tracker: Instrument, positions: Array, rng: np.random.Generator) -> Array:
     """One reading of every target.
 
     Args:
@@ -40,7 +165,37 @@ def read_positions(tracker: Tracker, positions: Array, rng: np.random.Generator)
         positions: True positions, (..., 3) [m].
         rng: Source of the noise.
     """
-    return positions + tracker.sigma * rng.standard_normal(positions.shape)
+    noise = rng.standard_normal(positions.shape)
+    if isinstance(tracker, Tracker):
+        return positions + tracker.sigma * noise
+    values, V = np.linalg.eigh(tracker.covariance(positions))
+    return np.asarray(positions + ((np.sqrt(values) * noise)[..., None, :] @ V.swapaxes(-1, -2))[..., 0, :])
+
+
+def drifted(
+    readings: Array, drift: Drift, station: tuple[float, float, float], rng: np.random.Generator
+) -> Array:
+    """Readings in a frame that has moved, all targets of a run together.
+
+    Args:
+        readings: (runs, m, 3) [m].
+        drift: How far.
+        station: About which the frame turns, (3,) [m].
+        rng: Source of the motion.
+    """
+    shift, turn = (size * rng.standard_normal((len(readings), 1, 3)) for size in (drift.shift, drift.turn))
+    return np.asarray(readings + shift + np.cross(turn, readings - np.array(station)))
+
+
+def precision(tracker: Instrument, before: Array, after: Array) -> Array:
+    """Inverse covariance of deflections, from where the targets were read, (..., 3, 3) [1/m^2].
+
+    Args:
+        tracker: The instrument.
+        before: Readings unloaded, (..., 3) [m].
+        after: Readings loaded, (..., 3) [m].
+    """
+    return np.asarray(np.linalg.inv(tracker.covariance(before) + tracker.covariance(after)))
 
 
 def read_orientations(tracker: Tracker, rotations: Array, rng: np.random.Generator) -> Array:

@@ -136,7 +136,7 @@ def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: boo
     assert sigma is not None
     turned = data.rotation[:, None] if rotation else None
     motion = np.eye(6)[3:] if rotation else marker_motion(marker_points(vjm, data.markers))
-    equations = data.runs * len(motion)
+    equations = data.runs * len(motion) if rotation else 3 * int(data.seen.sum())
     weight = 1 / (math.sqrt(2) * sigma * math.sqrt(equations / 3))
     Q, G = np.linalg.qr(motion, mode="complete")
     G = G[:6]
@@ -145,15 +145,41 @@ def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: boo
         block = slice(first, first + BLOCK_RUNS)
         where = chain(vjm, data.q[block])
         u = generalised_load(where, data.wrench[block], data.point[block])
-        J = np.tensordot(weight * G, twist_rows(where), axes=1)
         y = data.after[block] - data.before[block] if turned is None else turned[block]
-        z = weight * Q.T @ (y @ where.rotation).reshape(len(y), -1).T
+        if data.precision is None or rotation:
+            J = np.tensordot(weight * G, twist_rows(where), axes=1)
+            z = weight * Q.T @ (y @ where.rotation).reshape(len(y), -1).T
+        else:
+            own, z = _weighted(data.precision[block] / (equations / 3), where.rotation, motion, y)
+            J = np.einsum("rkx,xtr->ktr", own, twist_rows(where), optimize=True)
         rest += float((z[len(G) :] ** 2).sum())
         rows = on_a_cache_line((n + 1, len(y)))
         for A, z_k in zip(parameter_rows(structure, J, u), z, strict=False):
             rows[:n], rows[n] = A, z_k
             T = dtpqrt(0, min(PANEL, n + 1), T, rows.T, overwrite_a=True, overwrite_b=True)[0]
     return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2) + rest, equations=equations)
+
+
+def _weighted(precision: Array, rotation: Array, motion: Array, y: Array) -> tuple[Array, Array]:
+    """Readings with a covariance each: QR of every run's own weighted motion of the markers.
+
+    Args:
+        precision: Inverse covariances, world axes, (runs, m, 3, 3).
+        rotation: World from tool, (runs, 3, 3).
+        motion: Markers per unit twist of the tool, in its axes, (3 m, 6).
+        y: Deflections, world axes, (runs, m, 3).
+
+    Returns:
+        Triangular factors, (runs, k, 6), and the readings in their coordinates, k and then those that no
+        rigid tool can do, (3 m, runs).
+    """
+    runs, m = precision.shape[:2]
+    values, V = np.linalg.eigh(precision)
+    root = np.sqrt(np.maximum(values, 0))[..., None] * V.swapaxes(2, 3)  # root^T root = precision
+    inside = root @ rotation[:, None] @ motion.reshape(m, 3, 6)
+    Q, G = np.linalg.qr(inside.reshape(runs, 3 * m, 6), mode="complete")
+    readings = (root @ y[..., None]).reshape(runs, 3 * m, 1)
+    return G[:, :6], (Q.swapaxes(1, 2) @ readings)[..., 0].T
 
 
 def on_a_cache_line(shape: tuple[int, int]) -> Array:

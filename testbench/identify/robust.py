@@ -112,7 +112,7 @@ class Readings:
     Attributes:
         A: Observation matrices, (readings, 3, n).
         y: Measured, (readings, 3) [1].
-        unit: sqrt(2) sigma of each, (readings,) [m, rad].
+        unit: Standard deviation of each, sqrt(2) sigma where all axes are alike, (readings,) [m, rad].
         run: Index of its run in the dataset, (readings,).
         marker: Index of its marker, -1 for the orientation, (readings,).
     """
@@ -227,19 +227,33 @@ def weigh(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
     each = len(points) + turned
     if data.runs * each > MOST_READINGS:
         raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
-    A, y = observation(*args, targets=points), data.deflection
-    unit, marker = np.full(each, math.sqrt(2) * data.sigma), np.arange(each)
+    root = _roots(data)
+    A, y = root @ observation(*args, targets=points), (root @ data.deflection[..., None])[..., 0]
+    unit, marker = np.linalg.det(root) ** (-1 / 3), np.arange(each)
+    seen = data.seen
     if data.sigma_rotation is not None:
-        A = np.concatenate([A, observation(*args, targets=points[:1], rotation=True)], axis=1)
-        y = np.concatenate([y, data.rotation[:, None]], axis=1)
-        unit[-1], marker[-1] = math.sqrt(2) * data.sigma_rotation, -1
+        turn = math.sqrt(2) * data.sigma_rotation
+        A = np.concatenate([A, observation(*args, targets=points[:1], rotation=True) / turn], axis=1)
+        y = np.concatenate([y, data.rotation[:, None] / turn], axis=1)
+        unit = np.c_[unit, np.full(data.runs, turn)]
+        seen, marker[-1] = np.c_[seen, np.ones(data.runs, dtype=bool)], -1
+    used = seen.ravel()
     return Readings(
-        A=(A / unit[:, None, None]).reshape(-1, 3, structure.n),
-        y=(y / unit[:, None]).reshape(-1, 3),
-        unit=np.tile(unit, data.runs),
-        run=np.repeat(np.arange(data.runs), each),
-        marker=np.tile(marker, data.runs),
+        A=A.reshape(-1, 3, structure.n)[used],
+        y=y.reshape(-1, 3)[used],
+        unit=unit.ravel()[used],
+        run=np.repeat(np.arange(data.runs), each)[used],
+        marker=np.tile(marker, data.runs)[used],
     )
+
+
+def _roots(data: Dataset) -> Array:
+    """Roots of the inverse covariance of every deflection, (runs, m, 3, 3) [1/m]; one where it was lost."""
+    if data.precision is None:
+        one = np.eye(3) / (math.sqrt(2) * data.sigma)
+        return np.broadcast_to(one, (data.runs, len(data.markers), 3, 3))
+    safe = np.where(data.seen[..., None, None], data.precision, np.eye(3))
+    return np.asarray(np.linalg.cholesky(safe).swapaxes(2, 3))
 
 
 def huber(A: Array, y: Array, B: Array, c: Array, sizes: tuple[int, ...] = ()) -> Huber:

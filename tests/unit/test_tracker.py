@@ -6,7 +6,18 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from testbench.errors import Array, BenchError
-from testbench.tracker import Tracker, read_orientations, read_positions
+from testbench.tracker import (
+    RADIAL,
+    TRANSVERSE,
+    Accuracy,
+    Drift,
+    LaserTracker,
+    Tracker,
+    drifted,
+    precision,
+    read_orientations,
+    read_positions,
+)
 
 DRAWS = 20_000
 ERROR_RATE = 1e-6
@@ -92,3 +103,85 @@ def test_sigma_must_be_finite_and_not_negative(wrong: float) -> None:
         Tracker(wrong)
     with pytest.raises(BenchError, match=f"sigma_rotation: expected a finite number .* got {wrong}"):
         Tracker(1e-5, wrong)
+
+
+STATION = (4.0, -3.0, 1.5)
+TARGET = np.array([1.0, 1.0, 1.5])
+BEAM = (TARGET - STATION) / 5.0
+
+
+def test_laser_tracker_is_sharp_along_the_beam_and_blunt_across() -> None:
+    C = LaserTracker(STATION, quality="mpe").covariance(TARGET)
+    across = np.array([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(BEAM @ C @ BEAM, (10e-6 + 5 * 0.3e-6) ** 2)
+    np.testing.assert_allclose(across @ C @ across, (15e-6 + 5 * 6e-6) ** 2)
+    np.testing.assert_allclose(np.linalg.eigvalsh(C), [11.5e-6**2, 45e-6**2, 45e-6**2])
+
+
+def test_typical_is_half_of_the_maximum_and_repeats_average() -> None:
+    worst = LaserTracker(STATION, quality="mpe").covariance(TARGET)
+    np.testing.assert_allclose(LaserTracker(STATION).covariance(TARGET), worst / 4)
+    np.testing.assert_allclose(LaserTracker(STATION, repeats=3).covariance(TARGET), worst / 12)
+
+
+def test_readings_of_a_laser_tracker_have_its_covariance() -> None:
+    tracker = LaserTracker(STATION)
+    noise = read_positions(tracker, np.tile(TARGET, (DRAWS, 1)), np.random.default_rng(6)) - TARGET
+    root = np.linalg.cholesky(tracker.covariance(TARGET))
+    check_noise(np.linalg.solve(root, noise.T).T, 1.0)
+
+
+def test_a_laser_tracker_as_good_along_as_across_is_flat() -> None:
+    same = Accuracy(20e-6, 0.0)
+    C = LaserTracker(STATION, quality="mpe", radial=same, transverse=same).covariance(TARGET)
+    np.testing.assert_allclose(C, 20e-6**2 * np.eye(3), atol=1e-22)
+
+
+def test_precision_of_a_deflection_is_the_inverse_of_both_covariances() -> None:
+    tracker, after = LaserTracker(STATION), TARGET - np.array([0.0, 0.0, 0.005])
+    both = tracker.covariance(TARGET) + tracker.covariance(after)
+    np.testing.assert_allclose(precision(tracker, TARGET, after) @ both, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(precision(Tracker(50e-6), TARGET, after), np.eye(3) / (2 * 50e-6**2))
+
+
+def test_drift_moves_all_targets_of_a_run_as_one_body() -> None:
+    still = np.random.default_rng(1).uniform(-1, 1, (200, 3, 3))
+    moved = drifted(still, Drift(20e-6, 5e-6), STATION, np.random.default_rng(2))
+    for a, b in ((0, 1), (1, 2), (0, 2)):
+        before = np.linalg.norm(still[:, a] - still[:, b], axis=1)
+        after = np.linalg.norm(moved[:, a] - moved[:, b], axis=1)
+        np.testing.assert_allclose(after, before, atol=1e-9)  # turned by 5e-6: second order
+    # at the station only the shift is left: 20 um a component, +-20 % with 600 draws
+    there = drifted(np.tile(STATION, (200, 1, 1)), Drift(20e-6, 5e-6), STATION, np.random.default_rng(2))
+    assert (there - STATION).std() == pytest.approx(20e-6, rel=0.2)
+
+
+def test_no_drift_moves_nothing() -> None:
+    still = np.ones((2, 3, 3))
+    np.testing.assert_array_equal(drifted(still, Drift(0, 0), STATION, np.random.default_rng(2)), still)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"quality": "best"}, "quality typical or mpe"),
+        ({"repeats": 0}, "at least 1 reading"),
+        ({"radial": Accuracy(0.0, 0.0)}, "tracker, radial"),
+        ({"transverse": Accuracy(1e-6, -1e-6)}, "tracker, transverse"),
+        ({"transverse": Accuracy(float("nan"), 0.0)}, "tracker, transverse"),
+        ({"station": (0.0, 0.0)}, "a station x, y, z"),
+    ],
+)
+def test_impossible_laser_trackers_are_refused(wrong: dict, said: str) -> None:
+    with pytest.raises(BenchError, match=said):
+        LaserTracker(**({"station": STATION} | wrong))
+
+
+@pytest.mark.parametrize(("shift", "turn"), [(-1e-6, 0.0), (0.0, 1.0), (float("nan"), 0.0)])
+def test_impossible_drifts_are_refused(shift: float, turn: float) -> None:
+    with pytest.raises(BenchError, match="drift"):
+        Drift(shift, turn)
+
+
+def test_published_errors_are_micrometres() -> None:
+    assert (RADIAL.base, TRANSVERSE.base) == (10e-6, 15e-6)

@@ -1,0 +1,142 @@
+"""Readings with a covariance each: weighted fits against brute force, lost targets, a tracker's gain."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.bench import Scenario, build_cell, measure, simulate, stream
+from testbench.dataset import select
+from testbench.errors import BenchError
+from testbench.evaluate import predict, score
+from testbench.identify import reduce
+from testbench.identify.least_squares import solve
+from testbench.identify.prior import cad_prior, distorted, metric, rescaled
+from testbench.identify.regularised import Strength, gco_with
+from testbench.identify.robust import weigh
+from testbench.structure import mgco68, template56
+from testbench.tracker import LaserTracker, Tracker, precision
+from testbench.vjm import observation
+
+KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return build_cell(KR500)
+
+
+@pytest.fixture(scope="module")
+def data(cell):
+    return simulate(cell, Scenario(arm="kr500_l480", truth="linear"), 1).identification
+
+
+def random_precision(data, seed=0):
+    A = np.random.default_rng(seed).normal(size=(data.runs, 3, 3, 3))
+    return 1e8 * (A @ A.swapaxes(2, 3) + 0.1 * np.eye(3))
+
+
+def brute_force(cell, structure, data):
+    """Rows and readings of Eq. 14 with the full weight matrix, nothing folded."""
+    A = observation(cell.vjm, structure, data.q, data.wrench, data.point, targets=cell.vjm.markers)
+    P = data.precision
+    normal = np.einsum("rmin,rmij,rmjk->nk", A, P, A)
+    right = np.einsum("rmin,rmij,rmj->n", A, P, data.deflection)
+    rest = np.einsum("rmi,rmij,rmj->", data.deflection, P, data.deflection)
+    return normal, right, rest
+
+
+def normal_of(regression):
+    term = regression.terms[0]
+    return term.equations / 3 * term.R.T @ term.R, term.equations / 3 * term.R.T @ term.z
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_reduced_rows_are_those_of_the_full_weight_matrix(cell, data, lost):
+    P = random_precision(data)
+    if lost:
+        P[2, 1] = P[5] = 0
+    data, structure = replace(data, precision=P), mgco68(cell.arm)
+    regression = reduce(cell.vjm, structure, data)
+    normal, right, rest = brute_force(cell, structure, data)
+    ours = normal_of(regression)
+    np.testing.assert_allclose(ours[0], normal, atol=1e-10 * np.abs(normal).max())
+    np.testing.assert_allclose(ours[1], right, atol=1e-10 * np.abs(right).max())
+    term = regression.terms[0]
+    assert term.equations == 3 * data.seen.sum()
+    assert term.equations / 3 * (term.z @ term.z + term.rest) == pytest.approx(rest)
+
+
+def test_equal_covariances_are_the_flat_fit(cell, data):
+    P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (data.runs, 3, 3, 3))
+    flat, full = (reduce(cell.vjm, mgco68(cell.arm), d) for d in (data, replace(data, precision=P)))
+    np.testing.assert_allclose(solve(full), solve(flat), rtol=1e-6, atol=1e-12)
+    assert full.f_m_floor == flat.f_m_floor
+
+
+def test_a_lost_target_counts_as_never_read(cell, data):
+    P = np.array(np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (data.runs, 3, 3, 3)))
+    P[4:] = 0
+    lost = reduce(cell.vjm, template56(cell.arm), replace(data, precision=P))
+    never = reduce(cell.vjm, template56(cell.arm), select(data, np.arange(data.runs) < 4))
+    ours, theirs = normal_of(lost)[0], normal_of(never)[0]
+    np.testing.assert_allclose(ours, theirs, atol=1e-10 * np.abs(theirs).max())
+    assert lost.equations == never.equations == 36
+
+
+def test_robust_fit_weighs_readings_alike(cell, data):
+    P = random_precision(data)
+    P[3, 0] = 0
+    data, structure = replace(data, precision=P), mgco68(cell.arm)
+    readings = weigh(cell.vjm, structure, data)
+    assert len(readings.y) == 3 * data.runs - 1
+    normal, _, rest = brute_force(cell, structure, data)
+    A = readings.A.reshape(-1, structure.n)
+    np.testing.assert_allclose(A.T @ A, normal, atol=1e-10 * np.abs(normal).max())
+    assert (readings.y**2).sum() == pytest.approx(rest)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.diag([1.0, 1.0, -1.0]),
+        np.array([[1.0, 0.5, 0], [0, 1, 0], [0, 0, 1]]),
+        np.diag([1.0, 1.0, 0.0]),
+    ],
+)
+def test_a_precision_that_is_none_is_refused(data, wrong):
+    P = np.array(np.broadcast_to(np.eye(3), (data.runs, 3, 3, 3)))
+    P[1, 2] = wrong
+    with pytest.raises(BenchError, match=r"precision .* in place 1, 2"):
+        replace(data, precision=P)
+
+
+def test_weights_of_the_laser_tracker_beat_flat_ones(cell):
+    """Six metres of air: across the beam a reading is six times worse than along it."""
+    tracker = LaserTracker((2.2, -5.5, 1.6))
+    scenario = Scenario(arm="kr500_l480", truth="linear", sigma=25e-6)
+    structure = template56(cell.arm)
+    errors = {"flat": [], "weighted": []}
+    for seed in range(12):
+        campaign = simulate(cell, scenario, seed)
+        clean = campaign.identification
+        quiet, _, _ = measure(cell, scenario, clean.q, clean.pose, Tracker(0.0), stream(seed))
+        rng = stream(seed, 1)
+        read = [
+            p
+            + np.einsum(
+                "rmij,rmj->rmi", np.linalg.cholesky(tracker.covariance(p)), rng.standard_normal(p.shape)
+            )
+            for p in (quiet.before, quiet.after)
+        ]
+        data = replace(quiet, before=read[0], after=read[1])
+        own = metric(
+            distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=stream(seed, 5)), cell.vjm, structure
+        )
+        for key, P in (("flat", None), ("weighted", precision(tracker, *read))):
+            regression = reduce(cell.vjm, structure, replace(data, precision=P))
+            found = gco_with(regression, rescaled(own, regression), Strength(0.3))
+            judged = score(predict(cell.vjm, found, campaign.workspace), campaign.workspace.deflection)
+            errors[key].append(judged.rms)
+    assert np.median(errors["weighted"]) < 0.9 * np.median(errors["flat"])
