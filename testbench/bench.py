@@ -200,7 +200,14 @@ def spread(poses: int, runs: int) -> Ids:
 
 
 def measure(
-    cell: Cell, scenario: Scenario, q: Array, pose: Ids, tracker: Tracker, rng: np.random.Generator
+    cell: Cell,
+    scenario: Scenario,
+    q: Array,
+    pose: Ids,
+    tracker: Tracker,
+    rng: np.random.Generator,
+    *,
+    payload: Array | None = None,
 ) -> tuple[Dataset, Equilibrium, Equilibrium]:
     """Read every marker before and after hanging the payload.
 
@@ -211,13 +218,14 @@ def measure(
         pose: Identifier of the pose of every run, (runs,).
         tracker: The instrument.
         rng: Source of its noise.
+        payload: Hung mass of every run, (runs,) [kg]; None for the scenario's in all of them.
 
     Returns:
         The readings, and the true arm unloaded and loaded.
     """
     runs = len(q)
     wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -GRAVITY * scenario.payload
+    wrench[:, 2] = -GRAVITY * (scenario.payload if payload is None else payload)
     point = np.tile(cell.plant.load, (runs, 1))
     before, after = settle_both(cell.plant, scenario.truth, q, wrench, point)
     data = Dataset(

@@ -1,7 +1,7 @@
 """The `testbench` command: an engineer's own arm and own data.
 
-check ARM, elastic ARM FILE, simulate ARM POSES --out DATA, identifiability ARM DATA, identify ARM DATA
---out DIR; view DIR and shot DIR for the recordings of any run.
+check ARM, elastic ARM FILE, plan ARM --task TASKS --out DIR, simulate ARM POSES --out DATA, identifiability
+ARM DATA, identify ARM DATA --out DIR; view DIR and shot DIR for the recordings of any run.
 """
 
 import sys
@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from testbench import command, files, tables
+from testbench import command, files, plan_report, plan_text, planfile, plans, tables
 from testbench.arm import load_arm
 from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
 from testbench.csvfile import read_csv, read_poses, write_csv
@@ -39,6 +39,9 @@ console = Console(highlight=False)
 
 AGREEMENT, AGREEMENT_POSES = 1e-9, 20
 """Distance of the tool between the two readings of an arm [m], and poses in which it is compared."""
+
+HUNG = 460.3
+"""Mass that hangs where nothing else is said [kg]."""
 
 ArmFolder = Annotated[Path, typer.Argument(help="Folder with rigid.xml and elastic.toml.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
@@ -81,21 +84,88 @@ def elastic(arm: ArmFolder, file: Annotated[Path, typer.Argument(help="MJCF to w
 
 
 @app.command()
+def plan(
+    arm: ArmFolder,
+    task: Annotated[Path, typer.Option(help="CSV of tasks: JOINT_rad or JOINT_deg, force_x_N ... if any.")],
+    load: Annotated[list[float], typer.Option(help="Mass to hang [kg]; again for a choice.")],
+    poses: Annotated[int, typer.Option(help="How many to measure.")] = 12,
+    tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z [m].")] = None,
+    acceptance_deg: Annotated[
+        float | None, typer.Option(help="Half angle of fixed targets; turned by hand if not given.")
+    ] = None,
+    box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 [m].")] = None,
+    criterion: Annotated[str, typer.Option(help="test, D, A, E, G or I.")] = "test",
+    model: Annotated[str, typer.Option(help="Model that is to be identified.")] = "MGCO68",
+    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0,
+    uncertainty_percent: Annotated[
+        float | None, typer.Option(help="Of the CAD prior, 30 if not given.")
+    ] = None,
+    no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False,
+    candidates: Annotated[int, typer.Option(help="Feasible poses to choose from.")] = 5000,
+    sling_m: Annotated[float, typer.Option(help="From the load point to the weight.")] = 0.5,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder of the plan.")] = Path("runs/plan"),
+) -> None:
+    """Plan a calibration: the poses that tell most about the tasks, and what they promise."""
+    if uncertainty_percent is not None and no_prior:
+        raise BenchError("--uncertainty-percent: expected no --no-prior with it")
+    if acceptance_deg is not None and tracker is None:
+        raise BenchError("--acceptance-deg: expected --tracker with it")
+    cell = build_cell(arm)
+    percent = 30.0 if uncertainty_percent is None else uncertainty_percent
+    wish = plans.Wish(
+        structure=plans.structure(cell, model),
+        tasks=planfile.read_tasks(task, cell, plans.hung(cell, load[0])),
+        loads=tuple(load),
+        poses=poses,
+        criterion=criterion,
+        sigma=sigma_um / 1e6,
+        uncertainty=None if no_prior else percent / 100,
+        station=None if tracker is None else planfile.parse_station(tracker, acceptance_deg),
+        area=None if box is None else planfile.parse_box(box),
+        sling=sling_m,
+        candidates=candidates,
+        seed=seed,
+    )
+    with console.status("looking for feasible poses") as status:
+        found = plans.search(cell, wish)
+        status.update(f"choosing {poses} of {len(found.q)} poses")
+        brief = plans.brief_of(cell, wish)
+        chosen = plans.choose(cell, wish, brief, found)
+        status.update("judging the plan")
+        planned = plans.judge(cell, wish, brief, found, chosen)
+        status.update("writing")
+        report = plan_report.report(cell, planned)
+        planfile.write_all(cell, planned, report, arm=arm, task=task, out=out)
+    console.print(f"[bold]{plan_text.answer(report)}[/bold]")
+    console.print(plan_text.table(report))
+    for sentence in plan_text.sentences(report):
+        console.print(f"- {sentence}")
+    console.print(plan_text.where(out), soft_wrap=True)
+
+
+@app.command()
 def simulate(
     arm: ArmFolder,
-    poses: Annotated[Path, typer.Argument(help="CSV of joint angles, columns JOINT_rad.")],
+    poses: Annotated[Path, typer.Argument(help="CSV of joint angles, columns JOINT_rad; or a plan.csv.")],
     out: Annotated[Path, typer.Option(help="Dataset to write, CSV.")],
-    payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3,
+    payload_kg: Annotated[
+        float | None, typer.Option(help=f"Hung mass, {HUNG} if not given; a plan.csv has its own.")
+    ] = None,
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of the noise.")] = 1,
 ) -> None:
     """Hang the payload on the true arm in every pose and read the markers before and after."""
-    scenario = Scenario(arm=arm.resolve().name, payload=payload_kg, sigma=sigma_um / 1e6)
+    mass = HUNG if payload_kg is None else payload_kg
+    scenario = Scenario(arm=arm.resolve().name, payload=mass, sigma=sigma_um / 1e6)
     cell = build_cell(arm)
     q = read_poses(poses, cell.arm)
+    payload = planfile.read_payload(poses)
+    if payload is not None and payload_kg is not None:
+        raise InputError(poses, "column load_kg", "says what hangs in every run; leave out --payload-kg")
     check_poses(cell.room, q)
-    ids = np.arange(len(q)) + 1
-    data, _, _ = measure(cell, scenario, q, ids, Tracker(scenario.sigma), stream(seed, 1))
+    ids, tracker = np.arange(len(q)) + 1, Tracker(scenario.sigma)
+    data, _, _ = measure(cell, scenario, q, ids, tracker, stream(seed, 1), payload=payload)
     write_csv(data, tuple(j.name for j in cell.arm.joints), out)
     size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
     text = f"{out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"

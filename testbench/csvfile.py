@@ -1,7 +1,8 @@
 """CSV in and out: measured runs, and poses to measure.
 
 In a dataset file a row is one marker of one run; the unit is in the column's name; numbers are written in
-full, so that reading gives them back bit by bit. `columns(...)` is the documented header.
+full, so that reading gives them back bit by bit. `columns(...)` is the documented header, `plan_columns(...)`
+that of a plan, whose poses can be read like any others.
 """
 
 import contextlib
@@ -20,6 +21,8 @@ XYZ = ("x", "y", "z")
 MAX_BYTES = 300_000_000
 SIGMA_RANGE = (1e-9, 1e-2)
 """Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
+SAME_ANGLE = 1e-3
+"""Difference between an angle in radians and the same in degrees that rounding explains [deg]."""
 
 
 def columns(joints: tuple[str, ...], *, rotation: bool) -> list[str]:
@@ -42,6 +45,22 @@ def columns(joints: tuple[str, ...], *, rotation: bool) -> list[str]:
         names += [f"rotation_{when}_{x}_rad" for when in ("before", "after") for x in XYZ]
         names += ["sigma_rad"]
     return names
+
+
+def plan_columns(joints: tuple[str, ...]) -> list[str]:
+    """The header of a plan, in order; a row is a run, in the order of measuring.
+
+    run: integer. JOINT_rad, JOINT_deg: joint angle, twice. load_kg: hung mass. expected_deflection_mm: RMS
+    over the markers, by the prior. expected_error_*_mm: of predicting it after identification, with the 5th
+    and 95th percentile. travel_deg: of the joint that turns farthest from the run before. way: "start",
+    "clear" where all joints can go straight, "via" where that way collides.
+
+    Args:
+        joints: Names of the arm's joints.
+    """
+    names = ["run", *(f"{j}_rad" for j in joints), *(f"{j}_deg" for j in joints), "load_kg"]
+    names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
+    return [*names, "travel_deg", "way"]
 
 
 def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
@@ -72,9 +91,18 @@ def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
     ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), data.markers * data.runs, strict=True)
     for (run, pose, marker), row in zip(ids, np.hstack(parts).tolist(), strict=True):
         writer.writerow([run, pose, marker, *map(repr, row)])
+    write_whole(text.getvalue(), path)
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Write a text file; an existing one is replaced only by a whole one.
+
+    Raises:
+        InputError: When the file cannot be written.
+    """
     part = path.with_name(path.name + ".part")
     try:
-        part.write_bytes(text.getvalue().encode())
+        part.write_bytes(text.encode())
         part.replace(path)
     except OSError as err:
         with contextlib.suppress(OSError):
@@ -92,7 +120,7 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
     Raises:
         InputError: Names the line and what was expected.
     """
-    header, lines = _read_lines(path)
+    header, lines = read_lines(path)
     joints = tuple(j.name for j in arm.joints)
     plain, full = columns(joints, rotation=False), columns(joints, rotation=True)
     rotation = not set(header).isdisjoint(set(full) - set(plain))
@@ -118,11 +146,16 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
     markers = tuple(dict.fromkeys(marker))
     ids, values = _numbers(path, expected, lines)
     _check_runs(path, ids, marker, markers)
-    _check_limits(path, arm, values[:, : len(joints)])
+    check_limits(path, arm, values[:, : len(joints)])
     return _assemble(path, expected, len(joints), markers, ids, values, rotation)
 
 
-def _read_lines(path: Path) -> tuple[list[str], list[list[str]]]:
+def read_lines(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a CSV file, all rows as long as the header.
+
+    Raises:
+        InputError: When it cannot be read, is empty or no table.
+    """
     reader = csv.reader(io.StringIO(read_text(path, MAX_BYTES), newline=""), strict=True)
     try:
         lines = list(reader)
@@ -146,7 +179,7 @@ def _numbers(path: Path, names: list[str], lines: list[list[str]]) -> tuple[Ids,
         for k in (0, 1):
             ids[i, k] = _integer(path, i + 2, names[k], line[k])
         for k in range(3, len(names)):
-            values[i, k - 3] = _number(path, i + 2, names[k], line[k])
+            values[i, k - 3] = number(path, i + 2, names[k], line[k])
     return ids, values
 
 
@@ -160,7 +193,12 @@ def _integer(path: Path, line: int, name: str, text: str) -> int:
         raise InputError(path, f"line {line}, column {name}", problem) from None
 
 
-def _number(path: Path, line: int, name: str, text: str) -> float:
+def number(path: Path, line: int, name: str, text: str) -> float:
+    """The number in a cell.
+
+    Raises:
+        InputError: When it is none, or not finite; names line and column.
+    """
     try:
         value = math.nan if "_" in text else float(text)
     except ValueError:
@@ -189,18 +227,30 @@ def _check_runs(path: Path, ids: Ids, marker: list[str], markers: tuple[str, ...
         raise InputError(path, f"line {again[0] * m + 2}", f"run {runs[again[0]]} stands in the file twice")
 
 
-def _check_limits(path: Path, arm: Arm, q: Array) -> None:
-    """Joint angles lie within the arm's limits; if not, degrees are the first suspect."""
+def check_limits(path: Path, arm: Arm, q: Array, *, unit: str = "rad") -> None:
+    """Joint angles lie within the arm's limits; if not, degrees are the first suspect.
+
+    Args:
+        path: The file, a row of it a row of q.
+        arm: The arm that is to take them.
+        q: Joint angles, (rows, n) [rad].
+        unit: That of the file, "rad" or "deg".
+
+    Raises:
+        InputError: Names line and joint.
+    """
     lower, upper = arm.limits
     bad = np.argwhere((q < lower - 1e-6) | (q > upper + 1e-6))
     if len(bad):
         i, k = bad[0]
         joint = arm.joints[k]
-        hint = "; are these degrees?" if np.abs(q).max() > 2.5 * np.pi else ""
+        hint = "; are these degrees?" if unit == "rad" and np.abs(q).max() > 2.5 * np.pi else ""
+        scale = 1.0 if unit == "rad" else 180 / np.pi
+        lower, upper, got = scale * joint.lower, scale * joint.upper, scale * q[i, k]
         raise InputError(
             path,
-            f"line {i + 2}, column {joint.name}_rad",
-            f"expected {joint.lower:.4f} to {joint.upper:.4f} rad, got {q[i, k]:g}{hint}",
+            f"line {i + 2}, column {joint.name}_{unit}",
+            f"expected {lower:.4f} to {upper:.4f} {unit}, got {got:g}{hint}",
         )
 
 
@@ -248,7 +298,7 @@ def _assemble(
 
 
 def read_poses(path: Path, arm: Arm) -> Array:
-    """Read joint angles, one pose a row, one column JOINT_rad for every joint.
+    """Read joint angles, one pose a row, one column JOINT_rad for every joint; a plan's others may be there.
 
     Args:
         path: The file.
@@ -260,18 +310,39 @@ def read_poses(path: Path, arm: Arm) -> Array:
     Raises:
         InputError: Names the line and what was expected.
     """
-    header, lines = _read_lines(path)
-    expected = [f"{j.name}_rad" for j in arm.joints]
-    if sorted(header) != sorted(expected):
-        raise InputError(path, "line 1", f"expected the columns {','.join(expected)}, got {','.join(header)}")
+    header, lines = read_lines(path)
+    joints = tuple(j.name for j in arm.joints)
+    expected, known = [f"{j}_rad" for j in joints], plan_columns(joints)
+    if not set(expected) <= set(header) <= set(known) or len(set(header)) < len(header):
+        problem = f"expected the columns {','.join(expected)} or those of a plan, got {','.join(header)}"
+        raise InputError(path, "line 1", problem)
     if not lines:
         raise InputError(path, "line 2", "expected at least one pose")
-    order = [header.index(name) for name in expected]
-    q = np.array(
-        [
-            [_number(path, i + 2, name, line[k]) for name, k in zip(expected, order, strict=True)]
-            for i, line in enumerate(lines)
-        ]
-    )
-    _check_limits(path, arm, q)
+    q = np.transpose([column(path, header, lines, name) for name in expected])
+    for k, joint in enumerate(joints):
+        if f"{joint}_deg" in header:
+            _check_same(path, joint, q[:, k], column(path, header, lines, f"{joint}_deg"))
+    check_limits(path, arm, q)
     return q
+
+
+def column(path: Path, header: list[str], lines: list[list[str]], name: str) -> Array:
+    """One column of numbers, (rows,).
+
+    Raises:
+        InputError: When one is none, or not finite; names line and column.
+    """
+    k = header.index(name)
+    return np.array([number(path, i, name, line[k]) for i, line in enumerate(lines, start=2)])
+
+
+def _check_same(path: Path, joint: str, radians: Array, degrees: Array) -> None:
+    """A plan has every angle twice: whoever edits one of them must not be overheard."""
+    apart = np.flatnonzero(np.abs(np.rad2deg(radians) - degrees) > SAME_ANGLE)
+    if len(apart):
+        i = apart[0]
+        raise InputError(
+            path,
+            f"line {i + 2}, columns {joint}_rad and {joint}_deg",
+            f"expected the same angle twice, got {np.rad2deg(radians[i]):.4f} and {degrees[i]:g} deg",
+        )
