@@ -15,7 +15,7 @@ from testbench.design.criteria import (
     criterion_g,
     mean_square,
 )
-from testbench.design.exchange import greedy, select
+from testbench.design.exchange import select
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.order import joint_travel, shortest_path
 from testbench.design.refine import ascend, refine
@@ -300,15 +300,3 @@ def promise_of(brief: Brief, q: Array, load: Ids, rows: Array) -> Forecast:
     """
     problem = build_problem(brief.experiment, _rows(brief, q, load), brief.uncertainty)
     return forecast(problem, information(problem, np.arange(len(q))), rows)
-
-
-def curve(plan: Plan, most: int) -> Array:
-    """Criterion of greedy plans of 1 to `most` poses, (most,): what each further pose brings.
-
-    Args:
-        plan: Its stock and criterion are used.
-        most: Poses of the largest plan.
-    """
-    problem, criterion = plan.stock.problem, plan.criterion
-    order = greedy(problem, criterion, problem.rows, most)
-    return np.array([criterion.information(information(problem, order[: k + 1])) for k in range(most)])

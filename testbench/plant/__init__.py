@@ -1,5 +1,8 @@
 """The truth side: MuJoCo. Shares the arm's description with the model side, and no code."""
 
+from testbench.plant.compensator import KR500_COMPENSATOR, Compensator, equivalent_stiffness
+from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
+from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
 from testbench.plant.elastic import elastic_mjcf, write_elastic
 from testbench.plant.equilibrium import Equilibrium, Plant, build_plant, settle
 from testbench.plant.feasible import Room, build_room, check_poses, collisions
@@ -7,8 +10,14 @@ from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
 
 __all__ = [
+    "KR500_COMPENSATOR",
+    "TYPICAL",
+    "Compensator",
     "Contact",
+    "DisturbedPlant",
+    "Disturbances",
     "Equilibrium",
+    "GeometryErrors",
     "Kind",
     "Payload",
     "Plant",
@@ -20,9 +29,13 @@ __all__ = [
     "check_poses",
     "collisions",
     "contacts",
+    "disturb",
     "elastic_mjcf",
+    "equivalent_stiffness",
     "hidden",
     "settle",
+    "settle_disturbed",
     "settle_linear",
+    "settle_pair",
     "write_elastic",
 ]

@@ -79,6 +79,32 @@ class Equilibrium:
     iterations: Array
 
 
+@dataclass(frozen=True)
+class Statics:
+    """Forces and springs of one pose, as functions of the MuJoCo data that they were made for.
+
+    At rest the actuated joints are where they are held, and all others at deflect(force()).
+
+    Attributes:
+        force: Generalised force Q at data.qpos, springs apart, (nv,) [N, N m].
+        deflect: Deflection under a generalised force, zero at the actuated joints, (nv,) [m, rad].
+        compliance: Its derivative at a generalised force, (nv, nv).
+        springs: Generalised force of the springs at data.qpos, (nv,) [N, N m]; they are told Q, since a joint
+            with play or friction has no force of its own.
+        start: First guess of the inverse of C (K_theta - K_w), Eq. (7), (nv, nv); None for the identity.
+    """
+
+    force: Callable[[], Array]
+    deflect: Callable[[Array], Array]
+    compliance: Callable[[Array], Array]
+    springs: Callable[[Array], Array]
+    start: Array | None = None
+
+
+PoseStatics = Callable[[Plant, mujoco.MjData, int, Array, Array], Statics]
+"""Statics of a pose from plant, data at the held joints and theta = 0, number of the run, wrench and point."""
+
+
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
     """A MuJoCo model from MJCF text whose meshes lie in the folder of `path`.
 
@@ -109,7 +135,16 @@ def build_plant(arm: Arm) -> Plant:
     Raises:
         InputError: When MuJoCo refuses the arm's MJCF.
     """
-    model = compile_mjcf(arm.rigid, elastic_mjcf(arm))
+    return plant_of(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)))
+
+
+def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
+    """The plant of an arm whose elastic model is compiled already.
+
+    Args:
+        arm: The arm.
+        model: Its elastic model; may have more joints than the arm's own.
+    """
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
@@ -152,6 +187,25 @@ def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | N
         BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
+    return settle_by(linear_statics, plant, q, wrench, point)
+
+
+def settle_by(
+    statics: PoseStatics, plant: Plant, q: Array, wrench: Array | None, point: Array | None
+) -> Equilibrium:
+    """Static equilibrium of every pose, as `settle`, under the forces and springs of `statics`.
+
+    Args:
+        statics: Forces and springs of a pose.
+        plant: The elastic arm.
+        q: Actuated joint angles, (runs, n) [rad].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m]; None for none.
+        point: Where it acts, in the tool's frame, (runs, 3) [m]; None for the tool's origin.
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+        NoEquilibrium: When the arm is too soft for its load; names the pose.
+    """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
     runs = len(q)
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
@@ -162,50 +216,65 @@ def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | N
     positions, rotations = np.empty((runs, model.nbody, 3)), np.empty((runs, 9))
     step, iterations = np.empty(runs), np.empty(runs, dtype=int)
     qpos, xpos, rotation = data.qpos, data.xpos, data.xmat[plant.tool]
+    free = np.setdiff1d(np.arange(model.nv), plant.joints)
     for i in range(runs):
         held[plant.joints] = q[i]
-        force = _generalised_force(plant, data, wrench[i], point[i])
+        qpos[:] = held
+        pose = statics(plant, data, i, wrench[i], point[i])
         try:
-            step[i], iterations[i] = _newton(plant.C, qpos, held, force)
+            step[i], iterations[i] = _newton(pose, qpos, held)
         except NoEquilibrium as err:
             raise NoEquilibrium(
                 f"{err} at q = {np.rad2deg(q[i]).round(2).tolist()} deg under wrench "
                 f"{wrench[i].round(1).tolist()} N, N m: too soft for its load, or buckled"
             ) from None
-        unbalanced[i] = force() + _springs(model, data)
+        Q = pose.force()
+        unbalanced[i] = Q + pose.springs(Q)
         rest[i], positions[i], rotations[i] = qpos, xpos, rotation
     return Equilibrium(
         theta=rest[:, plant.theta],
         markers=positions[:, plant.markers],
         tool=positions[:, plant.tool],
         rotation=rotations.reshape(runs, 3, 3),
-        residual=np.abs(unbalanced[:, plant.theta]).max(axis=1),
+        residual=np.abs(unbalanced[:, free]).max(axis=1),
         step=step,
         iterations=iterations,
     )
 
 
-def _newton(C: Array, qpos: Array, held: Array, force: Callable[[], Array]) -> tuple[float, int]:
-    """Move the virtual joints in `qpos` to rest; the last step and the number of steps."""
-    qpos[:] = held
-    inverse: Array | None = None
+def _newton(pose: Statics, qpos: Array, held: Array) -> tuple[float, int]:
+    """Move the virtual joints in `qpos` from `held` to rest; the last step and the number of steps."""
+    force, deflect = pose.force, pose.deflect
+    inverse, tangents = pose.start, 0
     last = np.inf
     for k in range(1, MAX_ITERATIONS + 1):
-        step = held + C @ force() - qpos
+        step = held + deflect(force()) - qpos
         if inverse is not None:
             step = inverse @ step
         size = math.sqrt(step @ step)
         qpos += step
         if size < STEP_TOLERANCE:
-            if inverse is not None and _unstable(C, qpos, force):
+            if tangents and _unstable(pose, qpos):
                 raise NoEquilibrium(f"only an unstable equilibrium after {k} Newton steps, it buckles")
             return size, k
         if not size < MAX_SAG:
             break
         if size > last / 4:
+            C, tangents = pose.compliance(force()), tangents + 1
             inverse = np.asarray(np.linalg.inv(_tangent(C, qpos, force)), dtype=float)
         last = size
     raise NoEquilibrium(f"no static equilibrium in {k} Newton steps, the last one {size:.3g} m or rad")
+
+
+def linear_statics(plant: Plant, data: mujoco.MjData, _: int, wrench: Array, point: Array) -> Statics:
+    """The plant's own weight and linear springs, and a wrench at a point of its tool."""
+    C = plant.C
+    return Statics(
+        force=_generalised_force(plant, data, wrench, point),
+        deflect=C.dot,  # half a microsecond a step quicker than C @ Q
+        compliance=lambda _: C,
+        springs=lambda _: _springs(plant.model, data),
+    )
 
 
 def _generalised_force(plant: Plant, data: mujoco.MjData, wrench: Array, point: Array) -> Callable[[], Array]:
@@ -229,13 +298,14 @@ def _generalised_force(plant: Plant, data: mujoco.MjData, wrench: Array, point: 
     return force
 
 
-def _unstable(C: Array, qpos: Array, force: Callable[[], Array]) -> bool:
+def _unstable(pose: Statics, qpos: Array) -> bool:
     """Whether K_theta - K_w has an eigenvalue not above zero: those of C (K_theta - K_w) share the signs.
 
     Asked only where Newton needed the tangent: theta <- C Q(theta) moves away from an unstable point, unless
     the arm is so symmetric that nothing pushes it.
     """
-    return bool(np.linalg.eigvals(_tangent(C, qpos, force)).real.min() <= 0)
+    C_K = _tangent(pose.compliance(pose.force()), qpos, pose.force)
+    return bool(np.linalg.eigvals(C_K).real.min() <= 0)
 
 
 def _tangent(C: Array, qpos: Array, force: Callable[[], Array]) -> Array:
@@ -253,7 +323,7 @@ def _tangent(C: Array, qpos: Array, force: Callable[[], Array]) -> Array:
 
 
 def _springs(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Generalised force of the springs, as MuJoCo sees them, (nv,) [N, N m]."""
+    """Generalised force of the model's own springs, as MuJoCo sees them, (nv,) [N, N m]."""
     mujoco.mj_tendon(model, data)
     mujoco.mj_passive(model, data)
     return np.asarray(data.qfrc_passive)

@@ -26,7 +26,6 @@ from testbench.planning import (
     Brief,
     Tasks,
     _order,
-    curve,
     make_plan,
     promise,
     promise_of,
@@ -146,12 +145,6 @@ def test_no_plan_of_examined_poses_beats_the_bound(plan):
 def test_promise_of_the_plan_is_that_of_its_poses(brief, plan):
     again = promise_of(brief, plan.q, plan.load, task_rows(brief))
     assert again.overall == pytest.approx(promise(plan, task_rows(brief)).overall, rel=1e-3)
-
-
-def test_curve_of_greedy_plans_grows_and_comes_near_the_plan(plan):
-    values = curve(plan, 12)
-    assert (np.diff(values) > 0).all()
-    assert 0.7 * plan.value < values[8] <= plan.relaxed.bound
 
 
 @pytest.mark.parametrize("name", CRITERIA)
