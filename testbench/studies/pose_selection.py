@@ -372,6 +372,7 @@ def _trial(bench: Bench, ground: Ground, chosen: dict[tuple[str, int], Chosen], 
     errors: dict[str, dict[str, list[Report]]] = {fit: {} for fit in FITS}
     featured: list[Report] = []
     where: Report = {}
+    quiet: Report = {}
     for name in (*ground.study.criteria, RANDOM):
         for poses in ground.study.poses:
             poses_chosen = (
@@ -387,13 +388,16 @@ def _trial(bench: Bench, ground: Ground, chosen: dict[tuple[str, int], Chosen], 
                 if poses == ground.study.featured and fit == FITS[0]:
                     featured.append(_model(bench, f"{name}, {fit}", estimate, data))
                     where = where or pose_by_pose(bench, estimate)
-    return {"seed": seed, "errors": errors, "models": featured, "where": where}
+                    calm = measure_plan(bench, ground, poses_chosen, None)
+                    quiet[name] = judge(bench, identify(bench.vjm, metrics, fit, calm))["tasks_mm"]
+    return {"seed": seed, "errors": errors, "models": featured, "where": where, "noise_free": quiet}
 
 
-def measure_plan(bench: Bench, ground: Ground, chosen: Chosen, rng: np.random.Generator) -> Dataset:
-    """Noisy runs of a plan under its one weight."""
-    load = hung(bench.cell, ground.study.payload)
-    return measured(bench.cell, bench.vjm, bench.truth, chosen.q, load, bench.sigma, bench.sigma, rng)
+def measure_plan(bench: Bench, ground: Ground, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
+    """Runs of a plan under its one weight, without noise if there is no source of it."""
+    load, noise = hung(bench.cell, ground.study.payload), None if rng is None else bench.sigma
+    source = rng or stream(0)  # of no effect without noise
+    return measured(bench.cell, bench.vjm, bench.truth, chosen.q, load, bench.sigma, noise, source)
 
 
 def metrics_of(cell: Cell, prior: Prior) -> dict[str, Metric]:

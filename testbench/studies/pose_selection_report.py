@@ -89,6 +89,7 @@ def summary(ground: Ground, first: Dataset, found: Findings) -> Report:
         "plans": list(found.plans),
         "errors": errors,
         "featured": {fit: _featured(errors[fit], study.featured) for fit in FITS},
+        "possible": _possible(ground, found, errors[FITS[0]]),
         "recommendation": recommend(errors[FITS[0]]),
         "replanned": _replanned(found.replanned),
         "promises": kept(found.promises),
@@ -132,6 +133,22 @@ def _featured(errors: dict[str, list[Report]], poses: int) -> Report:
         "random_mm": chance["tasks_mm"],
         "random_best_tenth_mm": chance["tasks_best_tenth_mm"],
         "ratio_of_medians": middle(plan["tasks_mm"]) / middle(chance["tasks_mm"]),
+    }
+
+
+def _possible(ground: Ground, found: Findings, errors: dict[str, list[Report]]) -> Report:
+    """What no plan of the featured size can go below: the least promise, and what stays without any noise."""
+    poses = ground.study.featured
+    plan = next(p for p in found.plans if (p["criterion"], p["poses"]) == ("test", poses))
+    least = plan["expected_tasks_mm"] * plan["efficiency"] ** 0.5
+    calm = {name: merge([r["noise_free"][name] for r in found.trials]) for name in ("test", RANDOM)}
+    floor = float(np.hypot(least, middle(calm["test"])))
+    return {
+        "poses": poses,
+        "least_promise_mm": least,
+        "noise_free_mm": calm,
+        "floor_mm": floor,
+        "floor_over_random": floor / middle(at(errors[RANDOM], poses)["tasks_mm"]),
     }
 
 

@@ -73,6 +73,7 @@ def statements(report: Report) -> list[str]:
     """The answers, each with its numbers; the first one is the headline."""
     return [
         _headline(report),
+        _possible(report),
         _number(report),
         _criteria(report),
         _bare(report),
@@ -95,6 +96,17 @@ def _headline(report: Report) -> str:
         f"{RATIO:g}), and {'no worse' if best else 'worse'} than the best tenth of them "
         f"({own['random_best_tenth_mm']:.3f} mm)"
         f"{'' if met else ': MISSED'}; the plan is at least {100 * plan['efficiency']:.1f} % efficient."
+    )
+
+
+def _possible(report: Report) -> str:
+    own = report["possible"]
+    calm = own["noise_free_mm"]
+    return (
+        f"What is possible: no {own['poses']} of the poses examined can promise less than "
+        f"{own['least_promise_mm']:.3f} mm, and {show(calm['test'])} mm stay without any noise (random "
+        f"{show(calm[RANDOM])}): links outside the model, a wrong prior, an arm that bends; together "
+        f"{own['floor_mm']:.3f} mm, {own['floor_over_random']:.2f} of random's median."
     )
 
 
