@@ -102,7 +102,7 @@ class Statics:
 
 
 PoseStatics = Callable[[Plant, mujoco.MjData, int, Array, Array], Statics]
-"""Statics of a pose from plant, data at the held joints and theta = 0, number of the run, wrench and point."""
+"""Statics of a pose from plant, data at the held joints and theta = 0, number of the run, wrench, point."""
 
 
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:

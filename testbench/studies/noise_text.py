@@ -18,7 +18,8 @@ def title(report: Report) -> str:
     return (
         f"Noise of {report['sigmas_um'][0]:g} to {report['sigmas_um'][-1]:g} um a reading and axis: "
         f"{t['six_dof']} trials of {PARTS['six_dof']}, {t['gravity']} of {PARTS['gravity']}, "
-        f"{t['instrument_linear']} of several instruments; the same random numbers at every level; medians (5 % to 95 %)"
+        f"{t['instrument_linear']} of several instruments; the same random numbers at every level; "
+        "medians (5 % to 95 %)"
     )
 
 

@@ -1,0 +1,101 @@
+"""What a true arm does that the identified model does not know: each disturbance is one switch.
+
+All are plain numbers in SI, so that a scenario or a manifest can hold them. `testbench.plant.disturbed` puts
+them into a plant.
+"""
+
+import math
+from dataclasses import dataclass
+
+from testbench.errors import BenchError
+from testbench.plant.compensator import KR500_COMPENSATOR, Compensator
+
+
+@dataclass(frozen=True)
+class GeometryErrors:
+    """How far every joint's frame, and the tool's, is from where it is drawn.
+
+    Attributes:
+        position: Standard deviation along each axis of the link before it [m].
+        angle: Standard deviation about each of its own axes [rad].
+    """
+
+    position: float
+    angle: float
+
+    def __post_init__(self) -> None:
+        _check("position", self.position)
+        _check("angle", self.angle)
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """What the true arm does beyond bending linearly; all off by default.
+
+    Attributes:
+        own_weight: Whether its links weigh. Off, only the payload, and a compensator, bend it.
+        compensator: Spring from link 1 to link 2.
+        geometry: Errors of the nominal geometry.
+        sensor_offset: Standard deviation of each joint's constant offset [rad]: true q = commanded q
+            + offset.
+        mass_error: True weight of the payload over the recorded one, less one [1]; scales the whole wrench.
+        centre_error: Standard deviation of the true hanging point about the recorded one, along each axis of
+            the tool [m]; the same in all runs.
+        stiffening: Share beta by which a joint is stiffer when its spring is turned by a milliradian [1].
+        backlash: Half-width of the play of every joint [rad], on the side that its torque tells.
+        hysteresis: Half-width of the hysteresis loop of every joint [rad], by friction in its gear.
+        foundation: Compliance of the foundation over `FOUNDATION` [1].
+    """
+
+    own_weight: bool = False
+    compensator: Compensator | None = None
+    geometry: GeometryErrors | None = None
+    sensor_offset: float = 0.0
+    mass_error: float = 0.0
+    centre_error: float = 0.0
+    stiffening: float = 0.0
+    backlash: float = 0.0
+    hysteresis: float = 0.0
+    foundation: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("sensor_offset", "centre_error", "stiffening", "backlash", "hysteresis", "foundation"):
+            _check(name, getattr(self, name))
+        _check("mass_error", self.mass_error, least=-1)
+
+
+def _check(name: str, value: float, least: float = 0) -> None:
+    if not least <= value < math.inf:
+        raise BenchError(f"{name}: expected a finite number of at least {least}, got {value}")
+
+
+FOUNDATION = (1e-9, 1e-9, 0.5e-9, 2.5e-9, 2.5e-9, 1.5e-9)
+"""Main entries of the compliance below the base, at its origin, world axes [m/N, rad/(N m)].
+
+All assumed: anchored into a concrete floor, 4e8 N m/rad against rocking. The base casting of
+models/kr500_l480 itself bends by 6e-9 rad/(N m).
+"""
+
+TYPICAL = Disturbances(
+    own_weight=True,
+    compensator=KR500_COMPENSATOR,
+    geometry=GeometryErrors(position=0.5e-3, angle=8.7e-4),
+    sensor_offset=3.5e-4,
+    mass_error=2e-3,
+    centre_error=2e-3,
+    stiffening=0.1,
+    backlash=5e-5,
+    hysteresis=3e-5,
+    foundation=1.0,
+)
+"""A heavy arm such as models/kr500_l480.
+
+compensator: says itself what is published and what assumed. geometry: 0.5 mm and 0.05 deg, inside the 0.1 to
+2 mm and 0.01 to 0.1 deg usually found when heavy arms are calibrated [assumed]. sensor_offset: 0.02 deg,
+joints mastered with an electronic probe [assumed]. mass_error: 0.2 %, a crane scale [assumed]. centre_error:
+2 mm, sling in a hook [assumed]. stiffening: joints 30 % stiffer at a milliradian, about the load's turn of
+joints 2 and 3 [assumed]; Harmonic Drive's CHA catalogue has 50 to 110 % between a gear's first and third
+stiffness [published], for lighter arms. backlash and hysteresis: 2 b = 0.34 and 2 h = 0.21 arc minutes
+[assumed], inside the 1 arc minute of lost motion that the same catalogue admits [published]. foundation: all
+assumed.
+"""

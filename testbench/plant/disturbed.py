@@ -1,0 +1,225 @@
+"""The disturbed true arm: a plant with disturbances built in, and its equilibria.
+
+Weight, geometry and foundation change the MuJoCo model; offsets and payload errors what it is given;
+compensator and joint laws the forces and springs of its equilibrium. The nominal plant stays as it is.
+"""
+
+import copy
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from testbench.arm import Arm
+from testbench.errors import Array, check_array
+from testbench.mjcf import find_body
+from testbench.plant.compensator import attached, strut
+from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
+from testbench.plant.elastic import AXES, elastic_mjcf
+from testbench.plant.equilibrium import (
+    Equilibrium,
+    Index,
+    Plant,
+    Statics,
+    compile_mjcf,
+    linear_statics,
+    plant_of,
+    settle,
+    settle_by,
+)
+from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
+
+
+@dataclass(frozen=True)
+class DisturbedPlant:
+    """The true arm with its disturbances.
+
+    Attributes:
+        plant: The arm with true weight, geometry and foundation. `arm` and `load` are as recorded, and so is
+            the order of theta: the foundation's six coordinates come into C and the residual, not into theta.
+        disturbances: What is disturbed.
+        offset: True minus commanded joint angles, (n,) [rad].
+        centre: True minus recorded hanging point, tool's axes, (3,) [m].
+    """
+
+    plant: Plant
+    disturbances: Disturbances
+    offset: Array
+    centre: Array
+
+
+def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> DisturbedPlant:
+    """The plant with disturbances built in.
+
+    Every disturbance takes its random numbers, on or off: switching one leaves the others as they are.
+
+    Args:
+        plant: The nominal elastic arm; is not changed. With a soft foundation its model is compiled anew from
+            `plant.arm`, gravity apart.
+        disturbances: What to disturb, and how much.
+        rng: Source of offsets and errors.
+
+    Raises:
+        BenchError: When a compensator is asked for and the arm has no link 2.
+    """
+    if disturbances.compensator is not None:
+        attached(plant)
+    n = plant.arm.n_joints
+    offset, frames, centre = rng.standard_normal(n), rng.standard_normal((n + 1, 6)), rng.standard_normal(3)
+    true = _on_foundation(plant, disturbances.foundation)
+    if not disturbances.own_weight:
+        true.model.opt.gravity[:] = 0
+    if disturbances.geometry is not None:
+        _displace(true.model, plant.arm, disturbances.geometry, frames)
+    return DisturbedPlant(
+        plant=true,
+        disturbances=disturbances,
+        offset=disturbances.sensor_offset * offset,
+        centre=disturbances.centre_error * centre,
+    )
+
+
+def _on_foundation(plant: Plant, scale: float) -> Plant:
+    """A copy of the plant, on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
+    arm = plant.arm
+    if not scale:
+        return plant_of(arm, copy.copy(plant.model))
+    true = plant_of(arm, compile_mjcf(arm.rigid, _foundation_mjcf(arm, scale * np.array(FOUNDATION))))
+    true.model.opt.gravity[:] = plant.model.opt.gravity
+    soft = [true.model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
+    true.C[soft, soft] = scale * np.array(FOUNDATION)
+    return true
+
+
+def _foundation_mjcf(arm: Arm, compliance: Array) -> str:
+    """The elastic MJCF with a sprung body of six degrees of freedom below the base."""
+    root = ET.fromstring(elastic_mjcf(arm))
+    base = find_body(arm.rigid, root, arm.links[0].name)
+    parent = next(element for element in root.iter() if base in list(element))
+    carrier = ET.Element("body", name="foundation", pos=base.attrib.pop("pos", "0 0 0"))
+    parent.insert(list(parent).index(base), carrier)
+    parent.remove(base)
+    for k, axis in enumerate(AXES):
+        ET.SubElement(
+            carrier,
+            "joint",
+            name=f"foundation_{axis}",
+            type="slide" if k < 3 else "hinge",
+            axis=" ".join("1" if j == k % 3 else "0" for j in range(3)),
+            stiffness=repr(float(1 / compliance[k])),
+        )
+    carrier.append(base)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _displace(model: mujoco.MjModel, arm: Arm, errors: GeometryErrors, frames: Array) -> None:
+    """Move and turn the frames of all joints and of the tool by standard normal numbers, (n + 1, 6).
+
+    Where a frame is, is said by the body that carries the virtual joint before it; how it is turned, by the
+    frame's own body.
+    """
+    for name, error in zip([*(link.name for link in arm.links[1:]), arm.tool], frames, strict=True):
+        body = model.body(name).id
+        model.body_pos[model.body_parentid[body]] += errors.position * error[:3]
+        mujoco.mju_quatIntegrate(model.body_quat[body], errors.angle * error[3:], 1.0)
+
+
+def settle_disturbed(
+    disturbed: DisturbedPlant,
+    q: Array,
+    wrench: Array | None = None,
+    point: Array | None = None,
+    *,
+    before: Equilibrium | None = None,
+) -> Equilibrium:
+    """Static equilibrium of every pose of the disturbed arm.
+
+    Args:
+        disturbed: The arm.
+        q: Commanded joint angles, (runs, n) [rad].
+        wrench: Recorded force and moment, world axes, (runs, 6) [N, N m]; None for none.
+        point: Where it is recorded to act, in the tool's frame, (runs, 3) [m]; None for the tool's origin.
+        before: What the arm rested at before this load, for the friction in its joints; None for joints that
+            have just moved to the pose and hold back nothing.
+
+    Returns:
+        The poses at rest; theta is measured from the true, offset joint angles.
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+        NoEquilibrium: When the arm is too soft for its load; names the pose.
+    """
+    plant, changes = disturbed.plant, disturbed.disturbances
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
+    if wrench is not None:
+        wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]") * (1 + changes.mass_error)
+        point = np.zeros((len(q), 3)) if point is None else check_array(point, (len(q), 3), "point [m]")
+        point = point + disturbed.centre
+    if before is not None:
+        check_array(before.theta, (len(q), plant.arm.n_theta), "theta before [m, rad]")
+    q = q + disturbed.offset
+    if not (changes.compensator or changes.stiffening or changes.backlash or changes.hysteresis):
+        return settle(plant, q, wrench, point)
+    return settle_by(partial(_statics, changes, before), plant, q, wrench, point)
+
+
+def settle_pair(
+    disturbed: DisturbedPlant, q: Array, wrench: Array, point: Array
+) -> tuple[Equilibrium, Equilibrium]:
+    """The disturbed arm unloaded, and then loaded from there.
+
+    Args:
+        disturbed: The arm.
+        q: Commanded joint angles, (runs, n) [rad].
+        wrench: Recorded force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it is recorded to act, in the tool's frame, (runs, 3) [m].
+    """
+    unloaded = settle_disturbed(disturbed, q)
+    return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)
+
+
+def _statics(
+    changes: Disturbances,
+    before: Equilibrium | None,
+    plant: Plant,
+    data: mujoco.MjData,
+    run: int,
+    wrench: Array,
+    point: Array,
+) -> Statics:
+    """Forces and springs of a pose with compensator and joint laws."""
+    linear = linear_statics(plant, data, run, wrench, point)
+    hinges: Index = plant.theta[6 * len(plant.arm.links) :]
+    law = JointLaw(
+        compliance=np.array([joint.compliance for joint in plant.arm.joints]),
+        stiffening=changes.stiffening,
+        backlash=changes.backlash,
+        hysteresis=changes.hysteresis,
+        before=None if before is None else before.theta[run, 6 * len(plant.arm.links) :],
+    )
+    spring = None if changes.compensator is None else strut(changes.compensator, plant, data)
+
+    def force() -> Array:
+        Q = linear.force()
+        if spring is not None:
+            spring.add(Q)
+        return Q
+
+    def deflect(Q: Array) -> Array:
+        deflection = plant.C @ Q
+        deflection[hinges] = turn(law, Q[hinges])
+        return deflection
+
+    def compliance(Q: Array) -> Array:
+        C = plant.C.copy()
+        C[hinges, hinges] = slope(law, Q[hinges])
+        return C
+
+    def springs(Q: Array) -> Array:
+        forces = linear.springs(Q).copy()  # MuJoCo's own hinges are linear
+        forces[hinges] = -spring_torque(law, data.qpos[hinges], Q[hinges])
+        return forces
+
+    return Statics(force, deflect, compliance, springs, None if spring is None else spring.inverse)

@@ -1,0 +1,109 @@
+"""Joints that are no linear springs: they stiffen, have play, and stick.
+
+With x = tau / k_0 the turn of a linear joint under the torque tau, three effects add up, each with one
+number:
+
+- stiffening: the spring turns by phi with k_0 phi (1 + beta (phi / phi_ref)^2) = tau;
+- backlash of half-width b: the teeth lie on the flank that the torque's sign tells, and the turn is phi + b
+  tanh(x / b). The play is taken up where the spring would turn by b. Gear makers measure lost motion at +-3 %
+  of the rated torque, and that is about the same: 0.7 kN m for joint 2 of models/kr500_l480 at b = 50e-6 rad;
+- hysteresis of half-width h: friction in the gear holds the joint until what it should turn to, y, is more
+  than h away, then lets it follow at that distance: theta = min(max(theta_before, y - h), y + h). This is the
+  play operator (Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989), the simplest model with a loop
+  as in a reducer's hysteresis curve: 2 h wide, whatever the load. Loading falls short by h, unloading comes
+  back h too little.
+
+Backlash needs no history: it shows where loading changes the torque's sign. Hysteresis shows in every joint
+whose torque changes, and in what the arm reads before and after it has carried a load.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array
+
+STIFFENING_ANGLE = 1e-3
+"""Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
+
+
+@dataclass(frozen=True)
+class JointLaw:
+    """Turn of every joint's spring over its torque.
+
+    Attributes:
+        compliance: Of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
+        stiffening: beta [1].
+        backlash: Half-width of the play b [rad].
+        hysteresis: Half-width of the loop h [rad].
+        before: Turns that the joints come from, (n,) [rad]; None where friction has been shaken off.
+    """
+
+    compliance: Array
+    stiffening: float
+    backlash: float
+    hysteresis: float
+    before: Array | None = None
+
+
+def turn(law: JointLaw, torque: Array) -> Array:
+    """Turn theta under a torque.
+
+    Args:
+        law: The joints.
+        torque: (n,) [N m].
+
+    Returns:
+        theta, (n,) [rad].
+    """
+    target = _target(law, torque)
+    if law.before is None:
+        return target
+    return np.clip(law.before, target - law.hysteresis, target + law.hysteresis)
+
+
+def slope(law: JointLaw, torque: Array) -> Array:
+    """Compliance under a torque, d theta / d torque; zero where friction holds, (n,) [rad/(N m)]."""
+    x = law.compliance * torque
+    phi = _spring_turn(law, x)
+    rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_ANGLE) ** 2)
+    if law.backlash:
+        rate += 1 - np.tanh(x / law.backlash) ** 2
+    if law.before is not None:
+        rate[np.abs(law.before - phi - _play(law, x)) < law.hysteresis] = 0
+    return law.compliance * rate
+
+
+def spring_torque(law: JointLaw, theta: Array, torque: Array) -> Array:
+    """Torque of the springs at the turns theta, by the polynomial itself.
+
+    Args:
+        law: The joints.
+        theta: Turns, (n,) [rad].
+        torque: Torque on the joints, (n,) [N m]: tells the flank that they lie on, and what friction carries.
+
+    Returns:
+        What springs and friction hold against, (n,) [N m]; equals `torque` at rest.
+    """
+    friction = 0.0 if law.before is None else law.hysteresis
+    slip = np.clip(theta - _target(law, torque), -friction, friction)
+    phi = theta - _play(law, law.compliance * torque) - slip
+    return phi / law.compliance * (1 + law.stiffening * (phi / STIFFENING_ANGLE) ** 2)
+
+
+def _target(law: JointLaw, torque: Array) -> Array:
+    """Turn without friction, (n,) [rad]."""
+    x = law.compliance * torque
+    return _spring_turn(law, x) + _play(law, x)
+
+
+def _spring_turn(law: JointLaw, x: Array) -> Array:
+    """The real root phi of phi + beta phi^3 / phi_ref^2 = x, in closed form, (n,) [rad]."""
+    if not law.stiffening:
+        return x
+    a = np.sqrt(3 * law.stiffening) / STIFFENING_ANGLE
+    return np.asarray(2 / a * np.sinh(np.arcsinh(1.5 * a * x) / 3))
+
+
+def _play(law: JointLaw, x: Array) -> Array:
+    return law.backlash * np.tanh(x / law.backlash) if law.backlash else np.zeros_like(x)

@@ -1,0 +1,422 @@
+"""What the true arm does that the model does not know: each disturbance against theory."""
+
+from dataclasses import fields, replace
+
+import mujoco
+import numpy as np
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from testbench.errors import BenchError
+from testbench.plant import (
+    KR500_COMPENSATOR,
+    TYPICAL,
+    Compensator,
+    Disturbances,
+    GeometryErrors,
+    build_plant,
+    disturb,
+    equivalent_stiffness,
+    settle,
+    settle_disturbed,
+    settle_linear,
+    settle_pair,
+)
+from testbench.plant.compensator import strut
+from testbench.plant.disturbance import FOUNDATION
+from testbench.plant.joint_law import STIFFENING_ANGLE, JointLaw, slope, spring_torque, turn
+
+GRAVITY = 9.81
+CLEAN = Disturbances(own_weight=True)
+
+
+def random_q(cell, rng, runs):
+    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
+
+
+def hung(cell, runs, mass=460.3):
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -GRAVITY * mass
+    return wrench, np.tile(cell.plant.load, (runs, 1))
+
+
+def disturbed(cell, disturbances, seed=1):
+    return disturb(cell.plant, disturbances, np.random.default_rng(seed))
+
+
+def deflection(cell, disturbances, q, seed=1, mass=460.3):
+    unloaded, loaded = settle_pair(disturbed(cell, disturbances, seed), q, *hung(cell, len(q), mass))
+    return loaded.markers - unloaded.markers
+
+
+def assert_same(one, other):
+    for field in fields(one):
+        assert getattr(one, field.name).tobytes() == getattr(other, field.name).tobytes(), field.name
+
+
+def hinges(cell, equilibrium):
+    return equilibrium.theta[:, 6 * len(cell.arm.links) :]
+
+
+def only_joint(cell, k):
+    """The arm with all links and all joints but one a million times stiffer."""
+    arm = cell.arm
+    links = tuple(replace(link, compliance=1e-6 * link.compliance) for link in arm.links)
+    joints = tuple(
+        joint if i == k else replace(joint, compliance=1e-6 * joint.compliance)
+        for i, joint in enumerate(arm.joints)
+    )
+    return build_plant(replace(arm, links=links, joints=joints))
+
+
+def test_an_undisturbed_arm_is_the_clean_one_to_the_last_bit(kr500, rng):
+    q = random_q(kr500, rng, 20)
+    wrench, point = hung(kr500, 20)
+    unloaded, loaded = settle_pair(disturbed(kr500, CLEAN), q, wrench, point)
+    assert_same(unloaded, settle(kr500.plant, q))
+    assert_same(loaded, settle(kr500.plant, q, wrench, point))
+
+
+def test_disturbing_leaves_the_nominal_plant_as_it_is(kr500, rng):
+    q = random_q(kr500, rng, 3)
+    before = settle(kr500.plant, q)
+    settle_disturbed(disturbed(kr500, TYPICAL), q)
+    assert_same(settle(kr500.plant, q), before)
+
+
+def test_without_own_weight_an_unloaded_arm_does_not_bend(kr500, rng):
+    rest = settle_disturbed(disturbed(kr500, Disturbances()), random_q(kr500, rng, 5))
+    assert np.abs(rest.theta).max() == 0.0
+    assert rest.residual.max() == 0.0
+
+
+@pytest.mark.parametrize("stiffness", [None, KR500_COMPENSATOR.stiffness])
+def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng, stiffness):
+    """All 54 coordinates, by central differences in a bent pose."""
+    spring = replace(KR500_COMPENSATOR, stiffness=stiffness)
+    plant, model, data = kr500.plant, kr500.plant.model, mujoco.MjData(kr500.plant.model)
+    data.qpos[plant.joints] = np.deg2rad([10.0, -40, 60, 20, 30, 0])
+    k = spring.rate if stiffness is None else stiffness
+
+    def length():
+        mujoco.mj_kinematics(model, data)
+        ends = [
+            data.body(name).xpos + data.body(name).xmat.reshape(3, 3) @ where
+            for name, where in (("link_1", spring.foot), ("link_2", spring.head))
+        ]
+        return np.linalg.norm(ends[1] - ends[0])
+
+    held = length()
+    compensator = strut(spring, plant, data)
+
+    def energy():
+        stretch = length() - held
+        return spring.rate * (held - spring.rest_length) * stretch + k * stretch**2 / 2
+
+    data.qpos[plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    Q, at, h = np.zeros(model.nv), data.qpos.copy(), 1e-6
+    compensator.add(Q)
+    gradient = np.empty(model.nv)
+    for i in range(model.nv):
+        data.qpos[:] = at + h * (np.arange(model.nv) == i)
+        ahead = energy()
+        data.qpos[:] = at - h * (np.arange(model.nv) == i)
+        gradient[i] = (ahead - energy()) / (2 * h)
+    # forces of 1e5 N: rounding of an energy of 1e2 J over 2e-6 m is 1e-8, second order of the step 1e-7
+    np.testing.assert_allclose(Q, -gradient, rtol=1e-5, atol=1e-7 * np.abs(Q).max())
+
+
+def test_equivalent_stiffness_of_a_plain_spring_is_that_of_the_planar_formula(kr500):
+    """K_eq = k a L ((1 - s0 / s) cos phi + s0 a L sin^2 phi / s^3), s^2 = a^2 + L^2 - 2 a L cos phi."""
+    spring = replace(KR500_COMPENSATOR, stiffness=None)
+    q = np.zeros((31, 6))
+    q[:, 1] = np.deg2rad(np.linspace(-130, 20, 31))
+    foot = np.array(spring.foot)[[0, 2]] - (0.5, 0)  # joint 2 is 0.5 m ahead of joint 1
+    head = np.array(spring.head)[[0, 2]]
+    a, L = np.linalg.norm(foot), np.linalg.norm(head)
+    # a turn by +q2 about y is one by -q2 from x towards z
+    phi = np.arctan2(head[1], head[0]) - q[:, 1] - np.arctan2(foot[1], foot[0])
+    s = np.sqrt(a**2 + L**2 - 2 * a * L * np.cos(phi))
+    s0, k = spring.rest_length, spring.rate
+    expected = k * a * L * ((1 - s0 / s) * np.cos(phi) + s0 * a * L * np.sin(phi) ** 2 / s**3)
+    np.testing.assert_allclose(equivalent_stiffness(spring, kr500.plant, q), expected, rtol=1e-9, atol=1e-6)
+    # and the torque itself, s' (s - s0) k, has this derivative
+    torque = k * (s - s0) * a * L * np.sin(phi) / s
+    slope = np.gradient(torque, phi, edge_order=2)
+    np.testing.assert_allclose(expected[2:-2], slope[2:-2], rtol=0, atol=3e-3 * expected.max())  # 5 deg steps
+
+
+def test_equivalent_stiffness_is_of_the_published_size_and_depends_on_the_pose(kr500):
+    q = np.zeros((151, 6))
+    q[:, 1] = np.deg2rad(np.linspace(-130, 20, 151))
+    K = equivalent_stiffness(KR500_COMPENSATOR, kr500.plant, q)
+    assert K.max() == pytest.approx(1 / 0.144e-6, rel=0.01)
+    assert K.min() < 0.01 * K.max()
+
+
+@pytest.mark.parametrize("degrees", [-90.0, -60.0, -20.0, 10.0])
+def test_compensator_and_joint_2_are_springs_in_parallel(kr500, degrees):
+    """Joint 2 alone gives way, to a small torque: 1 / (1 / C + K_eq), K_eq from `equivalent_stiffness`."""
+    plant = only_joint(kr500, 1)
+    spring = replace(KR500_COMPENSATOR, rate=0.0)  # no force in the held pose
+    true = disturb(plant, Disturbances(compensator=spring), np.random.default_rng(1))
+    q = np.deg2rad([[0.0, degrees, 0, 0, 0, 0]])
+    wrench, point = np.array([[0, 0, 0, 0, 100.0, 0]]), np.zeros((1, 3))
+    unloaded, loaded = settle_pair(true, q, wrench, point)
+    theta = hinges(kr500, loaded)[0, 1] - hinges(kr500, unloaded)[0, 1]
+    K = 1 / kr500.arm.joints[1].compliance + equivalent_stiffness(spring, plant, q)[0]
+    assert theta == pytest.approx(100 / K, rel=1e-4)  # links bend too, 1e-6 of before; strut turns by 1e-5
+
+
+def test_compensator_carries_most_of_the_arms_own_weight_at_joint_2(kr500):
+    q = np.zeros((3, 6))
+    q[:, 1] = np.deg2rad([-60.0, -30, 0])
+    without = hinges(kr500, settle_disturbed(disturbed(kr500, CLEAN), q))[:, 1]
+    spring = replace(KR500_COMPENSATOR, stiffness=None)
+    helped = settle_disturbed(disturbed(kr500, replace(CLEAN, compensator=spring)), q)
+    assert np.all(np.abs(hinges(kr500, helped)[:, 1]) < 0.1 * np.abs(without))
+
+
+def test_geometry_errors_change_the_deflection_to_first_order_in_their_size(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    clean = deflection(kr500, CLEAN, q)
+
+    def change(scale):
+        errors = GeometryErrors(position=scale * 1e-3, angle=scale * 1e-3)
+        return deflection(kr500, replace(CLEAN, geometry=errors), q) - clean
+
+    assert np.abs(change(0.0)).max() == 0.0
+    one, half = change(1.0), change(0.5)
+    # twice the half differs from the whole by the second order: 1e-3 rad times the arm's curvature
+    assert np.abs(one - 2 * half).max() < 0.02 * np.abs(one).max()
+    assert np.sqrt((one**2).mean()) > 1e-6
+
+
+def test_geometry_errors_move_the_unbent_tool_as_the_chain_of_true_frames_says(kr500):
+    """One frame after the other, with numpy: translation in the link before, rotation in the frame itself."""
+    true = disturbed(kr500, Disturbances(geometry=GeometryErrors(position=1e-3, angle=1e-3)))
+    rng = np.random.default_rng(1)
+    rng.standard_normal(6)
+    error = rng.standard_normal((7, 6)) * 1e-3
+    origin = [
+        (0, 0, 1.045),
+        (0.5, 0, 0),
+        (1.3, 0, 0),
+        (0.975, 0, -0.055),
+        (0.3, 0, 0),
+        (0.17, 0, 0),
+        (0.12, 0, 0),
+    ]
+    where, turned = np.zeros(3), np.eye(3)
+    for offset, e in zip(origin, error, strict=True):  # at q = 0 all joints leave their frames as they are
+        where = where + turned @ (offset + e[:3])
+        matrix, quaternion = np.empty(9), np.array([1.0, 0, 0, 0])
+        mujoco.mju_quatIntegrate(quaternion, e[3:], 1.0)
+        mujoco.mju_quat2Mat(matrix, quaternion)
+        turned = turned @ matrix.reshape(3, 3)
+    rest = settle_disturbed(true, np.zeros((1, 6)))
+    np.testing.assert_allclose(rest.tool[0], where, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rest.rotation[0], turned, rtol=0, atol=1e-12)
+
+
+def test_a_sensor_offset_is_settling_at_the_offset_angles(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    true = disturbed(kr500, replace(CLEAN, sensor_offset=1e-3))
+    assert 1e-4 < np.abs(true.offset).max() < 4e-3
+    assert_same(settle_disturbed(true, q), settle(kr500.plant, q + true.offset))
+
+
+def test_a_mass_error_scales_the_deflection_of_a_weightless_arm_under_a_small_load(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    right = deflection(kr500, Disturbances(), q, mass=0.1)
+    wrong = deflection(kr500, Disturbances(mass_error=0.05), q, mass=0.1)
+    # 0.1 kg bends it by 1e-6 m: second order is 1e-6 of that, the last Newton step too
+    np.testing.assert_allclose(wrong, 1.05 * right, rtol=0, atol=1e-5 * np.abs(right).max())
+
+
+def test_a_centre_error_is_a_load_that_hangs_elsewhere(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    wrench, point = hung(kr500, 5)
+    true = disturbed(kr500, replace(CLEAN, centre_error=5e-3))
+    loaded = settle_pair(true, q, wrench, point)[1]
+    assert_same(loaded, settle(kr500.plant, q, wrench, point + true.centre))
+    assert np.abs(true.centre).max() > 1e-3
+
+
+def test_one_stiffening_joint_turns_by_the_root_of_the_cubic(kr500):
+    """Joint 2 alone, torque of -5 to 40 kN m about its own axis: numpy's roots as the referee."""
+    plant, beta = only_joint(kr500, 1), 0.3
+    true = disturb(plant, Disturbances(stiffening=beta), np.random.default_rng(1))
+    torque = np.array([-5e3, 1.0, 1e3, 13e3, 40e3])
+    wrench = np.zeros((5, 6))
+    wrench[:, 4] = torque
+    rest = settle_disturbed(true, np.zeros((5, 6)), wrench)
+    k0 = 1 / kr500.arm.joints[1].compliance
+    for theta, tau in zip(hinges(kr500, rest)[:, 1], torque, strict=True):
+        # in units of the reference angle, as the coefficients are then of order one
+        roots = np.roots([beta, 0, 1, -tau / (k0 * STIFFENING_ANGLE)])
+        real = roots[np.abs(roots.imag) < 1e-9].real[0] * STIFFENING_ANGLE
+        assert theta == pytest.approx(real, rel=1e-9)
+
+
+def test_backlash_adds_the_play_where_the_load_turns_the_torque_round_and_nothing_elsewhere(kr500):
+    """Joint 5 carries the tool to the front; a moment presses it on, or turns it round."""
+    plant, b = only_joint(kr500, 4), 2e-5
+    q = np.zeros((2, 6))
+    wrench = np.zeros((2, 6))
+    wrench[:, 4] = 3000.0, -3000.0  # own weight makes 275 N m, play is taken up at b / C = 29 N m
+
+    def change(backlash):
+        true = disturb(plant, replace(CLEAN, backlash=backlash), np.random.default_rng(1))
+        unloaded, loaded = settle_pair(true, q, wrench, np.zeros((2, 3)))
+        return (hinges(kr500, loaded) - hinges(kr500, unloaded))[:, 4]
+
+    extra = change(b) - change(0.0)
+    assert extra[0] == pytest.approx(0.0, abs=1e-4 * b)  # 1 - tanh(275 / 29) is 1e-8; weight's lever: 1e-5
+    assert extra[1] == pytest.approx(-2 * b, rel=1e-4)
+
+
+def test_hysteresis_holds_back_loading_and_unloading_by_its_half_width(kr500, rng):
+    h = 3e-5
+    true = disturbed(kr500, replace(CLEAN, hysteresis=h))
+    q = random_q(kr500, rng, 20)
+    wrench, point = hung(kr500, 20)
+    first, loaded = settle_pair(true, q, wrench, point)
+    again = settle_disturbed(true, q, before=loaded)
+    clean = settle(kr500.plant, q), settle(kr500.plant, q, wrench, point)
+    assert_same(replace(first, residual=clean[0].residual), clean[0])  # nothing to come from, nothing held
+    moves = hinges(kr500, clean[1]) - hinges(kr500, clean[0])
+    far = np.abs(moves) > 3 * h
+    assert 40 < far.sum() < moves.size
+    short = hinges(kr500, clean[1]) - hinges(kr500, loaded)
+    back = hinges(kr500, again) - hinges(kr500, first)
+    # other joints that hold back change a joint's torque by 1e-3 of itself
+    np.testing.assert_allclose(short[far], h * np.sign(moves[far]), rtol=0, atol=0.05 * h)
+    np.testing.assert_allclose(back[far], h * np.sign(moves[far]), rtol=0, atol=0.05 * h)
+    stuck = np.abs(moves) < 0.9 * h
+    assert stuck.any()
+    np.testing.assert_array_equal(hinges(kr500, loaded)[stuck], hinges(kr500, first)[stuck])
+    assert max(loaded.residual.max(), again.residual.max()) < 0.05
+
+
+def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
+    """Weightless arm, 1 N and 1 N m: twist of the base C_f times the wrench about its origin."""
+    q = random_q(kr500, rng, 5)
+    wrench, point = rng.standard_normal((5, 6)), 0.3 * rng.standard_normal((5, 3))
+    scale = 3.0
+    (rest, rigid), (_, soft) = (
+        settle_pair(disturbed(kr500, Disturbances(foundation=f)), q, wrench, point) for f in (0.0, scale)
+    )
+    at = rest.tool + (rest.rotation @ point[:, :, None])[:, :, 0]
+    moment = wrench[:, 3:] + np.cross(at, wrench[:, :3])
+    twist = scale * np.array(FOUNDATION) * np.c_[wrench[:, :3], moment]
+    expected = twist[:, :3] + np.cross(twist[:, 3:], rest.tool)
+    moved = soft.tool - rigid.tool
+    # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    linear = settle_linear(disturbed(kr500, Disturbances(foundation=scale)).plant, q, wrench, point)
+    np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
+
+
+def test_a_soft_foundation_sinks_under_the_weight_of_the_whole_robot(kr500):
+    soft = disturbed(kr500, replace(CLEAN, foundation=1.0))
+    data = mujoco.MjData(soft.plant.model)
+    mujoco.mj_kinematics(soft.plant.model, data)
+    mujoco.mj_comPos(soft.plant.model, data)
+    Q = np.empty(soft.plant.model.nv)
+    mujoco.mj_rne(soft.plant.model, data, 0, Q)
+    sunk = soft.plant.model.joint("foundation_z").dofadr[0]
+    assert Q[sunk] == pytest.approx(GRAVITY * 2510.5, rel=1e-6)  # README of the model
+    assert settle_disturbed(soft, np.zeros((1, 6))).residual[0] < 0.05
+
+
+def test_the_kr500_with_everything_typical_settles_in_50_poses(kr500, rng):
+    q = random_q(kr500, rng, 50)
+    wrench, point = hung(kr500, 50)
+    true = disturbed(kr500, TYPICAL)
+    unloaded, loaded = settle_pair(true, q, wrench, point)
+    again = settle_disturbed(true, q, before=loaded)
+    for rest in (unloaded, loaded, again):
+        assert rest.step.max() < 1e-9
+        # a last step of 1e-9 m on a spring of 1e10 N/m leaves 10 N; seen: a hundredth
+        assert rest.residual.max() < 0.5
+    moved = np.linalg.norm(loaded.markers - unloaded.markers, axis=2)
+    assert 0.5e-3 < np.median(moved) < 8e-3
+
+
+LAW = JointLaw(
+    compliance=np.array([0.075e-6, 0.15e-6, 0.7e-6, 0.7e-6]), stiffening=0.2, backlash=5e-5, hysteresis=3e-5
+)
+TORQUE = np.array([13e3, -4e3, 900.0, 40.0])  # the last within the play
+
+
+@pytest.mark.parametrize("before", [None, np.array([0.0, 0.0, 2e-3, 8e-5])])
+def test_compliance_of_a_joint_is_the_slope_of_its_turn(before):
+    law, h = replace(LAW, before=before), 1e-3
+    expected = (turn(law, TORQUE + h) - turn(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(slope(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
+    assert (before is None) == (slope(law, TORQUE)[3] > 0)  # friction holds it
+
+
+@pytest.mark.parametrize("before", [None, np.array([0.0, 0.0, 2e-3, 8e-5])])
+def test_certificate_of_a_joint_sees_a_nanoradian(before):
+    """Springs by their polynomial, not by the root that was solved for; within its band friction holds."""
+    law = replace(LAW, before=before)
+    theta = turn(law, TORQUE)
+    np.testing.assert_allclose(spring_torque(law, theta, TORQUE), TORQUE, rtol=1e-9)
+    for off in (1e-9, -1e-9):
+        left = np.abs(spring_torque(law, theta + off, TORQUE) - TORQUE)
+        moving = slope(law, TORQUE) > 0
+        outside = moving if before is None else moving & (off * np.sign(theta - before) < 0)  # others: within
+        assert np.all(left[outside] > 0.9e-9 / law.compliance[outside])
+
+
+def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_alone(kr500, rng):
+    q = random_q(kr500, rng, 3)
+    one, same, other = (deflection(kr500, TYPICAL, q, seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 1e-6
+    fewer = replace(TYPICAL, geometry=None, foundation=0.0, compensator=None)
+    np.testing.assert_array_equal(disturbed(kr500, fewer).offset, disturbed(kr500, TYPICAL).offset)
+    np.testing.assert_array_equal(disturbed(kr500, fewer).centre, disturbed(kr500, TYPICAL).centre)
+
+
+def test_a_pose_settles_alike_alone_and_among_others(kr500, rng):
+    q = random_q(kr500, rng, 4)
+    wrench, point = hung(kr500, 4)
+    true = disturbed(kr500, TYPICAL)
+    together = settle_pair(true, q, wrench, point)[1]
+    alone = settle_pair(true, q[2:3], wrench[2:3], point[2:3])[1]
+    np.testing.assert_array_equal(alone.theta[0], together.theta[2])
+
+
+def test_disturbances_live_in_a_scenario_as_data():
+    class Scenario(BaseModel):
+        model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+        disturbances: Disturbances = CLEAN
+
+    scenario = Scenario(disturbances=TYPICAL)
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Disturbances(backlash=-1e-5), "backlash: expected a finite number of at least 0"),
+        (lambda: Disturbances(mass_error=-1.5), "mass_error: expected a finite number of at least -1"),
+        (lambda: Disturbances(stiffening=np.nan), "stiffening: expected a finite number"),
+        (lambda: GeometryErrors(position=1e-3, angle=-1.0), "angle: expected a finite number"),
+        (lambda: Compensator((0, 0, 0), (0, 0, 1), -1.0, 0.5), "rate of the compensator"),
+        (lambda: Compensator((0, 0), (0, 0, 1), 1.0, 0.5), r"foot of the compensator.*shape \(3\)"),
+    ],
+)
+def test_impossible_disturbances_are_refused(build, message):
+    with pytest.raises(BenchError, match=message):
+        build()
+
+
+def test_an_arm_without_link_2_has_no_compensator(single_link):
+    with pytest.raises(BenchError, match="links 1 and 2, single_link has 1 links"):
+        disturbed(single_link, TYPICAL)
