@@ -1,6 +1,11 @@
 """The truth side: MuJoCo. Shares the arm's description with the model side, and no code."""
 
-from testbench.plant.compensator import KR500_COMPENSATOR, Compensator, equivalent_stiffness
+from testbench.plant.compensator import (
+    KR500_COMPENSATOR,
+    STIFF_COMPENSATOR,
+    Compensator,
+    equivalent_stiffness,
+)
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
 from testbench.plant.elastic import elastic_mjcf, write_elastic
@@ -11,6 +16,7 @@ from testbench.plant.site import Contact, Kind, Payload, Site, build_site, conta
 
 __all__ = [
     "KR500_COMPENSATOR",
+    "STIFF_COMPENSATOR",
     "TYPICAL",
     "Compensator",
     "Contact",

@@ -12,7 +12,7 @@ q_2: it vanishes nearly where the strut points at the axis and is largest where 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -57,7 +57,7 @@ KR500_COMPENSATOR = Compensator(
     head=(-0.07, 0.30, 0.26),
     rate=65e3,
     rest_length=0.12,
-    stiffness=9.6e7,
+    stiffness=6.9e6,
 )
 """For models/kr500_l480.
 
@@ -66,11 +66,16 @@ drawn hub, on the line from axis to foot when the upper arm is upright, along wh
 [assumed]. rate and rest_length: 41 kN upright, 60 kN stretched, where it carries about the arm's own weight,
 16 kN m [assumed].
 
-stiffness: so that K_eq at the best lever is 1 / 0.144e-6 = 6.9e6 N m/rad. 0.144e-6 is [published] for a KR
-270 beside 0.302e-6 rad/(N m) of its joint 2; that it is a compliance of joint 2 in rad/(N m) is our reading.
-Read as the spring's own compliance in m/N, stiffness is 6.9e6 N/m and K_eq 0.5e6 N m/rad at most. As a plain
-spring neither could be: turning joint 2 by a radian against 6.9e6 N m/rad would take 400 times the torque of
-the arm's own weight.
+stiffness: 1 / 0.144e-6 N/m. 0.144e-6 is [published] for a KR 270 beside 0.302e-6 rad/(N m) of its joint 2,
+without its unit; that it is the strut's own compliance in m/N is our reading. K_eq is then at most 4 % of the
+stiffness of joint 2, which agrees with the 4.8 % that the paper quotes. `STIFF_COMPENSATOR` is the other
+reading.
+"""
+
+STIFF_COMPENSATOR = replace(KR500_COMPENSATOR, stiffness=9.6e7)
+"""The same number read as a compliance of joint 2 in rad/(N m): K_eq at the best lever is 1 / 0.144e-6 =
+6.9e6 N m/rad, half of the stiffness of joint 2. As a plain spring it could not be: turning joint 2 by a
+radian would take 400 times the torque of the arm's own weight.
 """
 
 

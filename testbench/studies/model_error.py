@@ -14,13 +14,14 @@ import numpy as np
 from testbench.bench import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.dataset import Dataset
 from testbench.evaluate import predict, score
-from testbench.plant import TYPICAL, Disturbances, disturb, settle_pair
+from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
 from testbench.report import UM
 from testbench.studies.noise import Row, Way, reread, ways
 
 NAME = "model_error"
 PLAIN, WITH_PRIOR = ("MLS56", "MGCO56", "MGCO68"), ("MGCO56", "MGCO68")
 NONE, ALL = "none", "all together"
+STIFF = "compensator, other reading"
 SWITCHES: dict[str, tuple[str, ...]] = {
     "own weight": ("own_weight",),
     "gravity compensator": ("compensator",),
@@ -52,13 +53,18 @@ class Study:
 
 
 def cases(scale: float) -> dict[str, Disturbances]:
-    """Disturbances by name: none, each alone, all together."""
+    """Disturbances by name: none, each alone, the compensator's other reading, all together."""
     sized = resized(TYPICAL, scale)
     alone = {
         name: replace(Disturbances(), **{field: getattr(sized, field) for field in fields})
         for name, fields in SWITCHES.items()
     }
-    return {NONE: Disturbances(), **alone, ALL: sized}
+    return {
+        NONE: Disturbances(),
+        **alone,
+        STIFF: Disturbances(compensator=STIFF_COMPENSATOR),
+        ALL: sized,
+    }
 
 
 def resized(typical: Disturbances, scale: float) -> Disturbances:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from testbench.errors import BenchError
 from testbench.plant import (
     KR500_COMPENSATOR,
+    STIFF_COMPENSATOR,
     TYPICAL,
     Compensator,
     Disturbances,
@@ -151,7 +152,7 @@ def test_equivalent_stiffness_of_a_plain_spring_is_that_of_the_planar_formula(kr
 def test_equivalent_stiffness_is_of_the_published_size_and_depends_on_the_pose(kr500):
     q = np.zeros((151, 6))
     q[:, 1] = np.deg2rad(np.linspace(-130, 20, 151))
-    K = equivalent_stiffness(KR500_COMPENSATOR, kr500.plant, q)
+    K = equivalent_stiffness(STIFF_COMPENSATOR, kr500.plant, q)
     assert K.max() == pytest.approx(1 / 0.144e-6, rel=0.01)
     assert K.min() < 0.01 * K.max()
 
