@@ -3,7 +3,7 @@
 from testbench.recording.style import GREENS, ORANGES, Colour
 from testbench.recording.sweep import Point, Sweep
 from testbench.report import Report, middle
-from testbench.studies import identifiability_text, loaded_text
+from testbench.studies import identifiability_text, loaded_text, model_error_text, noise_text
 
 ROUNDING_MM = 1e-6
 """A method that is nowhere further off is exact: rounding is no line worth looking at."""
@@ -78,6 +78,76 @@ def identifiability(report: Report, parameters: object) -> Sweep:
         colours=_roles(models),
         remarks="\n\n".join([*others, *(f"- {text}" for text in report["seen"]["sentences"])]),
     )
+
+
+def noise(report: Report, parameters: object) -> Sweep:
+    """Error over the workspace against noise, the KR 500 under its weight.
+
+    Args:
+        report: report.json of the study of noise.
+        parameters: What was tried, as plain data.
+    """
+    rows = report["sweeps"]["gravity"]
+    points = [
+        Point(
+            row["sigma_um"], row["model"], row["rms_um"]["median"], row["rms_um"]["p05"], row["rms_um"]["p95"]
+        )
+        for row in rows
+    ]
+    first, *others = noise_text.statements(report)
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=_root_seed(report),
+        question="What does tracker noise cost, by method and structure?",
+        answer=first,
+        swept="noise of one reading",
+        swept_unit="um",
+        measured="RMS error over the workspace",
+        unit="um",
+        points=points,
+        colours=_roles(list(dict.fromkeys(row["model"] for row in rows))),
+        remarks="\n\n".join(others),
+    )
+
+
+def model_error(report: Report, parameters: object) -> Sweep:
+    """Error over the workspace by disturbance, numbered, with noise.
+
+    Args:
+        report: report.json of the study of model error.
+        parameters: What was tried, as plain data.
+    """
+    cases = list(report["sizes"])
+    points = [
+        Point(
+            cases.index(c["case"]), c["model"], c["rms_um"]["median"], c["rms_um"]["p05"], c["rms_um"]["p95"]
+        )
+        for c in report["cells"]
+        if c["noise_um"] > 0
+    ]
+    first, *others = model_error_text.statements(report)
+    key = ", ".join(f"{k} {name}" for k, name in enumerate(cases))
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=_root_seed(report),
+        question=f"{report['arm']}: what do disturbances cost that the model does not know?",
+        answer=first,
+        swept="disturbance",
+        swept_unit="number",
+        measured="RMS error over the workspace",
+        unit="um",
+        points=points,
+        colours=_roles(list(dict.fromkeys(c["model"] for c in report["cells"]))),
+        remarks="\n\n".join([f"**Disturbances** {key}.", *others]),
+    )
+
+
+def _root_seed(report: Report) -> int:
+    """First root of randomness."""
+    seeds = report["seed"]
+    return int(seeds if isinstance(seeds, int) else seeds[0])
 
 
 def _ends(value: object) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from testbench.report import UM
 from testbench.studies.noise import Row, Way, reread, ways
 
 NAME = "model_error"
-PLAIN, WITH_PRIOR = ("MLS56", "MGCO56", "MGCO68"), ("MGCO56", "MGCO68")
+PLAIN, WITH_PRIOR = ("MLS56", "MGCO56"), ("MGCO56", "MGCO68")
 NONE, ALL = "none", "all together"
 STIFF = "compensator, other reading"
 SWITCHES: dict[str, tuple[str, ...]] = {
