@@ -211,7 +211,9 @@ def identify(
         estimate, rejected = fit(cell, entry, used, wish)
         seconds = time.perf_counter() - start
         sets = {"identification": used} if check is None else {"identification": used, "check": check}
-        scores = {k: score(predict(cell.vjm, estimate, d), d.deflection) for k, d in sets.items()}
+        scores = {
+            k: score(predict(cell.vjm, estimate, d)[d.seen], d.deflection[d.seen]) for k, d in sets.items()
+        }
         outliers = [asdict(reading) for reading in rejected]
         fits.append(fit_report(entry.name, estimate, scores, seconds, cell.arm) | {"rejected": outliers})
     with files.whole_folder(out) as folder:

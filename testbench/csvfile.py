@@ -5,20 +5,20 @@ full, so that reading gives them back bit by bit. `columns(...)` is the document
 that of a plan, whose poses can be read like any others.
 """
 
-import contextlib
 import csv
 import io
-import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from testbench import csvprecision
 from testbench.arm import Arm
+from testbench.csvcells import integer, number, read_lines, write_whole
 from testbench.dataset import Dataset, Ids
-from testbench.errors import Array, BenchError, InputError, read_text
+from testbench.errors import Array, BenchError, InputError
 
 XYZ = ("x", "y", "z")
-MAX_BYTES = 300_000_000
 SIGMA_RANGE = (1e-9, 1e-2)
 """Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
 SAME_ANGLE = 1e-3
@@ -32,7 +32,8 @@ def columns(joints: tuple[str, ...], *, rotation: bool) -> list[str]:
     world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings, world axes. sigma_m:
     standard deviation of one reading along one axis, the same in all rows. Where orientations are read too:
     rotation_before_*_rad, rotation_after_*_rad (rotation vectors, world axes, the same for every marker of a
-    run) and sigma_rad.
+    run) and sigma_rad. Where every reading has a covariance of its own, the six columns of
+    csvprecision.COLUMNS follow; a lost target leaves them and its readings empty.
 
     Args:
         joints: Names of the arm's joints.
@@ -87,27 +88,27 @@ def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
         parts += [np.full((data.points, 1), data.sigma_rotation)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns(joints, rotation=rotation))
+    header = columns(joints, rotation=rotation)
+    lines = [list(map(repr, row)) for row in np.hstack(parts).tolist()]
+    if data.precision is not None:
+        header += csvprecision.COLUMNS
+        lines = _with_precision(lines, data, header.index("before_x_m") - 3)
+    writer.writerow(header)
     ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), data.markers * data.runs, strict=True)
-    for (run, pose, marker), row in zip(ids, np.hstack(parts).tolist(), strict=True):
-        writer.writerow([run, pose, marker, *map(repr, row)])
+    for (run, pose, marker), row in zip(ids, lines, strict=True):
+        writer.writerow([run, pose, marker, *row])
     write_whole(text.getvalue(), path)
 
 
-def write_whole(text: str, path: Path) -> None:
-    """Write a text file; an existing one is replaced only by a whole one.
-
-    Raises:
-        InputError: When the file cannot be written.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(text.encode())
-        part.replace(path)
-    except OSError as err:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+def _with_precision(lines: list[list[str]], data: Dataset, first: int) -> list[list[str]]:
+    """Rows with their covariances behind; the six readings from column `first` on are empty where lost."""
+    assert data.precision is not None
+    cells = csvprecision.cells(data.precision.reshape(-1, 3, 3))
+    for line, own, seen in zip(lines, cells, data.seen.ravel(), strict=True):
+        if not seen:
+            line[first : first + 6] = [""] * 6
+        line += own
+    return lines
 
 
 def read_csv(path: Path, arm: Arm) -> Dataset:
@@ -120,7 +121,7 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
     Raises:
         InputError: Names the line and what was expected.
     """
-    header, lines = read_lines(path)
+    header, lines, precision = csvprecision.take_out(path, *read_lines(path))
     joints = tuple(j.name for j in arm.joints)
     plain, full = columns(joints, rotation=False), columns(joints, rotation=True)
     rotation = not set(header).isdisjoint(set(full) - set(plain))
@@ -138,37 +139,19 @@ def read_csv(path: Path, arm: Arm) -> Dataset:
     order = [header.index(name) for name in expected]
     lines = [[line[k] for k in order] for line in lines]
     marker = [line[2] for line in lines]
-    for number, name in enumerate(marker, start=2):
+    for line, name in enumerate(marker, start=2):
         if name not in arm.markers:
             have = ", ".join(arm.markers)
             problem = f"no marker {name[:80]!r} in {arm.name}; markers are {have}"
-            raise InputError(path, f"line {number}, column marker", problem)
+            raise InputError(path, f"line {line}, column marker", problem)
     markers = tuple(dict.fromkeys(marker))
     ids, values = _numbers(path, expected, lines)
     _check_runs(path, ids, marker, markers)
     check_limits(path, arm, values[:, : len(joints)])
-    return _assemble(path, expected, len(joints), markers, ids, values, rotation)
-
-
-def read_lines(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a CSV file, all rows as long as the header.
-
-    Raises:
-        InputError: When it cannot be read, is empty or no table.
-    """
-    reader = csv.reader(io.StringIO(read_text(path, MAX_BYTES), newline=""), strict=True)
-    try:
-        lines = list(reader)
-    except csv.Error as err:
-        raise InputError(path, f"line {reader.line_num}", f"not CSV: {err}") from err
-    while lines and not lines[-1]:  # blank lines at the end, as editors leave them
-        lines.pop()
-    if not lines:
-        raise InputError(path, "line 1", "expected a header, the file is empty")
-    for number, line in enumerate(lines[1:], start=2):
-        if len(line) != len(lines[0]):
-            raise InputError(path, f"line {number}", f"expected {len(lines[0])} fields, got {len(line)}")
-    return lines[0], lines[1:]
+    data = _assemble(path, expected, len(joints), markers, ids, values, rotation)
+    if precision is None:
+        return data
+    return replace(data, precision=precision.reshape(data.runs, len(markers), 3, 3))
 
 
 def _numbers(path: Path, names: list[str], lines: list[list[str]]) -> tuple[Ids, Array]:
@@ -177,36 +160,10 @@ def _numbers(path: Path, names: list[str], lines: list[list[str]]) -> tuple[Ids,
     values = np.empty((len(lines), len(names) - 3))
     for i, line in enumerate(lines):
         for k in (0, 1):
-            ids[i, k] = _integer(path, i + 2, names[k], line[k])
+            ids[i, k] = integer(path, i + 2, names[k], line[k])
         for k in range(3, len(names)):
             values[i, k - 3] = number(path, i + 2, names[k], line[k])
     return ids, values
-
-
-def _integer(path: Path, line: int, name: str, text: str) -> int:
-    try:
-        if "_" in text:  # Python reads 1_0 as 10
-            raise ValueError
-        return int(np.int64(int(text)))
-    except (ValueError, OverflowError):
-        problem = f"expected an integer of 64 bits, got {text[:80]!r}"
-        raise InputError(path, f"line {line}, column {name}", problem) from None
-
-
-def number(path: Path, line: int, name: str, text: str) -> float:
-    """The number in a cell.
-
-    Raises:
-        InputError: When it is none, or not finite; names line and column.
-    """
-    try:
-        value = math.nan if "_" in text else float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        problem = f"expected a finite number, got {text[:80]!r}"
-        raise InputError(path, f"line {line}, column {name}", problem)
-    return value
 
 
 def _check_runs(path: Path, ids: Ids, marker: list[str], markers: tuple[str, ...]) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from testbench import figures_plan, files, plan_page
 from testbench.arm import Arm
 from testbench.bench import Cell
-from testbench.csvfile import XYZ, check_limits, column, plan_columns, read_lines, write_whole
+from testbench.csvcells import read_lines, write_whole
+from testbench.csvfile import XYZ, check_limits, column, plan_columns
 from testbench.design.rows import Load
 from testbench.errors import Array, BenchError, InputError
 from testbench.planning import Tasks

@@ -11,7 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.arm import Arm, load_arm
-from testbench.csvfile import MAX_BYTES, columns, read_csv, write_csv
+from testbench.csvcells import MAX_BYTES
+from testbench.csvfile import columns, read_csv, write_csv
 from testbench.dataset import Dataset, select, split
 from testbench.errors import BenchError, InputError
 
