@@ -217,7 +217,7 @@ def make_plan(
     relaxed = relax(stock.problem, criterion, brief.poses)
     for _ in range(ASCENTS):
         stock = _climb(brief, stock, relaxed, feasible, rng)
-        relaxed = relax(stock.problem, criterion, brief.poses)
+        relaxed = relax(stock.problem, criterion, brief.poses, relaxed)
     chosen = select(stock.problem, criterion, brief.poses, relaxed, rng)
     load = stock.load[chosen]
     better = refine(
@@ -240,7 +240,7 @@ def make_plan(
         stock=stock,
         chosen=chosen,
         value=criterion.information(information(stock.problem, chosen)),
-        relaxed=relax(stock.problem, criterion, brief.poses),
+        relaxed=relax(stock.problem, criterion, brief.poses, relaxed),
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from testbench.errors import Array
 
-POWER = 12
+POWER = 24
 """Sharpness of the smooth stand-in for a largest value, G and E."""
 SHORTLIST = 32
 """Candidates for which G and E are computed exactly; the stand-in ranks the others."""
@@ -35,6 +35,10 @@ class Criterion(Protocol):
 
     def information(self, M: Array) -> float:
         """Phi(M) of an information matrix, (r, r)."""
+        ...
+
+    def smooth(self, M: Array) -> float:
+        """What the relaxation climbs: Phi, or a stand-in with a gradient everywhere."""
         ...
 
     def after(self, M: Array, rows: Array) -> Array:
@@ -56,6 +60,8 @@ class Determinant:
         """det(M)^(1/r)."""
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
+
+    smooth = information
 
     def after(self, M: Array, rows: Array) -> Array:
         """By det(M + F^T F) = det(M) det(1 + F M^-1 F^T)."""
@@ -83,6 +89,8 @@ class Linear:
         """1 / tr(W M^-1)."""
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
+    smooth = information
+
     def after(self, M: Array, rows: Array) -> Array:
         """By Woodbury's formula."""
         return np.asarray(1 / _cost_after(M, rows, self.W))
@@ -96,36 +104,47 @@ class Linear:
 class Largest:
     """G and E: 1 / the largest of several costs, each a `Linear` one.
 
-    The stand-in weights every cost by its size to the power `POWER`; a mean is no larger than the maximum, so
-    that the tangent of the weighted criterion bounds this one too.
+    The stand-in is their power mean. It weights every cost by its size to the power `POWER` - 1; a weighted
+    mean is no larger than the maximum, so that the tangent of the weighted criterion bounds this one too.
 
     Attributes:
         name: For reports.
-        largest: The largest cost at M.
-        weights: W of the weighted mean of the costs at M, the weights' sum being one, (r, r).
+        costs: At M, (k,).
+        mix: W of their weighted mean at M, from weights whose sum is one, (k,) to (r, r).
     """
 
     name: str
-    largest: Callable[[Array], float]
-    weights: Callable[[Array], Array]
+    costs: Callable[[Array], Array]
+    mix: Callable[[Array, Array], Array]
 
     def information(self, M: Array) -> float:
         """1 / largest cost."""
-        return 1 / self.largest(M)
+        return float(1 / self.costs(M).max())
+
+    def smooth(self, M: Array) -> float:
+        """1 / power mean of the costs."""
+        costs = self.costs(M)
+        most = costs.max()
+        return float(1 / (most * np.mean((costs / most) ** POWER) ** (1 / POWER)))
 
     def after(self, M: Array, rows: Array) -> Array:
         """Exact for the candidates that the stand-in ranks first."""
         found = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
-            cost = _cost_after(M, rows, self.weights(M))
+            cost = _cost_after(M, rows, self._weights(M))
             first = np.argpartition(cost, SHORTLIST)[:SHORTLIST]
         found[first] = [self.information(M + F.T @ F) for F in rows[first]]
         return found
 
     def dual(self, M: Array) -> Array:
         """That of the weighted mean."""
-        return _tangent(M, self.weights(M))
+        return _tangent(M, self._weights(M))
+
+    def _weights(self, M: Array) -> Array:
+        costs = self.costs(M)
+        share = (costs / costs.max()) ** (POWER - 1)
+        return self.mix(M, share / share.sum())
 
 
 def criterion_d() -> Determinant:
@@ -139,20 +158,16 @@ def criterion_a(r: int) -> Linear:
 
 
 def criterion_e() -> Largest:
-    """E-optimality: least eigenvalue of M, the largest of M^-1.
+    """E-optimality: least eigenvalue of M; the costs are the eigenvalues of M^-1."""
 
-    M^-1 has trace-one weights V (values^POWER) V^T in its own eigenvectors.
-    """
+    def costs(M: Array) -> Array:
+        return np.asarray(1 / np.linalg.eigvalsh(M))
 
-    def largest(M: Array) -> float:
-        return float(1 / np.linalg.eigvalsh(M)[0])
+    def mix(M: Array, share: Array) -> Array:
+        V = np.linalg.eigh(M)[1]
+        return np.asarray((V * share) @ V.T)
 
-    def weights(M: Array) -> Array:
-        values, V = np.linalg.eigh(M)
-        share = (values[0] / values) ** POWER
-        return np.asarray((V * (share / share.sum())) @ V.T)
-
-    return Largest("E", largest, weights)
+    return Largest("E", costs, mix)
 
 
 def criterion_g(rows: Array) -> Largest:
@@ -166,16 +181,11 @@ def criterion_g(rows: Array) -> Largest:
         half = rows @ np.linalg.inv(np.linalg.cholesky(M)).T
         return np.asarray((half**2).sum(axis=(1, 2)) / _points(rows))
 
-    def largest(M: Array) -> float:
-        return float(costs(M).max())
+    def mix(_: Array, share: Array) -> Array:
+        A = (np.sqrt(share / _points(rows))[:, None, None] * rows).reshape(-1, rows.shape[2])
+        return np.asarray(A.T @ A)
 
-    def weights(M: Array) -> Array:
-        size = costs(M)
-        share = (size / size.max()) ** POWER
-        A = np.sqrt(share / share.sum() / _points(rows))[:, None, None] * rows
-        return np.asarray(A.reshape(-1, A.shape[-1]).T @ A.reshape(-1, A.shape[-1]))
-
-    return Largest("G", largest, weights)
+    return Largest("G", costs, mix)
 
 
 def mean_square(rows: Array) -> Array:

@@ -18,10 +18,10 @@ FIRST, JOINING = 120, 40
 """Candidates of the first working set, and how many join it in a round."""
 STEPS, ROUNDS = 150, 40
 """Steps of the multiplicative algorithm in a round, and rounds."""
-POWER = 0.5
-"""First exponent of a multiplicative step: the square root climbs for A as 1 does for D."""
+POWER, GROW, MOST = 0.5, 1.3, 2.0
+"""First exponent of a multiplicative step, and its factor after a step that climbs, up to `MOST`."""
 GAP = 2e-3
-"""Relative gap between value and bound at which the relaxation ends."""
+"""Relative gap between value, or its smooth stand-in, and bound at which the relaxation ends."""
 DROPPED = 1e-6
 """Share of the mean weight below which a candidate leaves the working set."""
 ENTRY = 0.02
@@ -63,16 +63,16 @@ def sensitivity(rows: Array, Z: Array) -> Array:
     return np.asarray(((rows @ Z) * rows).sum(axis=(1, 2)))
 
 
-def relax(problem: Problem, criterion: Criterion, poses: int) -> Relaxed:
-    """The best weights, to within `GAP`, and the bound; with G and E, not smooth, it may be a fifth too high.
+def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:
+    """The best weights, to within `GAP`, and the bound; with G and E, not smooth, to within a few per cent.
 
     Args:
         problem: The candidates.
         criterion: What makes a plan good.
         poses: Sum of the weights.
+        start: Where to begin, such as the optimum over fewer candidates; None for evenly.
     """
-    S = np.linspace(0, len(problem.rows) - 1, min(FIRST, len(problem.rows))).astype(int)
-    w = np.full(len(S), poses / len(S))
+    S, w = (start.support, start.weights) if start else _evenly(len(problem.rows), poses)
     best: Relaxed | None = None
     for _ in range(ROUNDS):
         w = _climb(problem, criterion, S, w)
@@ -83,17 +83,22 @@ def relax(problem: Problem, criterion: Criterion, poses: int) -> Relaxed:
         value = criterion.information(M)
         if best is None or limit < best.bound:
             best = Relaxed(S, w, value, limit, Z)
-        if limit <= (1 + GAP) * value:
+        if limit <= (1 + GAP) * criterion.smooth(M):
             break
         S, w = _exchange_members(g, S, w)
     assert best is not None
     return best
 
 
+def _evenly(candidates: int, poses: int) -> tuple[Ids, Array]:
+    S = np.linspace(0, candidates - 1, min(FIRST, candidates)).astype(int)
+    return S, np.full(len(S), poses / len(S))
+
+
 def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
     """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum."""
     rows, total, power = problem.rows[S], w.sum(), POWER
-    value = criterion.information(_information(problem, S, w))
+    value = criterion.smooth(_information(problem, S, w))
     for _ in range(STEPS):
         Z = criterion.dual(_information(problem, S, w))
         g = sensitivity(rows, Z)
@@ -102,9 +107,9 @@ def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
         while power > 1e-3:
             trial = w * (g / g.max()) ** power
             trial *= total / trial.sum()
-            reached = criterion.information(_information(problem, S, trial))
+            reached = criterion.smooth(_information(problem, S, trial))
             if reached >= value:
-                w, value = trial, reached
+                w, value, power = trial, reached, min(GROW * power, MOST)
                 break
             power /= 2
         else:
