@@ -1,0 +1,92 @@
+"""The study of pose selection as a stranger runs it: its files, its contract, its claims."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scenarios" / "pose_selection.py"
+FILES = {
+    "dataset.csv", "report.json", "report.md", "manifest.json", "curves.png", "featured.png", "recording.rrd",
+}  # fmt: skip
+
+
+def run(*args):
+    command = [sys.executable, str(SCRIPT), *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick")
+    done = run("--seed", 2, "--seeds", 1, "--out", out, "--quick", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return out, done
+
+
+@pytest.fixture(scope="module")
+def report(quick):
+    return json.loads((quick[0] / "report.json").read_text())
+
+
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
+    out, done = quick
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stderr == ""
+    for name in FILES - {"manifest.json"}:
+        assert str(out / name) in done.stdout
+
+
+def test_every_plan_is_printed_with_its_certificate(report):
+    assert {(p["criterion"], p["poses"]) for p in report["plans"]} == {
+        (name, n) for name in ("test", "D") for n in (8, 12)
+    }
+    for plan in report["plans"]:
+        assert 0.5 < plan["efficiency"] <= 1
+        assert plan["directions_seen"] == min(49, 6 * plan["poses"])
+
+
+def test_each_plan_is_best_at_what_it_was_made_for(report):
+    promised = {
+        name: next(p for p in report["plans"] if (p["criterion"], p["poses"]) == (name, 12))
+        for name in ("test", "D")
+    }
+    assert promised["test"]["expected_tasks_mm"] < promised["D"]["expected_tasks_mm"]
+    assert promised["D"]["observability"]["o1"] > promised["test"]["observability"]["o1"]
+
+
+def test_planned_poses_beat_random_ones_where_they_were_planned_for(report):
+    errors = report["errors"]["MGCO68 + prior"]
+    for k, _ in enumerate(errors["test"]):
+        assert errors["test"][k]["tasks_mm"] < errors["random"][k]["tasks_mm"]
+
+
+def test_candidates_are_accounted_for(report):
+    own = report["candidates"]
+    assert own["found"] + sum(own["rejected"].values()) == own["drawn"]
+
+
+def test_the_floor_is_below_what_was_reached_in_the_mean(report):
+    own = report["possible"]
+    assert 0 < own["least_promise_mm"] < own["floor_mm"]
+    plan = next(p for p in report["plans"] if (p["criterion"], p["poses"]) == ("test", 12))
+    assert own["least_promise_mm"] == pytest.approx(plan["expected_tasks_mm"] * plan["efficiency"] ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--seeds", "0"], "seeds"),
+        (["--workers", "0"], "workers"),
+        (["--arm", "nowhere"], "expected a folder"),
+    ],
+)
+def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
+    done = run("--quick", "--out", tmp_path / "out", *flags)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
