@@ -16,6 +16,7 @@ from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
 from equilibrium import newton_against_forward_passes, newton_against_stepping
 from large_dataset import reducing_large_datasets
+from many_trials import parallel_efficiency
 from measure import Row, processor
 from recordings import logging_two_hundred_poses
 from rich.console import Console
@@ -30,6 +31,7 @@ BENCHMARKS = {
     "d": reducing_large_datasets,
     "e": logging_two_hundred_poses,
     "f": bounds_of_deflections,
+    "g": parallel_efficiency,
 }
 
 app = typer.Typer(add_completion=False)
@@ -37,7 +39,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdef",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefg",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

@@ -6,8 +6,9 @@ that was weighed wrongly spoils the model, not the arm.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from testbench.dataset import Dataset
 from testbench.evaluate import predict, score
 from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
 from testbench.report import UM
-from testbench.studies.noise import Row, Way, reread, ways
+from testbench.studies.noise import Way, reread, ways
+from testbench.trials.lines import Row, Rows
 
 NAME = "model_error"
 PLAIN, WITH_PRIOR = ("MLS56", "MGCO56"), ("MGCO56", "MGCO68")
@@ -67,16 +69,24 @@ def cases(scale: float) -> dict[str, Disturbances]:
     }
 
 
+def sizes(scale: float) -> dict[str, dict[str, Any]]:
+    """What every case switches on, as plain data."""
+    return {
+        name: {key: value for key, value in asdict(case).items() if value}
+        for name, case in cases(scale).items()
+    }
+
+
 def resized(typical: Disturbances, scale: float) -> Disturbances:
     """Every disturbance that has a size, so many times as large."""
-    sizes = "sensor_offset mass_error centre_error stiffening backlash hysteresis foundation".split()
+    fields = "sensor_offset mass_error centre_error stiffening backlash hysteresis foundation".split()
     geometry = typical.geometry
     if geometry is not None:
         geometry = replace(geometry, position=scale * geometry.position, angle=scale * geometry.angle)
-    return replace(typical, geometry=geometry, **{name: scale * getattr(typical, name) for name in sizes})
+    return replace(typical, geometry=geometry, **{name: scale * getattr(typical, name) for name in fields})
 
 
-def trials(folder: Path, study: Study, seeds: Sequence[int]) -> list[list[Row]]:
+def trials(folder: Path, study: Study, seeds: Sequence[int]) -> list[Rows]:
     """Rows of some trials, a list a seed.
 
     Args:

@@ -1,14 +1,12 @@
 """The study of model error as report.json: what every disturbance costs, beside the noise."""
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from testbench.report import UM, Report
-from testbench.studies.model_error import ALL, NAME, NONE, STIFF, Study, cases
-from testbench.studies.noise import Row
+from testbench.studies.model_error import ALL, NAME, NONE, STIFF, Study, sizes
 from testbench.studies.spread import grouped, spread
 
 CLAIM = 0.048
@@ -16,7 +14,7 @@ CLAIM = 0.048
 COMPENSATORS = ("gravity compensator", STIFF)
 
 
-def summary(rows: Iterable[Row], study: Study, arm: str, seed: int, trials: int) -> Report:
+def summary(rows: Iterable[dict[str, Any]], study: Study, arm: str, seed: int, trials: int) -> Report:
     """report.json.
 
     Args:
@@ -39,16 +37,11 @@ def summary(rows: Iterable[Row], study: Study, arm: str, seed: int, trials: int)
         "scale": study.scale,
         "trials": trials,
         "workspace_poses": study.workspace,
-        "sizes": {name: _plain(asdict(case)) for name, case in cases(study.scale).items()},
+        "sizes": sizes(study.scale),
         "cells": [_cell(key, numbers, found) for key, numbers in found.items()],
         "claim": [_claim(found, model, case, study) for case in COMPENSATORS for model in _models(found)],
         "models": [_model(found, model, case, study) for case in (NONE, ALL) for model in _models(found)],
     }
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Only what is switched on."""
-    return {key: value for key, value in values.items() if value}
 
 
 def _models(found: dict[tuple[Any, ...], Any]) -> list[str]:

@@ -36,10 +36,9 @@ from testbench.tracker import (
     read_orientations,
     read_positions,
 )
+from testbench.trials.lines import Row, Rows
 
 NAME = "noise_sensitivity"
-Row = dict[str, float | int | str]
-
 SIX_DOF = ("MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
 """Models of section 5.2 without a prior."""
 GRAVITY = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
@@ -71,7 +70,12 @@ class Study:
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)
 
 
-def trials(six_dof: Path, heavy: Path, study: Study, first: int, seeds: Sequence[int]) -> list[list[Row]]:
+def with_sigmas(study: Study, sigmas: tuple[float, ...]) -> Study:
+    """The same at other levels of noise [m]."""
+    return replace(study, sigmas=sigmas)
+
+
+def trials(six_dof: Path, heavy: Path, study: Study, first: int, seeds: Sequence[int]) -> list[Rows]:
     """Rows of some trials, a list a seed.
 
     Args:

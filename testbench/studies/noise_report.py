@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from testbench.report import UM, Report
-from testbench.studies.noise import GRAVITY, NAME, PRIOR, SIX_DOF, WITH_PRIOR, Row, Study
+from testbench.dataset import Dataset
+from testbench.report import MM, UM, Report
+from testbench.studies.noise import GRAVITY, NAME, PRIOR, SIX_DOF, WITH_PRIOR, Study
 from testbench.studies.spread import grouped, spread
 
 PARTS = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
@@ -14,7 +15,7 @@ NEAR = 4.0
 """Distance at which weights are compared [m]."""
 
 
-def summary(rows: Iterable[Row], study: Study, seed: int, trials: int) -> Report:
+def summary(rows: Iterable[dict[str, Any]], study: Study, seed: int, trials: int) -> Report:
     """report.json.
 
     Args:
@@ -53,6 +54,18 @@ def summary(rows: Iterable[Row], study: Study, seed: int, trials: int) -> Report
         },
         "gco_over_ls": _paired(found),
         "models": _models(cells),
+    }
+
+
+def dataset(first: Dataset) -> Report:
+    """What the dataset of the run's folder holds."""
+    size = MM * np.linalg.norm(first.deflection, axis=-1)
+    return {
+        "runs": first.runs,
+        "points": first.points,
+        "deflection_min_mm": float(size.min()),
+        "deflection_max_mm": float(size.max()),
+        "sigma_um": UM * first.sigma,
     }
 
 

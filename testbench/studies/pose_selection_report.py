@@ -137,18 +137,15 @@ def _featured(errors: dict[str, list[Report]], poses: int) -> Report:
 
 
 def _possible(ground: Ground, found: Findings, errors: dict[str, list[Report]]) -> Report:
-    """What no plan of the featured size can go below: the least promise, and what stays without any noise."""
+    """What limits a plan of the featured size: the least promise, and what stays without any noise."""
     poses = ground.study.featured
     plan = next(p for p in found.plans if (p["criterion"], p["poses"]) == ("test", poses))
-    least = plan["expected_tasks_mm"] * plan["efficiency"] ** 0.5
     calm = {name: merge([r["noise_free"][name] for r in found.trials]) for name in ("test", RANDOM)}
-    floor = float(np.hypot(least, middle(calm["test"])))
     return {
         "poses": poses,
-        "least_promise_mm": least,
+        "least_promise_mm": plan["expected_tasks_mm"] * plan["efficiency"] ** 0.5,
         "noise_free_mm": calm,
-        "floor_mm": floor,
-        "floor_over_random": floor / middle(at(errors[RANDOM], poses)["tasks_mm"]),
+        "noise_free_over_random": middle(calm["test"]) / middle(at(errors[RANDOM], poses)["tasks_mm"]),
     }
 
 

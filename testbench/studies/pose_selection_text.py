@@ -105,8 +105,8 @@ def _possible(report: Report) -> str:
     return (
         f"What is possible: no {own['poses']} of the poses examined can promise less than "
         f"{own['least_promise_mm']:.3f} mm, and {show(calm['test'])} mm stay without any noise (random "
-        f"{show(calm[RANDOM])}): links outside the model, a wrong prior, an arm that bends; together "
-        f"{own['floor_mm']:.3f} mm, {own['floor_over_random']:.2f} of random's median."
+        f"{show(calm[RANDOM])}): links outside the model, a wrong prior, an arm that bends; that alone is "
+        f"{own['noise_free_over_random']:.2f} of random's median with noise."
     )
 
 

@@ -1,0 +1,71 @@
+"""The engine: the trials that a store lacks are done on a backend, and stored as they come."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from itertools import islice
+
+from testbench.errors import BenchError
+from testbench.trials.chunk import Backend, Work, WorkersLost
+from testbench.trials.store import TrialStore
+
+RETRIES = 3
+"""Times in a row that workers may be lost without a single new result."""
+
+
+def run_study(work: Work, store: TrialStore, backend: Backend, *, size: int = 1) -> Iterator[int]:
+    """Do all trials that are not stored yet.
+
+    Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
+    where a run was stopped and resumed. (Processors of another kind give other last digits.)
+
+    Args:
+        work: Does a chunk of seeds; see `chunk.Work` for what keeps its results bit-equal.
+        store: Where the trials are and go.
+        backend: `on_cores` or `on_cluster`, its options bound by partial.
+        size: Seeds of a chunk: 0.1 to 1 s of work; a stop loses the chunks under way and no more.
+
+    Yields:
+        Trials stored so far, first those from before.
+
+    Raises:
+        BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.
+    """
+    if size < 1:
+        raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
+    done, lost = store.count, 0
+    yield done
+    while done < len(store.study.seeds):
+        before = done
+        try:
+            for done in _attempt(work, store, backend, size):
+                yield done
+        except WorkersLost as err:
+            lost = 1 if done > before else lost + 1
+            if lost > RETRIES:
+                raise _resumable(f"{err}, {lost} times in a row", store) from err
+        except BenchError as err:
+            raise _resumable(str(err), store) from err
+
+
+def _attempt(work: Work, store: TrialStore, backend: Backend, size: int) -> Iterator[int]:
+    done = store.count
+    with closing(backend(work, _chunks(store.missing(), size))) as chunks:
+        for chunk in chunks:
+            if chunk.problem:
+                raise BenchError(chunk.problem)
+            store.append(chunk.seeds, chunk.lines)
+            done += len(chunk.seeds)
+            yield done
+
+
+def _chunks(seeds: Iterator[int], size: int) -> Iterator[Sequence[int]]:
+    while chunk := tuple(islice(seeds, size)):
+        yield chunk
+
+
+def _resumable(problem: str, store: TrialStore) -> BenchError:
+    if not store.count:
+        return BenchError(problem)
+    return BenchError(
+        f"{problem}; {store.count} of {len(store.study.seeds)} trials are stored, --resume goes on with them"
+    )

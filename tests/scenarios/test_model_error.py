@@ -1,0 +1,98 @@
+"""The study of model error as a stranger runs it: files, contract, claims."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scenarios" / "model_error.py"
+FILES = {
+    "dataset.csv", "report.json", "report.md", "manifest.json", "model_error.png", "recording.rrd",
+    "trials.parquet", "trials.jsonl",
+}  # fmt: skip
+
+
+def run(*args):
+    command = [sys.executable, str(SCRIPT), *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick")
+    done = run("--seed", 2, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return out, done
+
+
+@pytest.fixture(scope="module")
+def report(quick):
+    return json.loads((quick[0] / "report.json").read_text())
+
+
+def cell(report, case, model="MGCO56 + prior", noise=0.0):
+    return next(c for c in report["cells"] if (c["case"], c["model"], c["noise_um"]) == (case, model, noise))
+
+
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
+    out, done = quick
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stderr == ""
+    for name in FILES - {"manifest.json", "trials.jsonl"}:
+        assert str(out / name) in done.stdout
+
+
+def test_every_disturbance_is_switched_on_alone_and_all_together(report):
+    sizes = report["sizes"]
+    assert sizes["none"] == {}
+    for name, values in sizes.items():
+        if name not in ("none", "all together"):
+            assert len(values) == 1, name
+    assert len(sizes["all together"]) == 10
+
+
+def test_payload_errors_spoil_the_model_and_not_the_arm(report):
+    for case in ("none", "payload mass", "payload centre"):
+        assert cell(report, case)["moved_um"]["median"] == 0
+    assert cell(report, "payload centre")["added_um"]["median"] != 0
+
+
+def test_the_stiff_compensator_costs_more_than_the_plain_one(report):
+    plain, stiff = (
+        cell(report, case)["rms_um"]["median"]
+        for case in ("gravity compensator", "compensator, other reading")
+    )
+    assert stiff > 2 * plain
+
+
+def test_all_together_cost_more_than_none(report):
+    for model in ("MLS56", "MGCO56 + prior"):
+        none, every = (cell(report, case, model)["rms_um"]["median"] for case in ("none", "all together"))
+        assert every > none
+
+
+def test_gco_stays_conservative_whatever_the_arm_does(report):
+    for c in report["cells"]:
+        if c["model"].startswith("MGCO"):
+            assert c["conservative"] == 1
+            assert c["solved"] == 1
+
+
+def test_the_claim_about_the_compensator_is_judged_for_every_model(report):
+    assert {row["model"] for row in report["claim"]} == {c["model"] for c in report["cells"]}
+    assert {row["case"] for row in report["claim"]} == {"gravity compensator", "compensator, other reading"}
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [(["--scale", "-1"], "scale"), (["--sigma-um", "0"], "sigma-um"), (["--arm", "x"], "folder")],
+)
+def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
+    done = run("--quick", "--out", tmp_path / "out", *flags)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()

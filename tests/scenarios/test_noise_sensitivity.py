@@ -1,0 +1,112 @@
+"""The study of noise as a stranger runs it: files, contract, claims, resume, refusals."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pyarrow import parquet
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scenarios" / "noise_sensitivity.py"
+FILES = {
+    "dataset.csv", "report.json", "report.md", "manifest.json", "noise_sensitivity.png", "recording.rrd",
+    "trials.parquet", "trials.jsonl",
+}  # fmt: skip
+
+
+def run(*args):
+    command = [sys.executable, str(SCRIPT), *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick")
+    done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return out, done
+
+
+@pytest.fixture(scope="module")
+def report(quick):
+    return json.loads((quick[0] / "report.json").read_text())
+
+
+def rms(report, part, model):
+    rows = report["sweeps"][part]
+    return [row["rms_um"]["median"] for row in rows if row["model"] == model]
+
+
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
+    out, done = quick
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stderr == ""
+    for name in FILES - {"manifest.json", "trials.jsonl"}:
+        assert str(out / name) in done.stdout
+
+
+def test_every_trial_is_in_the_parquet_file(quick, report):
+    table = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+    assert {row["seed"] for row in table} == {3, 4}
+    assert sum(row["part"] == "six_dof" for row in table) == 2 * 7 * 6
+    assert all(row["solved"] == 1 for row in table)
+
+
+def test_error_grows_in_proportion_to_noise_where_the_model_is_linear(report):
+    errors = rms(report, "six_dof", "MLS32")
+    assert errors[0] < 1e-3  # um: no noise, no error
+    for value, level in zip(errors[1:], report["sigmas_um"][1:], strict=True):
+        assert value / level == pytest.approx(errors[-1] / report["sigmas_um"][-1], rel=1e-6)
+
+
+def test_gco_is_conservative_and_never_worse_than_least_squares_under_gravity(report):
+    for row in report["sweeps"]["gravity"]:
+        if not row["model"].startswith("MLS") and row["sigma_um"] > 0:
+            assert row["conservative"] == 1
+    ours, theirs = (rms(report, "gravity", name) for name in ("MGCO56", "MLS56"))
+    assert all(a <= b * 1.001 for a, b in zip(ours[1:], theirs[1:], strict=True))
+
+
+def test_weighting_with_the_full_covariance_beats_flat_weights(report):
+    for rows in report["weighted_over_flat"].values():
+        assert all(row["ratio"] < 0.9 for row in rows)
+
+
+def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick, report):
+    out, _ = quick
+    before = parquet.read_table(out / "trials.parquet").to_pylist()
+    done = run("--seed", 3, "--seeds", 3, "--out", out, "--quick", "--workers", 1, "--resume")
+    assert done.returncode == 0, done.stderr
+    after = parquet.read_table(out / "trials.parquet").to_pylist()
+    old = [row for row in after if row["seed"] < 5]
+    assert sorted(map(repr, before)) == sorted(map(repr, old))
+    assert {row["seed"] for row in after} == {3, 4, 5}
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--sigma-um", "-1"], "--sigma-um: expected different values of 0 to 10000, got -1"),
+        (["--sigma-um", "20000"], "--sigma-um"),
+        (["--sigma-um", "nan"], "--sigma-um"),
+        (["--sigma-um", "5", "--sigma-um", "5"], "--sigma-um"),
+        (["--cluster", "tcp://example.org:8786"], "--cluster: expected tls://"),
+        (["--workers", "0"], "workers"),
+    ],
+)
+def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
+    done = run("--quick", "--out", tmp_path / "out", *flags)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_resume_into_the_folder_of_other_settings_is_refused(quick):
+    out, _ = quick
+    done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
+    assert done.returncode == 2
+    assert "trials.jsonl" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,305 @@
+"""The engine of trials, killed, interrupted, out of disk, on a cluster: always the same bytes."""
+
+import json
+import os
+import re
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import time
+import tracemalloc
+from functools import partial
+from pathlib import Path
+
+import pytest
+import trial_work
+
+from testbench.errors import BenchError
+from testbench.trials import Study, cluster, on_cluster, on_cores, open_store, run_study, write_parquet
+from testbench.trials.store import FILE
+
+HERE = Path(__file__).resolve().parent
+SCRIPT = HERE / "trial_study.py"
+TRIALS = 30
+ONE, TWO = partial(on_cores, workers=1), partial(on_cores, workers=2)
+QUICK = partial(trial_work.trials, 0.0, "")
+
+
+def study(out, backend, *, work=QUICK, trials=TRIALS, size=2, resume=False):
+    """The counts that a study yields, and the bytes of its Parquet file."""
+    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + trials))
+    with open_store(out, toy, resume=resume) as store:
+        counts = list(run_study(work, store, backend, size=size))
+        return counts, write_parquet(store, out).read_bytes()
+
+
+def script(*args):
+    return [sys.executable, str(SCRIPT), *map(str, args), "--trials", str(TRIALS)]
+
+
+def run(*args, **options):
+    return subprocess.run(script(*args), capture_output=True, text=True, check=False, timeout=60, **options)
+
+
+def until(happened, seconds=30):
+    """Wait for something, as long as a busy machine may take."""
+    end = time.monotonic() + seconds
+    while not (found := happened()):
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.01)
+    return found
+
+
+def stored(out):
+    """Whole lines of trials in a store."""
+    path = out / FILE
+    return max(0, path.read_bytes().count(b"\n") - 1) if path.exists() else 0
+
+
+def one_line(done, text):
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert text in done.stderr
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The bytes that every other way must give: one process, no trouble."""
+    counts, data = study(tmp_path_factory.mktemp("alone"), ONE)
+    assert counts == list(range(0, TRIALS + 1, 2))
+    return data
+
+
+@pytest.mark.parametrize("size", [1, 7])
+def test_two_workers_and_other_chunks_give_the_same_bytes(tmp_path, alone, size):
+    counts, data = study(tmp_path, TWO, size=size)
+    assert data == alone
+    assert (counts[0], counts[-1]) == (0, TRIALS)
+
+
+def test_a_study_in_two_parts_gives_the_same_bytes(tmp_path, alone):
+    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
+    with open_store(tmp_path, toy, resume=False) as store:
+        for count in run_study(QUICK, store, TWO, size=2):
+            if count >= 10:
+                break
+    counts, data = study(tmp_path, ONE, resume=True)
+    assert counts[0] >= 10
+    assert data == alone
+
+
+def test_a_worker_killed_in_mid_study_costs_nothing(tmp_path, alone):
+    pids = tmp_path / "pids"
+    pids.mkdir()
+    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
+    with open_store(tmp_path, toy, resume=False) as store:
+        counts = run_study(partial(trial_work.trials, 0.02, str(pids)), store, TWO, size=2)
+        while next(counts) < 6:
+            pass
+        victim = int(next(pids.iterdir()).name)
+        assert victim != os.getpid()
+        os.kill(victim, signal.SIGKILL)
+        rest = list(counts)
+        assert rest[-1] == TRIALS
+        assert rest == sorted(rest)
+        assert write_parquet(store, tmp_path).read_bytes() == alone
+    assert len(list(pids.iterdir())) >= 3
+
+
+def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp_path, alone, monkeypatch):
+    monkeypatch.setattr("testbench.trials.engine.RETRIES", 1)
+    with pytest.raises(
+        BenchError, match=r"2 times in a row; (\d+) of 30 trials are stored, --resume goes on"
+    ):
+        study(tmp_path, TWO, work=partial(trial_work.deadly_trials, 17))
+    assert stored(tmp_path) > 0
+    assert study(tmp_path, ONE, resume=True)[1] == alone
+
+
+def test_the_whole_run_killed_in_mid_study_loses_nothing_that_was_stored(tmp_path, alone):
+    with subprocess.Popen(
+        script(tmp_path, "--pause", 0.1, "--workers", 1), stdout=subprocess.DEVNULL
+    ) as run_:
+        kept = until(lambda: stored(tmp_path))
+        run_.kill()
+    counts, data = study(tmp_path, TWO, resume=True)
+    assert kept <= counts[0] < TRIALS
+    assert data == alone
+
+
+def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, alone):
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        script(out, "--pause", 0.1, "--workers", 2),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as run_:
+        until(lambda: stored(out))
+        os.killpg(run_.pid, signal.SIGINT)  # as a terminal does: the workers get it too
+        words, error = run_.communicate(timeout=30)
+    assert run_.returncode == 130
+    assert error == "interrupted: earlier results stand as they were\n"
+    kept = stored(out)
+    [known] = re.findall(rf"at least (\d+) of {TRIALS} trials are stored: --resume goes on with them", words)
+    assert int(known) <= kept <= int(known) + 2  # the chunk that was being stored
+    assert [p.name for p in out.iterdir()] == [FILE]
+    one_line(run(out), "--resume goes on")
+    assert run(out, "--resume", "--workers", 2).returncode == 0
+    assert (out / "trials.parquet").read_bytes() == alone
+
+
+def test_a_full_disk_is_one_line_and_leaves_what_was_stored(tmp_path, alone):
+    (tmp_path / "trials.parquet").write_text("earlier")
+
+    def small_disk():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+
+    done = run(tmp_path, "--workers", 1, preexec_fn=small_disk)
+    one_line(done, f"{FILE}: cannot be written: File too large; ")
+    kept = stored(tmp_path)
+    assert f"{kept} of {TRIALS} trials are stored, --resume goes on" in done.stderr
+    assert 0 < kept < TRIALS
+    assert (tmp_path / FILE).read_bytes().endswith(b"\n")
+    assert (tmp_path / "trials.parquet").read_text() == "earlier"
+    assert study(tmp_path, ONE, resume=True)[1] == alone
+
+
+def test_bad_input_is_one_line_and_touches_nothing(tmp_path):
+    out = tmp_path / "out"
+    one_line(run(out, "--cluster", "tcp://10.9.8.7:8786"), "--insecure")
+    one_line(run(out, "--workers", 2, "--cluster", "tls://host:8786"), "without --cluster")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        nobody = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(
+        BenchError, match=f"no scheduler answers at {nobody}"
+    ):  # patient for 10 s in the script
+        study(out, partial(on_cluster, address=nobody, patience=0.3))
+    assert not out.exists()
+    study(out, ONE, trials=4)
+    before = {p.name: p.read_bytes() for p in out.iterdir()}
+    one_line(run(out, "--resume", "--name", "other"), "scenario: the trials in this folder have 'toy'")
+    (out / FILE).write_bytes(before[FILE].replace(b'"rows"', b'"rose"', 1))
+    one_line(run(out, "--resume"), "line 2: rows: expected a list of dicts: the store is damaged")
+    assert (out / "trials.parquet").read_bytes() == before["trials.parquet"]
+
+
+@pytest.mark.parametrize("backend", [ONE, TWO])
+def test_a_problem_in_a_trial_is_told_with_its_seeds(tmp_path, backend):
+    with pytest.raises(BenchError, match=r"^seeds \d+ to \d+: arm\.toml: line 3: expected a mass$"):
+        study(tmp_path, backend, work=trial_work.bad_trials)
+    assert not (tmp_path / FILE).exists()
+
+
+@pytest.mark.parametrize(("backend", "size"), [(partial(on_cores, workers=0), 1), (ONE, 0)])
+def test_there_is_at_least_one_worker_and_one_seed(tmp_path, backend, size):
+    with pytest.raises(BenchError, match="expected"):
+        study(tmp_path, backend, size=size)
+
+
+def test_memory_does_not_grow_with_the_trials(tmp_path, monkeypatch):
+    monkeypatch.setattr("testbench.trials.parquet.GROUP", 500)  # full in both runs
+
+    def peak(trials):
+        tracemalloc.start()
+        toy = Study("toy", {}, range(trials))
+        with open_store(tmp_path / str(trials), toy, resume=False) as store:
+            for _ in run_study(trial_work.cheap_trials, store, ONE, size=250):
+                pass
+            write_parquet(store, tmp_path)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    peak(1000)  # whatever is imported on the way
+    grown = peak(10_000) - peak(1000)
+    index, noise = 2 * 8 * 9000, 50_000  # 8 bytes a trial, twice while made; one kept line a trial is 450 kB
+    assert grown < index + noise
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory):
+    """A scheduler and two workers on this machine, as somebody else would have started them.
+
+    Yields:
+        The scheduler's address, and a function that starts another worker.
+    """
+    folder = tmp_path_factory.mktemp("dask")
+    own = []
+
+    def start(kind, *args):
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *args, "--host", "127.0.0.1"]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])}
+        with (folder / f"{len(own)}.log").open("wb") as log:
+            own.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=folder, env=environment))
+        return own[-1]
+
+    port = folder / "scheduler.json"
+    start("scheduler", "--port", "0", "--no-dashboard", "--dashboard-address", "127.0.0.1:0",
+          "--scheduler-file", str(port))  # fmt: skip
+    try:
+        until(port.exists)
+        worker = partial(start, "worker", "--scheduler-file", str(port), "--no-nanny", "--no-dashboard",
+                         "--nthreads", "1", "--local-directory", str(folder))  # fmt: skip
+        worker()
+        worker()
+        yield json.loads(until(port.read_text))["address"], worker
+    finally:
+        for process in own:
+            process.kill()
+            process.wait()
+
+
+def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone, dask):
+    address, _ = dask
+    pids = tmp_path / "pids"
+    pids.mkdir()
+    until(lambda: workers_of(address) == 2)
+    work = partial(trial_work.trials, 0.01, str(pids))
+    _, data = study(tmp_path, partial(on_cluster, address=address), work=work)
+    assert data == alone
+    assert len(list(pids.iterdir())) == 2
+    assert run(tmp_path / "script", "--cluster", address).returncode == 0
+    assert (tmp_path / "script" / "trials.parquet").read_bytes() == alone
+
+
+def workers_of(address):
+    from distributed import Client
+
+    with Client(address, set_as_default=False) as client:
+        return len(client.nthreads())
+
+
+def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, dask):
+    address, worker = dask
+    pids = tmp_path / "pids"
+    pids.mkdir()
+    third = worker()
+    until(lambda: workers_of(address) == 3)
+    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
+    work = partial(trial_work.trials, 0.05, str(pids))
+    with open_store(tmp_path, toy, resume=False) as store:
+        for _ in run_study(work, store, partial(on_cluster, address=address), size=2):
+            if third.poll() is None and (pids / str(third.pid)).exists():
+                third.kill()
+                third.wait()
+        assert write_parquet(store, tmp_path).read_bytes() == alone
+    assert third.poll() is not None
+
+
+def test_problems_on_a_cluster_are_told(tmp_path, dask, monkeypatch):
+    address, _ = dask
+    there = partial(on_cluster, address=address)
+    with pytest.raises(BenchError, match=r"^seeds \d+ to \d+: arm\.toml: line 3"):
+        study(tmp_path, there, work=trial_work.bad_trials)
+    versions = cluster.numeric_versions()
+    for name, wrong in (("numpy", "0.1"), ("python", "2.7"), ("no-such-package", "1")):
+        monkeypatch.setattr(cluster, "numeric_versions", lambda n=name, w=wrong: {**versions, n: w})
+        with pytest.raises(BenchError, match=rf"worker tcp://.*: expected {name} {wrong} as here, got"):
+            study(tmp_path, there)
+    assert list(tmp_path.iterdir()) == []

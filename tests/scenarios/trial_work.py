@@ -1,0 +1,48 @@
+"""Trials for the tests of the engine: what they draw depends on the seed alone."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+from testbench.errors import InputError
+
+SIZE = 60
+
+
+def trials(pause, pids, seeds):
+    """Random numbers and a little of what BLAS and LAPACK do; and a file for every process in folder pids."""
+    if pids:
+        (Path(pids) / str(os.getpid())).touch()
+    found = []
+    for seed in seeds:
+        time.sleep(pause)
+        rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
+        a = rng.normal(size=(SIZE, SIZE))
+        solved = np.linalg.solve(a @ a.T + np.eye(SIZE), a[0])
+        values = np.linalg.svd(a, compute_uv=False)
+        found.append(
+            [
+                {"kind": "solve", "norm": np.linalg.norm(solved), "rank": np.int64(seed % 3), "gap": np.nan},
+                {"kind": "svd", "norm": values.sum(), "rank": None, "whole": bool(seed % 2)},
+            ]
+        )
+    return found
+
+
+def cheap_trials(seeds):
+    """Nothing but one number."""
+    return [[{"number": float(seed) / 7}] for seed in seeds]
+
+
+def bad_trials(seeds):
+    """A problem of the user's, which an exception with three arguments tells."""
+    raise InputError(Path("arm.toml"), "line 3", "expected a mass")
+
+
+def deadly_trials(poison, seeds):
+    """Kill the process at one seed."""
+    if poison in seeds:
+        os._exit(9)
+    return trials(0.0, "", seeds)

@@ -1,0 +1,118 @@
+"""The address of a cluster: encrypted, or on this machine, or said aloud to be insecure."""
+
+import socket
+import threading
+
+import pytest
+
+from testbench.errors import BenchError
+from testbench.trials import on_cores, options
+from testbench.trials.cluster import check_address, on_cluster
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "tls://cluster.example:8786",
+        "tls://10.0.0.7:8786",
+        "tls://[2001:db8::1]:8786",
+        "tcp://127.0.0.1:8786",
+        "tcp://127.1.2.3:8786",
+        "tcp://[::1]:8786",
+        "tcp://localhost:8786",
+    ],
+)
+def test_encrypted_or_local_addresses_pass(address):
+    check_address(address)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "", "cluster:8786", "127.0.0.1:8786", "tls://", "tls://host", "tls://:8786", "tls://host:port",
+        "tls://host:99999", "tls://[::1:8786", "http://127.0.0.1:8786", "inproc://127.0.0.1:1", "ws://127.0.0.1:1",
+        "tls://user@host:8786", "tls://host:8786/path", "tls://host:8786?x", "tls://host:8786#x", "tls://host:0",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("insecure", [False, True])
+def test_anything_else_is_told_what_is_expected(address, insecure):
+    with pytest.raises(BenchError, match="--cluster: expected tls://host:port") as caught:
+        check_address(address, insecure=insecure)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "tcp://10.0.0.7:8786",
+        "tcp://host:8786",
+        "tcp://0.0.0.0:8786",
+        "tcp://127.0.0.1.example:1",
+        "tcp://[::]:1",
+    ],
+)
+def test_plain_tcp_leaves_this_machine_only_if_said_aloud(address):
+    with pytest.raises(BenchError, match="--insecure"):
+        check_address(address)
+    check_address(address, insecure=True)
+
+
+def no_work(seeds):
+    return [[] for _ in seeds]
+
+
+def connect(address):
+    return next(on_cluster(no_work, iter([(1,)]), address=address, patience=0.5))
+
+
+def test_a_port_where_nobody_listens_is_told():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(BenchError, match=f"no scheduler answers at {address}$"):
+        connect(address)
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9, b"\x00" * 64])
+def test_a_port_where_somebody_else_listens_is_told(answer):
+    with socket.create_server(("127.0.0.1", 0)) as stranger:
+        thread = threading.Thread(target=reply, args=(stranger, answer))
+        thread.start()
+        address = f"tcp://127.0.0.1:{stranger.getsockname()[1]}"
+        with pytest.raises(BenchError, match=f"no scheduler answers at {address}$"):
+            connect(address)
+        thread.join()
+
+
+def reply(stranger, answer):
+    caller, _ = stranger.accept()
+    with caller:
+        caller.sendall(answer)
+        while caller.recv(4096):  # until the caller goes
+            pass
+
+
+def test_encryption_without_certificates_is_told():
+    with pytest.raises(BenchError, match="needs certificates: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE"):
+        connect("tls://127.0.0.1:8786")
+
+
+def test_certificates_that_are_not_there_are_told(tmp_path):
+    import dask
+
+    pems = {
+        f"distributed.comm.tls.{k}": str(tmp_path / "no.pem")
+        for k in ("ca-file", "client.cert", "client.key")
+    }
+    with dask.config.set(pems), pytest.raises(BenchError, match=r"certificates: .*No such file"):
+        connect("tls://127.0.0.1:8786")
+
+
+def test_the_command_line_chooses_one_backend():
+    assert options.choose_backend(3, None, False).func is on_cores
+    chosen = options.choose_backend(None, "tcp://10.0.0.7:1", True)
+    assert (chosen.func, chosen.keywords) == (on_cluster, {"address": "tcp://10.0.0.7:1", "insecure": True})
+    with pytest.raises(BenchError, match="without --cluster"):
+        options.choose_backend(2, "tls://host:1", False)
+    with pytest.raises(BenchError, match="--insecure"):
+        options.choose_backend(None, "tcp://host:1", False)
