@@ -26,7 +26,7 @@ from testbench.trials import run_trials
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK = pose_selection.Study(
-    poses=(8, 12), criteria=("test", "D"), candidates=300, tasks=10, workspace=50, variants=2
+    poses=(12,), criteria=("test", "D"), candidates=120, tasks=6, workspace=30, variants=1
 )
 QUICK_SEEDS = 2
 FIGURES = ("curves.png", "featured.png")
@@ -40,7 +40,9 @@ def main(
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1,
     seeds: Annotated[int, typer.Option(min=1, help="That many seeds: median and spread.")] = 50,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / pose_selection.NAME,
-    quick: Annotated[bool, typer.Option("--quick", help="Two seeds, two criteria, few candidates.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Two seeds, 12 poses, two criteria, few candidates.")
+    ] = False,
     arm: Annotated[Path, typer.Option(help="Folder of the arm.")] = ROOT / "models" / "kr500_l480",
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if not given.")] = None,
 ) -> None:

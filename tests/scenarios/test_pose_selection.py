@@ -41,9 +41,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 
 
 def test_every_plan_is_printed_with_its_certificate(report):
-    assert {(p["criterion"], p["poses"]) for p in report["plans"]} == {
-        (name, n) for name in ("test", "D") for n in (8, 12)
-    }
+    assert {(p["criterion"], p["poses"]) for p in report["plans"]} == {("test", 12), ("D", 12)}
     for plan in report["plans"]:
         assert 0.5 < plan["efficiency"] <= 1
         assert plan["directions_seen"] == min(49, 6 * plan["poses"])
