@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from testbench.trials.options import Cluster, Insecure, Resume, Workers, choose_backend
 
 from testbench import command, figures_noise, files, tables
 from testbench.bench import Scenario, build_cell, simulate, stream
@@ -21,6 +20,7 @@ from testbench.studies import model_error, model_error_report, model_error_text
 from testbench.studies.noise import reread
 from testbench.studies.noise_report import dataset
 from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
+from testbench.trials.options import Cluster, Insecure, Resume, Workers, choose_backend
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK_TRIALS = 2
@@ -37,6 +37,9 @@ def main(
     scale: Annotated[
         float, typer.Option(min=0, max=10, help="Size of every disturbance over its typical one.")
     ] = 1.0,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Switch on this disturbance alone; again for more.")
+    ] = None,
     sigma_um: Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading.")] = 50.0,
     arm: Annotated[Path, typer.Option(help="Folder of the arm.")] = ROOT / "models" / "kr500_l480",
     workers: Workers = None,
@@ -46,11 +49,11 @@ def main(
 ) -> None:
     """Identify an arm that does what the model does not know, with noise and without."""
     console = Console(highlight=False)
-    settings = model_error.Study(scale=scale, sigma=sigma_um / 1e6, workspace=20 if quick else 100)
+    settings = model_error.Study(scale, sigma_um / 1e6, 20 if quick else 100, tuple(only or ()))
     roots = range(seed, seed + (min(seeds, QUICK_TRIALS) if quick else seeds))
     backend = choose_backend(workers, cluster, insecure)
     cell = build_cell(arm)
-    plain: dict[str, Any] = {**asdict(settings), "cases": model_error.sizes(scale)}
+    plain: dict[str, Any] = {**asdict(settings), "cases": model_error.sizes(scale, settings.only)}
     study = Study(model_error.NAME, {"settings": plain, "models": files.digests(arm)}, roots)
     work = partial(model_error.trials, arm, settings)
     with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:
@@ -59,7 +62,7 @@ def main(
         report = model_error_report.summary(rows, settings, cell.arm.name, seed, len(roots))
         write_parquet(store, folder)
         campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)
-        every = model_error.cases(scale)[model_error.ALL]
+        every = model_error.cases(scale, settings.only)[model_error.ALL]
         clean, _ = model_error.disturbed(cell, campaign, every, seed)
         first = reread(clean, settings.sigma, stream(seed, 1))
         write_csv(first, tuple(j.name for j in cell.arm.joints), folder / "dataset.csv")

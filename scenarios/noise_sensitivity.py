@@ -4,14 +4,13 @@ python scenarios/noise_sensitivity.py --out runs/noise_sensitivity
 """
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from testbench.trials.options import Cluster, Insecure, Resume, Workers, choose_backend
 
 from testbench import command, figures_noise, files, tables
 from testbench.bench import Scenario, build_cell, simulate, stream
@@ -20,6 +19,7 @@ from testbench.errors import BenchError
 from testbench.recording import sweeps, write_sweep
 from testbench.studies import noise, noise_report, noise_text
 from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
+from testbench.trials.options import Cluster, Insecure, Resume, Workers, choose_backend
 
 ROOT = Path(__file__).resolve().parents[1]
 SIX_DOF, HEAVY = ROOT / "models" / "arm_6r", ROOT / "models" / "kr500_l480"
@@ -37,7 +37,7 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / noise.NAME,
     quick: Annotated[bool, typer.Option("--quick", help="Four trials, one distance.")] = False,
     sigma_um: Annotated[
-        list[float] | None, typer.Option(help="Noise of a reading along an axis; again for more.")
+        list[float] | None, typer.Option(help="Noise of a reading along an axis, beside 0; again for more.")
     ] = None,
     workers: Workers = None,
     cluster: Cluster = None,
@@ -48,7 +48,7 @@ def main(
     console = Console(highlight=False)
     settings = QUICK if quick else noise.Study()
     if sigma_um:
-        settings = noise.with_sigmas(settings, _in_range(sigma_um))
+        settings = replace(settings, sigmas=_in_range(sigma_um))
     roots = range(seed, seed + (min(seeds, QUICK_TRIALS) if quick else seeds))
     backend = choose_backend(workers, cluster, insecure)
     plain: dict[str, Any] = asdict(settings)
@@ -87,15 +87,17 @@ def main(
 
 
 def _in_range(sigma_um: list[float]) -> tuple[float, ...]:
-    """Levels in metres, ascending.
+    """Levels in metres, ascending, none at all among them.
 
     Raises:
-        BenchError: When one is out of range or there twice.
+        BenchError: When one is out of range or there twice, or none is above 0.
     """
     for value in sigma_um:
         if not 0 <= value <= MOST_UM or sigma_um.count(value) > 1:
             raise BenchError(f"--sigma-um: expected different values of 0 to {MOST_UM:g}, got {value:g}")
-    return tuple(value / 1e6 for value in sorted(sigma_um))
+    if max(sigma_um) == 0:
+        raise BenchError("--sigma-um: expected at least one level above 0")
+    return tuple(value / 1e6 for value in sorted({0.0, *sigma_um}))
 
 
 if __name__ == "__main__":

@@ -87,13 +87,13 @@ def elastic(arm: ArmFolder, file: Annotated[Path, typer.Argument(help="MJCF to w
 def plan(
     arm: ArmFolder,
     task: Annotated[Path, typer.Option(help="CSV of tasks: JOINT_rad or JOINT_deg, force_x_N ... if any.")],
-    load: Annotated[list[float], typer.Option(help="Mass to hang [kg]; again for a choice.")],
+    load: Annotated[list[float], typer.Option(help="Mass to hang in kg; again for a choice.")],
     poses: Annotated[int, typer.Option(help="How many to measure.")] = 12,
-    tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z [m].")] = None,
+    tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None,
     acceptance_deg: Annotated[
         float | None, typer.Option(help="Half angle of fixed targets; turned by hand if not given.")
     ] = None,
-    box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 [m].")] = None,
+    box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None,
     criterion: Annotated[str, typer.Option(help="test, D, A, E, G or I.")] = "test",
     model: Annotated[str, typer.Option(help="Model that is to be identified.")] = "MGCO68",
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0,
@@ -205,6 +205,8 @@ def identify(
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(dataset, "header", f"{problem} (--full-pose); it has positions only")
     check, used = split(data, np.array(check_pose)) if check_pose else (None, data)
+    if check is not None and not check.seen.any():
+        raise BenchError(f"--check-pose: expected readings in pose {check_pose}, every target was lost there")
     fits = []
     for entry in chosen:
         start = time.perf_counter()

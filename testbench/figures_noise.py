@@ -28,6 +28,7 @@ INSTRUMENTS: dict[str, tuple[str, str]] = {
     "flat weights": (ORANGE, "s--"),
     "weighted": (GREEN, "o-"),
     "weighted, 3 readings averaged": (TEAL, "^-"),
+    "weighted, maximum errors": (OLIVE, "^:"),
     "weighted, frame drifts": (PURPLE, "D:"),
     "weighted, 10 % of targets lost": (SKY, "v-"),
     "weighted, 5 % misread by 1 mm": (BROWN, "P:"),

@@ -83,6 +83,15 @@ def versions() -> dict[str, str]:
     return {name: metadata.version(name) for name in PACKAGES}
 
 
+def sources() -> str:
+    """SHA-256 of this package's sources: its version number stays while they change."""
+    package = Path(__file__).parent
+    whole = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        whole.update(f"{file.relative_to(package).as_posix()}\n".encode() + file.read_bytes())
+    return whole.hexdigest()
+
+
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 of every file of an arm's folder, by its path in it."""
     files = sorted(p for p in folder.rglob("*") if p.is_file())

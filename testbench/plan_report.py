@@ -19,8 +19,8 @@ TARGET = 0.1
 """Error for which the fewest poses are told [mm]."""
 MORE, LITTLE = 4, 0.10
 """So many more poses that bring less than this share are not worth their time."""
-IN_METRES = ("test", "I", "G")
-"""Criteria of which 1 / sqrt(Phi) is an error [m]."""
+IN_METRES = ("test",)
+"""Criteria whose certificate is told in metres too: 1 / sqrt(Phi) and what stays hidden from these loads."""
 
 
 def report(cell: Cell, planned: Planned) -> Report:
@@ -192,20 +192,23 @@ def _count(planned: Planned, count: int) -> Report:
 
 
 def _advice(planned: Planned) -> Report:
-    """Fewest poses that reach the target, and from where more bring little; of greedy plans."""
+    """Fewest poses that reach the target, and from where on more always bring little; of greedy plans."""
     error = MM * planned.rivals.greedy
     reached = np.flatnonzero(error <= TARGET)
     ahead = np.full(len(error), np.inf)
     ahead[:-MORE] = error[MORE:]
     with np.errstate(invalid="ignore"):
-        flat = np.flatnonzero(np.isfinite(error) & np.isfinite(ahead) & (ahead > (1 - LITTLE) * error))
+        pays = np.isinf(error) | (ahead <= (1 - LITTLE) * error)
+    judged = len(error) - MORE
+    last = np.flatnonzero(pays[:judged])
+    enough = int(last[-1]) + 2 if len(last) else 1
     return {
         "target_mm": TARGET,
         "fewest": int(reached[0]) + 1 if len(reached) else None,
         "examined_up_to": len(error),
         "more": MORE,
         "little_percent": 100 * LITTLE,
-        "enough": int(flat[0]) + 1 if len(flat) else None,
+        "enough": enough if enough <= judged else None,
     }
 
 

@@ -35,8 +35,6 @@ from testbench.errors import Array, BenchError
 
 ASCENTS, CLIMBERS = 2, 60
 """Rounds in which the poses that carry the bound are improved, and how many of them."""
-WORKSPACE = 200
-"""Poses that stand for the workspace in the criteria I and G."""
 DETOUR = 10.0
 """What a leg that would collide adds to its travel [rad]: it is taken only where nothing else is left."""
 

@@ -19,7 +19,7 @@ def doubts(vjm: Vjm, data: Dataset) -> tuple[str, ...]:
     """
     where = chain(vjm, data.q)
     nominal = where.position[:, None] + marker_points(vjm, data.markers) @ where.rotation.transpose(0, 2, 1)
-    away = float(np.median(np.linalg.norm(data.before - nominal, axis=-1)))
+    away = float(np.median(np.linalg.norm(data.before - nominal, axis=-1)[data.seen]))
     found = []
     if away > FRAME:
         found.append(

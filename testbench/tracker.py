@@ -77,8 +77,8 @@ class Accuracy:
 
 
 RADIAL, TRANSVERSE = Accuracy(10e-6, 0.3e-6), Accuracy(15e-6, 6e-6)
-"""Maximum permissible errors along the beam and across it: 10 um + 0.3 um/m and 15 um + 6 um/m, as makers of
-laser trackers publish them."""
+"""Maximum permissible errors along the beam and across it: 10 um + 0.3 um/m and 15 um + 6 um/m [published by
+makers of laser trackers; taken from the project's list of numbers, no data sheet was at hand]."""
 SHARE: dict[Quality, float] = {"typical": 0.5, "mpe": 1.0}
 """Standard deviation over the maximum permissible error: typical results are half of it."""
 

@@ -28,6 +28,10 @@ PICTURES = {
     "recording_solver_comparison": ("solver_comparison", None, None, 0),
     "recording_loaded_stiffness": ("loaded_stiffness", None, None, 0),
     "recording_identifiability": ("identifiability", None, None, 0),
+    "recording_pose_selection": ("pose_selection", None, None, 0),
+    "recording_error_map": ("pose_selection", "Error map", None, 0),
+    "recording_noise_sensitivity": ("noise_sensitivity", None, None, 0),
+    "recording_model_error": ("model_error", None, None, 0),
 }
 """By file: folder of the run, tab in front, timeline, place on it."""
 

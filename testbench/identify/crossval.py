@@ -100,12 +100,18 @@ def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     return [_fold(vjm, structure, data, level.ravel() == k) for k in range(len(levels))]
 
 
+def read(data: Dataset) -> Dataset:
+    """The runs in which a target was read at all."""
+    return select(data, np.asarray(data.seen.any(axis=1)))
+
+
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS) -> list[Fold]:
     """Folds over poses, as many as there are up to `folds`, and over load levels where there are several.
 
     Raises:
         BenchError: When there is only one pose.
     """
+    data = read(data)
     poses = len(np.unique(data.pose))
     return fold_poses(vjm, structure, data, min(folds, poses)) + fold_loads(vjm, structure, data)
 

@@ -91,6 +91,8 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     """
     if data.runs == 0:
         raise BenchError("dataset: expected at least one run, got none")
+    if not data.seen.any():
+        raise BenchError(f"dataset: expected readings, every target was lost in all of {data.runs} runs")
     for name in ("before", "after", "wrench", "point"):
         values = getattr(data, name)
         largest = max(values.max(), -values.min())  # np.abs would copy the dataset

@@ -1,8 +1,8 @@
 """What the model does not know: each disturbance of the true arm alone and all together, beside the noise.
 
-The KR 500 under its weight, the poses of section 6. The arm is identified while it is disturbed; it is judged
-all over the workspace by deflections of the same disturbed arm under exactly the recorded loads: a payload
-that was weighed wrongly spoils the model, not the arm.
+The KR 500 under its payload, the poses of section 6; the links weigh only where a case says so. The arm is
+identified while it is disturbed; it is judged all over the workspace by deflections of the same disturbed arm
+under exactly the recorded loads: a payload that was weighed wrongly spoils the model, not the arm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,6 +14,7 @@ import numpy as np
 
 from testbench.bench import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.dataset import Dataset
+from testbench.errors import BenchError
 from testbench.evaluate import predict, score
 from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
 from testbench.report import UM
@@ -47,16 +48,28 @@ class Study:
         scale: Size of every disturbance over its typical one [1]; switches are on or off.
         sigma: Standard deviation of one reading along one axis [m].
         workspace: Poses in which the models are judged.
+        only: Names of cases beside none and all together; none for every one.
     """
 
     scale: float = 1.0
     sigma: float = 50e-6
     workspace: int = 100
+    only: tuple[str, ...] = ()
 
 
-def cases(scale: float) -> dict[str, Disturbances]:
-    """Disturbances by name: none, each alone, the compensator's other reading, all together."""
+def cases(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
+    """Disturbances by name: none, each alone, the compensator's other reading, all together.
+
+    Args:
+        scale: Size of those that have one, over the typical one.
+        only: Cases to keep beside none; then all together are these alone.
+
+    Raises:
+        BenchError: When there is no such case.
+    """
     sized = resized(TYPICAL, scale)
+    if only:
+        return _only(sized, only)
     alone = {
         name: replace(Disturbances(), **{field: getattr(sized, field) for field in fields})
         for name, fields in SWITCHES.items()
@@ -69,11 +82,22 @@ def cases(scale: float) -> dict[str, Disturbances]:
     }
 
 
-def sizes(scale: float) -> dict[str, dict[str, Any]]:
+def _only(sized: Disturbances, only: Sequence[str]) -> dict[str, Disturbances]:
+    """None, the cases asked for, and they together."""
+    for name in only:
+        if name not in SWITCHES:
+            raise BenchError(f"no disturbance {name!r}; disturbances are {', '.join(SWITCHES)}")
+    fields = {name: {key: getattr(sized, key) for key in SWITCHES[name]} for name in only}
+    together = {key: value for own in fields.values() for key, value in own.items()}
+    alone = {name: replace(Disturbances(), **own) for name, own in fields.items()}
+    return {NONE: Disturbances(), **alone, ALL: replace(Disturbances(), **together)}
+
+
+def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
     """What every case switches on, as plain data."""
     return {
         name: {key: value for key, value in asdict(case).items() if value}
-        for name, case in cases(scale).items()
+        for name, case in cases(scale, only).items()
     }
 
 
@@ -105,7 +129,7 @@ def _trial(cell: Cell, fits: dict[str, Way], study: Study, seed: int) -> Iterato
     )
     campaign = simulate(cell, scenario, seed)  # for its poses and loads
     quiet: Dataset | None = None
-    for name, disturbances in cases(study.scale).items():
+    for name, disturbances in cases(study.scale, study.only).items():
         clean, truth = disturbed(cell, campaign, disturbances, seed)
         quiet = quiet or truth
         moved = UM * float(np.sqrt(np.square(truth.deflection - quiet.deflection).sum(axis=2).mean()))

@@ -37,9 +37,14 @@ def summary(rows: Iterable[dict[str, Any]], study: Study, arm: str, seed: int, t
         "scale": study.scale,
         "trials": trials,
         "workspace_poses": study.workspace,
-        "sizes": sizes(study.scale),
+        "sizes": sizes(study.scale, study.only),
         "cells": [_cell(key, numbers, found) for key, numbers in found.items()],
-        "claim": [_claim(found, model, case, study) for case in COMPENSATORS for model in _models(found)],
+        "claim": [
+            _claim(found, model, case, study)
+            for case in COMPENSATORS
+            if any(key[0] == case for key in found)
+            for model in _models(found)
+        ],
         "models": [_model(found, model, case, study) for case in (NONE, ALL) for model in _models(found)],
     }
 
@@ -81,6 +86,7 @@ def _claim(
         "model": model,
         "against_truth": spread((true[0] / true[1] - 1).tolist()),
         "against_readings": spread((read[0] / read[1] - 1).tolist()),
+        "within_claim": float(np.mean(np.abs(read[0] / read[1] - 1) <= CLAIM)),
     }
 
 

@@ -1,7 +1,7 @@
 """What noise costs: tracker noise from none to 200 um by method and structure, and better instruments.
 
 Three parts. `six_dof`: the 108 runs of section 5.2, both positions and orientations, linear truth. `gravity`:
-the KR 500 under its weight, 8 poses, non-linear truth, judged all over the workspace. `instrument`: the same
+the KR 500 under its payload, 8 poses, non-linear truth, judged all over the workspace. `instrument`: the same
 poses read by laser trackers near and far, weighted or not. All levels of a trial share their random numbers,
 so that differences between levels and methods are theirs alone.
 """
@@ -68,11 +68,6 @@ class Study:
     gravity_trials: int = 200
     instrument_trials: int = 100
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)
-
-
-def with_sigmas(study: Study, sigmas: tuple[float, ...]) -> Study:
-    """The same at other levels of noise [m]."""
-    return replace(study, sigmas=sigmas)
 
 
 def trials(six_dof: Path, heavy: Path, study: Study, first: int, seeds: Sequence[int]) -> list[Rows]:
@@ -215,7 +210,9 @@ def readings(clean: Dataset, study: Study, seed: int) -> Iterator[tuple[str, flo
     for distance in study.distances:
         tracker = LaserTracker((CENTRE[0], CENTRE[1] - distance, CENTRE[2]))
         yield "weighted", distance, by_laser(clean, tracker, seed)
-        yield "flat weights", distance, replace(by_laser(clean, tracker, seed), precision=None)
+        yield "flat weights", distance, flat(by_laser(clean, tracker, seed))
+        worst = replace(tracker, quality="mpe")
+        yield "weighted, maximum errors", distance, by_laser(clean, worst, seed)
         averaged = replace(tracker, repeats=3)
         yield "weighted, 3 readings averaged", distance, by_laser(clean, averaged, seed)
         yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
@@ -238,6 +235,15 @@ def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | No
     if drift is not None:
         after = drifted(after, drift, tracker.station, stream(seed, 2))
     return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
+
+
+def flat(data: Dataset) -> Dataset:
+    """The same readings weighted alike along every axis, by the sigma that they have in the mean."""
+    assert data.precision is not None
+    variance = (
+        np.trace(np.linalg.inv(data.precision), axis1=2, axis2=3).mean() / 6
+    )  # three axes, two readings
+    return replace(data, sigma=float(np.sqrt(variance)), precision=None)
 
 
 def _lose(data: Dataset, seed: int) -> Dataset:

@@ -119,12 +119,14 @@ def _paired(found: dict[tuple[Any, ...], dict[str, list[float]]]) -> list[Report
 
 
 def _models(cells: list[Report]) -> list[Report]:
-    """A row a model at the noise of the paper's trackers: 25 um (section 5.2), 50 um (section 6)."""
+    """A row a model at the level nearest the paper's trackers: 25 um (section 5.2), 50 um (section 6)."""
     rows = []
     for part, sigma, plain in (("six_dof", 25.0, SIX_DOF), ("gravity", 50.0, GRAVITY)):
         names = (*plain, *(name + PRIOR for name in WITH_PRIOR[part]))
+        levels = [(abs(UM * c["x"] - sigma), c["x"]) for c in cells if c["part"] == part]
+        nearest = min(levels, default=(0.0, 0.0))[1]
         for c in cells:
-            if c["part"] == part and c["model"] in names and abs(UM * c["x"] - sigma) < 1e-6:
+            if c["part"] == part and c["model"] in names and c["x"] == nearest:
                 key = "check" if part == "six_dof" else "workspace"
                 scores = {
                     f"{name}_mm": {k: v / 1e3 for k, v in c[f"{name}_um"].items()} for name in ("rms", "p95")

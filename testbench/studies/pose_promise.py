@@ -85,8 +85,8 @@ def promises(ground: Ground, chosen: dict[tuple[str, int], Chosen], seeds: Seque
         C = draw(own, UNCERTAINTY, stream(seed, 11))
         drawn = replace(cell, plant=_with_compliance(cell, C))
         rows = []
-        for name in (ground.study.criteria[0], RANDOM):
-            for poses in ground.study.poses:
+        for name in (*ground.study.criteria, RANDOM):
+            for poses in _judged(ground, name):
                 brief = brief_for(cell, ground, prior, poses)
                 used = (
                     at_random(ground.candidates.q, poses, stream(seed, CHANCE + poses))
@@ -96,6 +96,12 @@ def promises(ground: Ground, chosen: dict[tuple[str, int], Chosen], seeds: Seque
                 rows.append(_promise(drawn, brief, used, own, stream(seed, 200 + poses)) | {"plan": name})
         found.append({"seed": seed, "rows": rows})
     return found
+
+
+def _judged(ground: Ground, name: str) -> tuple[int, ...]:
+    """Numbers of poses whose promises are tried: all of the first criterion and of random poses."""
+    study = ground.study
+    return study.poses if name in (study.criteria[0], RANDOM) else (study.featured,)
 
 
 def _with_compliance(cell: Cell, C_theta: Array) -> Plant:

@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
 
+from testbench import files
 from testbench.errors import BenchError
 from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
 from testbench.trials.lines import numeric_versions, python_release
@@ -170,16 +171,17 @@ def _check_workers(client: Any, address: str, patience: float) -> None:
             if found != here:
                 raise BenchError(
                     f"--cluster: worker {worker}: expected {name} {here} as here, got {found}; "
-                    "install the same requirements.lock there"
+                    "install the same checkout and requirements.lock there"
                 )
 
 
 def _ask(client: Any, name: str) -> dict[str, str]:
-    """Version of a package on every worker; only functions that any Python has are sent."""
+    """Version of a package, or the digest of ours, on every worker."""
     if name == "python":
         found = client.run(platform.python_version_tuple, on_error="return")
         return {w: python_release(v) if isinstance(v, tuple) else "none" for w, v in found.items()}
-    found = client.run(metadata.version, name, on_error="return")
+    known = name == "sources"  # asked last: by then a worker has this package
+    found = client.run(*((files.sources,) if known else (metadata.version, name)), on_error="return")
     return {w: v if isinstance(v, str) else "none" for w, v in found.items()}
 
 

@@ -84,9 +84,10 @@ def canonical(scenario: Mapping[str, Any]) -> str:
 
 
 def numeric_versions() -> dict[str, str]:
-    """Versions of Python and of the packages that compute: other ones may change last digits."""
+    """Versions of Python, of the packages that compute and of our sources: other ones may change results."""
     packages = {k: v for k, v in files.versions().items() if k != "rerun-sdk"}
-    return {"python": python_release(platform.python_version_tuple()), **packages}
+    python = python_release(platform.python_version_tuple())
+    return {"python": python, **packages, "sources": files.sources()}
 
 
 def python_release(version: Sequence[str]) -> str:

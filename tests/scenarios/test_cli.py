@@ -4,11 +4,15 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+
+from testbench.bench import Scenario, build_cell, simulate
+from testbench.csvfile import write_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
@@ -247,3 +251,21 @@ def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp
     words = " ".join(done.stdout.split())
     assert "recommended: MGCO" in words
     assert "held out in turn: MGCO56 " in words
+
+
+def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
+    """The tracker saw nothing in pose 3: fits, cross-validation and doubts do without it."""
+    out, data = tmp_path / "fit", tmp_path / "lost_everywhere.csv"
+    cell = build_cell(ARM)
+    scenario = Scenario(arm="kr500_l480", identification_poses=6, identification_runs=6, workspace_poses=1)
+    clean = simulate(cell, scenario, 1).identification
+    P = np.array(np.broadcast_to(np.eye(3) / (2 * clean.sigma**2), (6, 3, 3, 3)))
+    P[2] = 0
+    write_csv(replace(clean, precision=P), tuple(j.name for j in cell.arm.joints), data)
+    models = ["--model", "MGCO56", "--model", "MGCO47"]
+    done = run("identify", ARM, data, *models, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "DOUBT" not in done.stdout
+    held = run("identify", ARM, data, *models, "--check-pose", 3, "--out", out)
+    assert held.returncode == 2
+    assert "every target was lost there" in held.stderr

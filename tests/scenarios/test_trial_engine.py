@@ -298,7 +298,7 @@ def test_problems_on_a_cluster_are_told(tmp_path, dask, monkeypatch):
     with pytest.raises(BenchError, match=r"^seeds \d+ to \d+: arm\.toml: line 3"):
         study(tmp_path, there, work=trial_work.bad_trials)
     versions = cluster.numeric_versions()
-    for name, wrong in (("numpy", "0.1"), ("python", "2.7"), ("no-such-package", "1")):
+    for name, wrong in (("numpy", "0.1"), ("python", "2.7"), ("no-such-package", "1"), ("sources", "0" * 64)):
         monkeypatch.setattr(cluster, "numeric_versions", lambda n=name, w=wrong: {**versions, n: w})
         with pytest.raises(BenchError, match=rf"worker tcp://.*: expected {name} {wrong} as here, got"):
             study(tmp_path, there)
