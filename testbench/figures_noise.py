@@ -46,7 +46,7 @@ def sensitivity(report: Report, file: Path) -> None:
     left, centre, right = figure.subplots(1, 3)
     for axes, part, words in (
         (left, "six_dof", "108 runs of section 5.2, full pose"),
-        (centre, "gravity", "KR 500 under its weight, 8 poses"),
+        (centre, "gravity", "KR 500 under its payload, 8 poses"),
     ):
         _lines(axes, report["sweeps"][part], "sigma_um", LINES)
         axes.set_xlabel("noise of one reading along one axis [um]")
@@ -79,7 +79,10 @@ def _lines(axes: Axes, rows: list[dict[str, Any]], key: str, looks: dict[str, tu
         low, high = ([row["rms_um"][end] for row in own] for end in ("p05", "p95"))
         axes.fill_between(x, low, high, color=shade, alpha=0.08, linewidth=0)
     axes.set_yscale("symlog", linthresh=1)
-    ticks = [tick for tick in (0, 1, 10, 100, 1000, 10_000) if tick <= axes.dataLim.ymax]
+    wide = axes.dataLim.ymax > 300 * max(axes.dataLim.ymin, 1)
+    steps = (1, 3) if wide else (1, 2, 5)
+    ticks = [0, *(step * 10**k for k in range(5) for step in steps)]
+    ticks = [tick for tick in ticks if tick <= axes.dataLim.ymax]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_ylim(bottom=min(max(0.7 * axes.dataLim.ymin, 0), 20))
     axes.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))

@@ -81,7 +81,7 @@ def identifiability(report: Report, parameters: object) -> Sweep:
 
 
 def noise(report: Report, parameters: object) -> Sweep:
-    """Error over the workspace against noise, the KR 500 under its weight.
+    """Error over the workspace against noise, the KR 500 under its payload.
 
     Args:
         report: report.json of the study of noise.
