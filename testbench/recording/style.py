@@ -17,7 +17,13 @@ TASK = (178, 156, 48)
 
 ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105))
 """Least squares: the best model first; shades tell the others apart."""
-GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60))
+GREENS: tuple[Colour, ...] = (
+    (0, 158, 115),
+    (124, 190, 92),
+    (72, 150, 160),
+    (100, 140, 60),
+    (150, 205, 180),
+)
 """GCO, likewise."""
 
 SHAPES = (

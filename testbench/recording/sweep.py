@@ -2,8 +2,8 @@
 
 import json
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +66,7 @@ class Sweep:
         points: In any order; every model at every x.
         colours: Of the models by name, where roles decide; others take the next free one.
         remarks: Markdown below the table.
+        labels: What stands for x in words, by x, where x only numbers things.
     """
 
     scenario: str
@@ -80,6 +81,11 @@ class Sweep:
     points: Sequence[Point]
     colours: dict[str, Colour]
     remarks: str = ""
+    labels: Mapping[float, str] = field(default_factory=dict)
+
+    def place(self, x: float) -> str:
+        """A value of the swept quantity, or what it numbers."""
+        return f"{x:.6g} {self.labels[x]}" if x in self.labels else f"{x:.6g}"
 
     @property
     def models(self) -> list[str]:
@@ -174,7 +180,7 @@ def summary(sweep: Sweep) -> str:
     models = sweep.models
     x = [p.x for p in sweep.line(models[0])]
     rows = [
-        [f"{value:.6g}", *(f"{sweep.line(m)[k].median:.3g}" for m in models)] for k, value in enumerate(x)
+        [sweep.place(value), *(f"{sweep.line(m)[k].median:.3g}" for m in models)] for k, value in enumerate(x)
     ]
     head = [f"{sweep.swept}, {sweep.swept_unit}", *models]
     return "\n\n".join(
@@ -197,7 +203,7 @@ def summary(sweep: Sweep) -> str:
 def table(sweep: Sweep) -> str:
     """Every number with its spread."""
     rows = [
-        [model, f"{p.x:.6g}", *(f"{v:.4g}" for v in (p.median, p.p05, p.p95))]
+        [model, sweep.place(p.x), *(f"{v:.4g}" for v in (p.median, p.p05, p.p95))]
         for model in sweep.models
         for p in sweep.line(model)
     ]
@@ -211,8 +217,9 @@ def table(sweep: Sweep) -> str:
 
 def _caption(sweep: Sweep, k: int) -> str:
     points = [sweep.line(model)[k] for model in sweep.models]
+    unit = "" if sweep.labels else f" {sweep.swept_unit}"
     rows = [[p.model, *(f"{v:.3g}" for v in (p.median, p.p05, p.p95))] for p in points]
-    place = f"**{sweep.swept.capitalize()} {points[0].x:.6g} {sweep.swept_unit}**"
+    place = f"**{sweep.swept.capitalize()} {sweep.place(points[0].x)}{unit}**"
     head = [f"{sweep.measured}, {sweep.unit}", "median", "5 %", "95 %"]
     return "\n\n".join([place, "\n".join(grid(head, rows))])
 

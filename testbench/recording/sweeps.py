@@ -127,7 +127,6 @@ def model_error(report: Report, parameters: object) -> Sweep:
         if c["noise_um"] > 0
     ]
     first, *others = model_error_text.statements(report)
-    key = ", ".join(f"{k} {name}" for k, name in enumerate(cases))
     return Sweep(
         scenario=report["scenario"],
         parameters=parameters,
@@ -140,7 +139,8 @@ def model_error(report: Report, parameters: object) -> Sweep:
         unit="um",
         points=points,
         colours=_roles(list(dict.fromkeys(c["model"] for c in report["cells"]))),
-        remarks="\n\n".join([f"**Disturbances** {key}.", *others]),
+        remarks="\n\n".join(others),
+        labels=dict(enumerate(cases)),
     )
 
 
