@@ -10,7 +10,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from run_here import here
 
+from testbench import cli
 from testbench.bench import Scenario, build_cell, simulate
 from testbench.csvfile import write_csv
 
@@ -21,8 +23,7 @@ POSES = [[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15], [-30, -100, 70, 0, 
 
 
 def run(*args):
-    command = [sys.executable, "-c", "from testbench.cli import main; main()", *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return here(cli.app, *args)
 
 
 def refused(done):
@@ -269,3 +270,10 @@ def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     held = run("identify", ARM, data, *models, "--check-pose", 3, "--out", out)
     assert held.returncode == 2
     assert "every target was lost there" in held.stderr
+
+
+def test_the_installed_command_answers():
+    program = Path(sys.executable).with_name("testbench")
+    done = subprocess.run([program, "--help"], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0
+    assert "identify" in done.stdout

@@ -2,23 +2,21 @@
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from run_here import app_of, here
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "loaded_stiffness.py"
+APP = app_of(ROOT / "scenarios" / "loaded_stiffness.py")
 FILES = {"report.json", "report.md", "manifest.json", "errors.csv", "loaded_stiffness.png", "recording.rrd"}
 METHODS = ["linear", "secant", "integrated"]
 POSES, LOADS = 30, [1000.0, 2154.43, 4641.59, 10_000.0]
 
 
 def run(*args):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return here(APP, *args)
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,13 @@
 """The study of model error as a stranger runs it: files, contract, claims."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from run_here import app_of, here
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "model_error.py"
+APP = app_of(ROOT / "scenarios" / "model_error.py")
 FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "model_error.png", "recording.rrd",
     "trials.parquet", "trials.jsonl",
@@ -16,8 +15,7 @@ FILES = {
 
 
 def run(*args):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+    return here(APP, *args)
 
 
 @pytest.fixture(scope="module")

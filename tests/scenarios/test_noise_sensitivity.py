@@ -1,15 +1,14 @@
 """The study of noise as a stranger runs it: files, contract, claims, resume, refusals."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from pyarrow import parquet
+from run_here import app_of, here
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "noise_sensitivity.py"
+APP = app_of(ROOT / "scenarios" / "noise_sensitivity.py")
 FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "noise_sensitivity.png", "recording.rrd",
     "trials.parquet", "trials.jsonl",
@@ -17,8 +16,7 @@ FILES = {
 
 
 def run(*args):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+    return here(APP, *args)
 
 
 @pytest.fixture(scope="module")

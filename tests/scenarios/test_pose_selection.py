@@ -1,22 +1,20 @@
 """The study of pose selection as a stranger runs it: its files, its contract, its claims."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from run_here import app_of, here
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "pose_selection.py"
+APP = app_of(ROOT / "scenarios" / "pose_selection.py")
 FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "curves.png", "featured.png", "recording.rrd",
 }  # fmt: skip
 
 
 def run(*args):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+    return here(APP, *args)
 
 
 @pytest.fixture(scope="module")
