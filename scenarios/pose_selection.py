@@ -18,14 +18,14 @@ from testbench import command, figures_pose_selection, files, tables
 from testbench.bench import build_cell, stream
 from testbench.csvfile import write_csv
 from testbench.recording import write_plan
-from testbench.studies import pose_promise, pose_selection
+from testbench.studies import pose_bench, pose_ground, pose_promise, pose_selection
 from testbench.studies import pose_selection_text as text
 from testbench.studies.pose_scene import scene
 from testbench.studies.pose_selection_report import Findings, summary
 from testbench.trials import run_trials
 
 ROOT = Path(__file__).resolve().parents[1]
-QUICK = pose_selection.Study(
+QUICK = pose_ground.Study(
     poses=(12,), criteria=("test", "D"), candidates=120, tasks=6, workspace=30, variants=1
 )
 QUICK_SEEDS = 2
@@ -39,7 +39,7 @@ T = TypeVar("T")
 def main(
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1,
     seeds: Annotated[int, typer.Option(min=1, help="That many seeds: median and spread.")] = 50,
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / pose_selection.NAME,
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs") / pose_ground.NAME,
     quick: Annotated[
         bool, typer.Option("--quick", help="Two seeds, 12 poses, two criteria, few candidates.")
     ] = False,
@@ -48,10 +48,10 @@ def main(
 ) -> None:
     """Plan 4 to 40 poses by six criteria, measure them, identify, and judge where the robot works."""
     console = Console(highlight=False)
-    study = QUICK if quick else pose_selection.Study()
+    study = QUICK if quick else pose_ground.Study()
     roots = range(seed, seed + (min(seeds, QUICK_SEEDS) if quick else seeds))
     cell = build_cell(arm)
-    ground = pose_selection.lay_ground(cell, arm, study, seed)
+    ground = pose_ground.lay_ground(cell, arm, study, seed)
     jobs = [(name, poses) for name in study.criteria for poses in study.poses]
 
     def every(work: Callable[[Sequence[int]], list[T]], over: range, words: str) -> list[T]:
@@ -60,9 +60,7 @@ def main(
         return [r for chunk in shown for r in chunk]
 
     with files.whole_folder(out) as folder:
-        made = every(
-            partial(pose_selection.plans, ground, time.perf_counter, jobs), range(len(jobs)), "plans"
-        )
+        made = every(partial(pose_ground.plans, ground, time.perf_counter, jobs), range(len(jobs)), "plans")
         chosen = {job: plan for job, (plan, _) in zip(jobs, made, strict=True)}
         variants = range(study.variants)
         found = Findings(
@@ -73,9 +71,9 @@ def main(
             worth=every(partial(pose_promise.worth, ground, tuple(roots)), variants, "what else helps"),
         )
         featured = chosen["test", study.featured]
-        bench = pose_selection.build_bench(cell, ground)
-        first = pose_selection.measure_plan(
-            bench, ground, featured, stream(seed, pose_selection.NOISE + study.featured)
+        bench = pose_bench.build_bench(cell, ground)
+        first = pose_bench.measure_plan(
+            bench, ground, featured, stream(seed, pose_ground.NOISE + study.featured)
         )
         report = summary(ground, first, found)
         write_csv(first, tuple(j.name for j in cell.arm.joints), folder / "dataset.csv")
@@ -83,12 +81,12 @@ def main(
         (folder / "report.md").write_text(text.markdown(report), encoding="utf-8")
         figures_pose_selection.curves(report, folder / FIGURES[0])
         figures_pose_selection.featured(report, folder / FIGURES[1])
-        prior = pose_selection.wrong_prior(cell, seed)
-        brief = pose_selection.brief_for(cell, ground, prior, study.featured)
+        prior = pose_ground.wrong_prior(cell, seed)
+        brief = pose_ground.brief_for(cell, ground, prior, study.featured)
         write_plan(folder / "recording.rrd", scene(cell, ground, brief, featured, first, report))
         files.write_manifest(
             folder,
-            command=f"scenarios/{pose_selection.NAME}.py",
+            command=f"scenarios/{pose_ground.NAME}.py",
             scenario=report["study"],
             seed=seed,
             seeds=len(roots),

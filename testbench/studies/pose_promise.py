@@ -20,7 +20,15 @@ from testbench.identify.regularised import Strength, gco_with, least_squares_wit
 from testbench.planning import Brief, Tasks, promise, promise_of, task_rows
 from testbench.plant import Plant
 from testbench.report import MM, Report
-from testbench.studies.pose_selection import (
+from testbench.studies.pose_bench import (
+    build_bench,
+    identify,
+    judge,
+    measured,
+    metrics_of,
+    with_marker,
+)
+from testbench.studies.pose_ground import (
     CHANCE,
     FITS,
     PLANNED,
@@ -31,14 +39,8 @@ from testbench.studies.pose_selection import (
     Ground,
     at_random,
     brief_for,
-    build_bench,
     hung,
-    identify,
-    judge,
-    measured,
-    metrics_of,
     plan,
-    with_marker,
     wrong_prior,
 )
 from testbench.vjm import Vjm

@@ -11,7 +11,12 @@ from testbench.recording import PlanScene, Point, Sweep
 from testbench.recording.style import GREENS, LOAD, MEASURED, NOISE, NOMINAL, ORANGES, Colour
 from testbench.report import MM, Report, middle
 from testbench.studies import pose_selection_text as text
-from testbench.studies.pose_selection import FITS, RANDOM, Chosen, Ground
+from testbench.studies.pose_ground import (
+    FITS,
+    RANDOM,
+    Chosen,
+    Ground,
+)
 from testbench.studies.pose_selection_report import high
 from testbench.tables import grid
 from testbench.vjm import chain

@@ -9,8 +9,7 @@ import numpy as np
 
 from testbench.dataset import Dataset
 from testbench.report import MM, UM, Report, merge, middle
-from testbench.studies.pose_promise import kept
-from testbench.studies.pose_selection import (
+from testbench.studies.pose_ground import (
     FITS,
     NAME,
     RANDOM,
@@ -19,6 +18,7 @@ from testbench.studies.pose_selection import (
     UNCERTAINTY,
     Ground,
 )
+from testbench.studies.pose_promise import kept
 
 AIM = 0.1
 """Error at the tasks that a campaign is to reach [mm]."""

@@ -6,7 +6,10 @@ from rich import box
 from rich.table import Table
 
 from testbench.report import Report, middle, show
-from testbench.studies.pose_selection import FITS, RANDOM
+from testbench.studies.pose_ground import (
+    FITS,
+    RANDOM,
+)
 from testbench.studies.pose_selection_report import AIM, LITTLE, STEP, at
 from testbench.tables import grid
 
