@@ -18,7 +18,7 @@ from testbench import command, files, plan_report, plan_text, planfile, plans, t
 from testbench.arm import load_arm
 from testbench.bench import MODELS, Scenario, build_cell, measure, named_models, stream
 from testbench.csvfile import read_csv, read_poses, write_csv
-from testbench.dataset import split
+from testbench.dataset import Dataset, split
 from testbench.errors import BenchError, InputError
 from testbench.evaluate import predict, score
 from testbench.figures_identifiability import shares
@@ -204,9 +204,7 @@ def identify(
     if full_pose and data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(dataset, "header", f"{problem} (--full-pose); it has positions only")
-    check, used = split(data, np.array(check_pose)) if check_pose else (None, data)
-    if check is not None and not check.seen.any():
-        raise BenchError(f"--check-pose: expected readings in pose {check_pose}, every target was lost there")
+    check, used = _held_back(data, check_pose)
     fits = []
     for entry in chosen:
         start = time.perf_counter()
@@ -236,6 +234,21 @@ def identify(
     for sentence in dict.fromkeys(text for row in fits for text in row["advice"]):
         console.print(f"- {sentence}")
     console.print(f"models     {out / 'models.json'}", soft_wrap=True)
+
+
+def _held_back(data: Dataset, check_pose: list[int] | None) -> tuple[Dataset | None, Dataset]:
+    """The runs in the poses held back, None if there are none, and those to fit.
+
+    Raises:
+        BenchError: When a pose is not in the data, none is left on one side, or no target was read in those
+            held back.
+    """
+    if not check_pose:
+        return None, data
+    check, used = split(data, np.array(check_pose))
+    if not check.seen.any():
+        raise BenchError(f"--check-pose: expected readings in pose {check_pose}, every target was lost there")
+    return check, used
 
 
 @app.command()
