@@ -3,13 +3,13 @@
 import numpy as np
 from measure import MODELS, Row, at_most, note, seconds, spread
 
-from testbench.bench import Cell, Scenario, build_cell, simulate
-from testbench.dataset import Dataset
+from testbench.bench.campaign import Cell, Scenario, build_cell, simulate
+from testbench.data.dataset import Dataset
 from testbench.identify import reduce
 from testbench.identify.bounds import FitSet, bounds, fit_set
 from testbench.identify.prior import cad_prior, metric
 from testbench.identify.uncertainty import deflection_rows
-from testbench.structure import Structure, all153, mgco68, template56
+from testbench.model.structure import Structure, all153, mgco68, template56
 
 ARM = "kr500_l480"
 CONFIDENCE = 0.95

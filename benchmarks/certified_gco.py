@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, note, seconds, spread
 
-from testbench.bench import Cell, build_cell
-from testbench.dataset import Dataset
+from testbench.bench.campaign import Cell, build_cell
+from testbench.data.dataset import Dataset
+from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.identify import Estimate, gco, reduce
 from testbench.identify.conic import SOLVER_TOLERANCE
 from testbench.identify.modelled import Entries, cvxpy, solve_modelled, vectorised
+from testbench.model.structure import Structure, all153
 from testbench.plant import settle_linear
-from testbench.structure import Structure, all153
-from testbench.tracker import Tracker, read_orientations, read_positions
 
 ARMS = ("arm_6r", "kr500_l480")
 POSES = 18

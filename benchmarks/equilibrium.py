@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, hung, interleave, note, seconds, spread
 
-from testbench.bench import Cell, build_cell
+from testbench.bench.campaign import Cell, build_cell
 from testbench.errors import Array
 from testbench.plant import Equilibrium, settle
 from testbench.plant.elastic import DAMPING

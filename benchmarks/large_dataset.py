@@ -17,11 +17,11 @@ from measure import MODELS, Row, at_most, hung, interleave, note, spread
 from scipy.linalg.lapack import dgeqrf
 from threadpoolctl import threadpool_limits
 
-from testbench.arm import load_arm
-from testbench.dataset import Dataset, select
+from testbench.arm.folder import load_arm
+from testbench.data.dataset import Dataset, select
 from testbench.identify import conic, gco, reduce
-from testbench.structure import Structure, mgco147
-from testbench.vjm import Vjm, build_vjm, observation
+from testbench.model.structure import Structure, mgco147
+from testbench.model.vjm import Vjm, build_vjm, observation
 
 RUNS = (10_000, 30_000, 100_000)
 FEW_RUNS = 100

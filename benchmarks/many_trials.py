@@ -11,9 +11,9 @@ import numpy as np
 from measure import MODELS, Row, at_least, interleave, note, spread
 
 from testbench import trials
-from testbench.bench import build_cell
+from testbench.bench.campaign import build_cell
 from testbench.identify import gco
-from testbench.studies import single_link
+from testbench.studies.single_link import trial as single_link
 
 SEEDS = range(1, 201)
 CHUNK = 10

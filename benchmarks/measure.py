@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from testbench.bench import Cell
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import Cell
 from testbench.errors import Array
-from testbench.mjcf import GRAVITY
+from testbench.model.poses import WorkArea, random_poses
+from testbench.model.vjm import Vjm
 from testbench.plant import collisions
-from testbench.poses import WorkArea, random_poses
-from testbench.vjm import Vjm
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 PAYLOAD = 460.3 * GRAVITY

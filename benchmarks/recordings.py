@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.bench import Scenario, build_cell, identify, named_models, simulate
-from testbench.paper import SECTION_6
-from testbench.poses import WorkArea
-from testbench.recording import write_calibration
-from testbench.report import report
+from testbench.bench.campaign import Scenario, build_cell, identify, named_models, simulate
+from testbench.model.poses import WorkArea
+from testbench.studies.paper import SECTION_6
+from testbench.views.recording import write_calibration
+from testbench.views.report import report
 
 POSES, CHECK_POSES = 140, 60
 REPEATS = 5

@@ -22,7 +22,8 @@ from recordings import logging_two_hundred_poses
 from rich.console import Console
 from rich.table import Table
 
-from testbench import command, files
+from testbench import files
+from testbench.cli import command
 
 BENCHMARKS = {
     "a": newton_against_forward_passes,

@@ -12,8 +12,8 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, figures, files, tables
-from testbench.bench import (
+from testbench import files
+from testbench.bench.campaign import (
     Campaign,
     Cell,
     Result,
@@ -23,10 +23,12 @@ from testbench.bench import (
     named_models,
     simulate,
 )
-from testbench.csvfile import write_csv
-from testbench.paper import SECTION_6
-from testbench.recording import write_calibration
-from testbench.report import Report, report, summarise
+from testbench.cli import command
+from testbench.data.csvfile import write_csv
+from testbench.studies.paper import SECTION_6
+from testbench.views import figures, tables
+from testbench.views.recording import write_calibration
+from testbench.views.report import Report, report, summarise
 
 NAME = "gravity_calibration"
 ROOT = Path(__file__).resolve().parents[1]

@@ -14,19 +14,24 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, figures_identifiability, files, tables
-from testbench.bench import Scenario, build_cell, simulate
-from testbench.csvfile import write_csv
+from testbench import files
+from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.cli import command
+from testbench.data.csvfile import write_csv
 from testbench.identify.identifiability import describe
-from testbench.identify.identifiability_report import to_dict
-from testbench.identify.identifiability_text import sentences
 from testbench.identify.prior import cad_prior
 from testbench.identify.regularised import Strength
-from testbench.recording import sweeps, write_sweep
-from testbench.structure import mgco68
-from testbench.studies import identifiability, identifiability_text
-from testbench.studies.coverage import bent_table, coverage_table
+from testbench.model.structure import mgco68
+from testbench.studies import sweeps
+from testbench.studies.identifiability import figure as figures_identifiability
+from testbench.studies.identifiability import trial as identifiability
+from testbench.studies.identifiability import words as identifiability_text
+from testbench.studies.identifiability.coverage import bent_table, coverage_table
 from testbench.trials import run_trials
+from testbench.views import tables
+from testbench.views.identifiability_report import to_dict
+from testbench.views.identifiability_text import sentences
+from testbench.views.recording import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 SIX_DOF = ROOT / "models" / "arm_6r"

@@ -12,10 +12,15 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, figures_loaded, files, tables
-from testbench.bench import build_cell
-from testbench.recording import sweeps, write_sweep
-from testbench.studies import loaded, loaded_text
+from testbench import files
+from testbench.bench.campaign import build_cell
+from testbench.cli import command
+from testbench.studies import sweeps
+from testbench.studies.loaded_stiffness import figure as figures_loaded
+from testbench.studies.loaded_stiffness import trial as loaded
+from testbench.studies.loaded_stiffness import words as loaded_text
+from testbench.views import tables
+from testbench.views.recording import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK_POSES, QUICK_LOADS = 30, 4

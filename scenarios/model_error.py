@@ -12,15 +12,21 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from testbench import command, figures_noise, files, tables
-from testbench.bench import Scenario, build_cell, simulate, stream
-from testbench.csvfile import write_csv
-from testbench.recording import sweeps, write_sweep
-from testbench.studies import model_error, model_error_report, model_error_text
-from testbench.studies.noise import reread
-from testbench.studies.noise_report import dataset
+from testbench import files
+from testbench.bench.campaign import Scenario, build_cell, simulate, stream
+from testbench.cli import command
+from testbench.cli.trial_options import Cluster, Insecure, Resume, Workers, choose_backend
+from testbench.data.csvfile import write_csv
+from testbench.studies import sweeps
+from testbench.studies.model_error import summary as model_error_report
+from testbench.studies.model_error import trial as model_error
+from testbench.studies.model_error import words as model_error_text
+from testbench.studies.noise_sensitivity import figure as figures_noise
+from testbench.studies.noise_sensitivity.summary import dataset
+from testbench.studies.noise_sensitivity.trial import reread
 from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
-from testbench.trials.options import Cluster, Insecure, Resume, Workers, choose_backend
+from testbench.views import tables
+from testbench.views.recording import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK_TRIALS = 2

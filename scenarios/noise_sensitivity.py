@@ -12,14 +12,20 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from testbench import command, figures_noise, files, tables
-from testbench.bench import Scenario, build_cell, simulate, stream
-from testbench.csvfile import write_csv
+from testbench import files
+from testbench.bench.campaign import Scenario, build_cell, simulate, stream
+from testbench.cli import command
+from testbench.cli.trial_options import Cluster, Insecure, Resume, Workers, choose_backend
+from testbench.data.csvfile import write_csv
 from testbench.errors import BenchError
-from testbench.recording import sweeps, write_sweep
-from testbench.studies import noise, noise_report, noise_text
+from testbench.studies import sweeps
+from testbench.studies.noise_sensitivity import figure as figures_noise
+from testbench.studies.noise_sensitivity import summary as noise_report
+from testbench.studies.noise_sensitivity import trial as noise
+from testbench.studies.noise_sensitivity import words as noise_text
 from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
-from testbench.trials.options import Cluster, Insecure, Resume, Workers, choose_backend
+from testbench.views import tables
+from testbench.views.recording import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 SIX_DOF, HEAVY = ROOT / "models" / "arm_6r", ROOT / "models" / "kr500_l480"

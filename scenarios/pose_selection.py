@@ -14,15 +14,21 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, figures_pose_selection, files, tables
-from testbench.bench import build_cell, stream
-from testbench.csvfile import write_csv
-from testbench.recording import write_plan
-from testbench.studies import pose_bench, pose_ground, pose_promise, pose_selection
-from testbench.studies import pose_selection_text as text
-from testbench.studies.pose_scene import scene
-from testbench.studies.pose_selection_report import Findings, summary
+from testbench import files
+from testbench.bench.campaign import build_cell, stream
+from testbench.cli import command
+from testbench.data.csvfile import write_csv
+from testbench.studies.pose_selection import figure as figures_pose_selection
+from testbench.studies.pose_selection import ground as pose_ground
+from testbench.studies.pose_selection import promise as pose_promise
+from testbench.studies.pose_selection import study as pose_selection
+from testbench.studies.pose_selection import trial as pose_bench
+from testbench.studies.pose_selection import words as text
+from testbench.studies.pose_selection.scene import scene
+from testbench.studies.pose_selection.summary import Findings, summary
 from testbench.trials import run_trials
+from testbench.views import tables
+from testbench.views.recording import write_plan
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK = pose_ground.Study(

@@ -13,12 +13,16 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, figures_single_link, files
-from testbench.bench import build_cell
-from testbench.csvfile import write_csv
-from testbench.recording import write_single_link
-from testbench.studies import single_link, single_link_report, single_link_text
+from testbench import files
+from testbench.bench.campaign import build_cell
+from testbench.cli import command
+from testbench.data.csvfile import write_csv
+from testbench.studies.single_link import figure as figures_single_link
+from testbench.studies.single_link import summary as single_link_report
+from testbench.studies.single_link import trial as single_link
+from testbench.studies.single_link import words as single_link_text
 from testbench.trials import run_trials
+from testbench.views.recording import write_single_link
 
 ARM = Path(__file__).resolve().parents[1] / "models" / single_link.NAME
 QUICK_DRAWS, ORDER_DRAWS, QUICK_ORDER_DRAWS, CHUNK = 100, 200, 10, 10

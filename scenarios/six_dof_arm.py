@@ -14,14 +14,17 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, files, tables
-from testbench.bench import build_cell, named_models
-from testbench.csvfile import write_csv
-from testbench.figures_six_dof import six_dof_arm
-from testbench.full_pose import FullPose, identify, simulate
-from testbench.recording import write_calibration
-from testbench.studies import six_dof, six_dof_text
+from testbench import files
+from testbench.bench.campaign import build_cell, named_models
+from testbench.bench.full_pose import FullPose, identify, simulate
+from testbench.cli import command
+from testbench.data.csvfile import write_csv
+from testbench.studies.six_dof_arm import trial as six_dof
+from testbench.studies.six_dof_arm import words as six_dof_text
+from testbench.studies.six_dof_arm.figure import six_dof_arm
 from testbench.trials import run_trials
+from testbench.views import tables
+from testbench.views.recording import write_calibration
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK_SEEDS = 5

@@ -14,15 +14,18 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from testbench import command, files
-from testbench.bench import build_cell
-from testbench.csvfile import write_csv
-from testbench.figures_solvers import solver_comparison
-from testbench.full_pose import FullPose, simulate
+from testbench import files
+from testbench.bench.campaign import build_cell
+from testbench.bench.full_pose import FullPose, simulate
+from testbench.cli import command
+from testbench.data.csvfile import write_csv
 from testbench.identify.modelled import cvxpy
-from testbench.recording import write_solver
-from testbench.studies import solvers, solvers_report, solvers_text
+from testbench.studies.solver_comparison import summary as solvers_report
+from testbench.studies.solver_comparison import trial as solvers
+from testbench.studies.solver_comparison import words as solvers_text
+from testbench.studies.solver_comparison.figure import solver_comparison
 from testbench.trials import run_trials
+from testbench.views.recording import write_solver
 
 ROOT = Path(__file__).resolve().parents[1]
 ARM = ROOT / "models" / "arm_6r"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from testbench.bench import Cell, build_cell
+from testbench.bench.campaign import Cell, build_cell
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 

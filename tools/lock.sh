@@ -18,7 +18,7 @@ compile() {
     --no-header --no-annotate --no-emit-index-url --no-emit-find-links --no-emit-build-options "$@" >/dev/null
 }
 
-compile "$@" pyproject.toml --all-extras --group test --group build --group qa -o requirements.lock
+compile "$@" pyproject.toml --all-extras --group test --group build --group qa --group docs -o requirements.lock
 compile "$@" --group bench --constraints requirements.lock -o requirements-bench.lock
 if grep -nE '://|^ *--(index|extra|find|trusted|no-|only)| @ ' requirements.lock requirements-bench.lock; then
   echo "the locks must hold names, versions and hashes only" >&2

@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 from PIL import Image
 
-from testbench import command
+from testbench.cli import command
 from testbench.errors import BenchError
-from testbench.recording import viewer
+from testbench.views.recording import viewer
 
 COLOURS = 256
 """Of a picture: a viewer's screen has few, and the file shrinks to a third."""

@@ -12,10 +12,14 @@ from typing import Annotated, Any
 
 import typer
 
-from testbench import command, tables
+from testbench.cli import command
 from testbench.errors import InputError
-from testbench.report import show, show_truth
-from testbench.studies import loaded_text, single_link_text, six_dof_text, solvers_text
+from testbench.studies.loaded_stiffness import words as loaded_text
+from testbench.studies.single_link import words as single_link_text
+from testbench.studies.six_dof_arm import words as six_dof_text
+from testbench.studies.solver_comparison import words as solvers_text
+from testbench.views import tables
+from testbench.views.report import show, show_truth
 
 ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "paper", ROOT / "docs" / "paper.md"

@@ -11,7 +11,7 @@ from testbench.errors import Array, BenchError
 from testbench.identify.prior import Metric
 from testbench.identify.regression import RANK_TOLERANCE, marker_motion
 from testbench.identify.regularised import Strength, precision_root
-from testbench.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
+from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
 
 Ids = npt.NDArray[np.int_]
 

@@ -16,7 +16,7 @@ import numpy as np
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.estimate import Certificate, Dual, Estimate
 from testbench.identify.regression import Regression, f_m
-from testbench.structure import Structure
+from testbench.model.structure import Structure
 
 LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""

@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import bound_gap, scaled_units, total_trace
 from testbench.identify.estimate import Dual, Estimate, make_estimate
 from testbench.identify.regression import Regression, f_m, reduce
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 TRACE_WEIGHT = 1e-8
 """Weight of the trace beside F_M, both as shares of what the data span.

@@ -10,14 +10,14 @@ from functools import partial
 
 import numpy as np
 
-from testbench.dataset import Dataset, Mask, select
+from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
 from testbench.identify.prior import Metric, Prior, metric, rescaled
 from testbench.identify.regression import Regression, f_m, reduce
 from testbench.identify.regularised import Strength
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""

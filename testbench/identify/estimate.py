@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from testbench.dataset import Dataset
+from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, check_array
 from testbench.identify.regression import Regression, f_m
-from testbench.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""

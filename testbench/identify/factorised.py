@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify
 from testbench.identify.conic import DATA_TOLERANCE, Program, check_symmetric, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import Regression, Term, reduce
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 Observe = Callable[[float], None]
 """Told of every F_M that is the least so far; a clock or a plot may listen."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.conic import check_symmetric
 from testbench.identify.identifiability_help import (
@@ -35,8 +35,8 @@ from testbench.identify.prior import Metric, Prior, aggregate, metric, whitened
 from testbench.identify.reduction import generic_rows
 from testbench.identify.regression import marker_motion, marker_points, reduce
 from testbench.identify.regularised import Strength, precision_root
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 POSES = 60
 """Random poses under the loads of the data: what these do not see, no pose under these loads shows."""

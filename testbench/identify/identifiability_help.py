@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import Regression, marker_points, rank, reduce
-from testbench.vjm import Vjm, observation
+from testbench.model.vjm import Vjm, observation
 
 OFFSET = 0.3
 """Distance of a second load point or of one more marker [m]."""

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 
 def least_squares(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:

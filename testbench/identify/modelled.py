@@ -12,14 +12,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import scaled_units
 from testbench.identify.conic import check_symmetric, scale_program
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.regression import Regression, reduce
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 Entries = Callable[[Structure, list[Any]], Any]
 """How a model takes its parameters from its blocks, both expressions of cvxpy."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from testbench.arm import Arm
+from testbench.arm.folder import Arm
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import check_symmetric
 from testbench.identify.regression import Regression
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 SMALLEST = 1e-9
 """Eigenvalue of a block of the prior of unit diagonal below which it counts as singular."""

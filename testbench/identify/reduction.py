@@ -5,8 +5,8 @@ from scipy.linalg import qr
 
 from testbench.errors import Array
 from testbench.identify.regression import rank
-from testbench.structure import Structure
-from testbench.vjm import Vjm, observation
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, observation
 
 GENERIC_RUNS = 60
 """Random runs of a full wrench, read in full pose: they see all that any experiment can."""

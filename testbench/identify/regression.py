@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.structure import Structure
-from testbench.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
 
 BLOCK_RUNS = 384
 """Runs reduced at a time: long enough for LAPACK, short enough for the cache."""

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from testbench.dataset import Dataset, Mask
+from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify import prior
 from testbench.identify.conic import optimum, solver_settings
@@ -43,15 +43,9 @@ from testbench.identify.regression import (
     reduce,
     regression_of,
 )
-from testbench.identify.regularised import (
-    Strength,
-    gco_with,
-    least_squares_with,
-    precision_root,
-    status_of,
-)
-from testbench.structure import Structure
-from testbench.vjm import Vjm, observation
+from testbench.identify.regularised import Strength, gco_with, least_squares_with, precision_root, status_of
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, observation
 
 DELTA = 1.628
 """Length of a residual, in standard deviations, beyond which its reading pulls no harder.

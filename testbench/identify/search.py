@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
-from testbench.dataset import Dataset
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify
 from testbench.identify.conic import optimum
@@ -30,8 +30,8 @@ from testbench.identify.factorised import (
     parameters,
 )
 from testbench.identify.regression import reduce
-from testbench.structure import Structure
-from testbench.vjm import Vjm
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 BOX = 1.0
 """Bound of the entries of b in trial points: one axis of that size explains all the data by itself."""

@@ -19,8 +19,8 @@ from testbench.identify.estimate import Estimate
 from testbench.identify.prior import Metric
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
 from testbench.identify.regularised import Strength, precision_root
-from testbench.structure import Structure
-from testbench.vjm import Vjm, observation
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, observation
 
 UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""

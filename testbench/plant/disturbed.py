@@ -12,9 +12,9 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from testbench.arm import Arm
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import find_body
 from testbench.errors import Array, check_array
-from testbench.mjcf import find_body
 from testbench.plant.compensator import attached, strut
 from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
 from testbench.plant.elastic import AXES, elastic_mjcf

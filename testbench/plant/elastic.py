@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm import Arm, Link
+from testbench.arm.folder import Arm, Link
+from testbench.arm.mjcf import find_body, read_mjcf
 from testbench.errors import Array, InputError
-from testbench.mjcf import find_body, read_mjcf
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 CARRIER_MASS = 1e-9

@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from testbench.arm import Arm
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import read_mjcf
 from testbench.errors import Array, InputError, NoEquilibrium, check_array
-from testbench.mjcf import read_mjcf
 from testbench.plant.elastic import elastic_mjcf, theta_names
 
 Index = npt.NDArray[np.int_]

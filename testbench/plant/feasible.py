@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from testbench.arm import Arm
+from testbench.arm.folder import Arm
 from testbench.errors import Array, PoseError, check_array
 from testbench.plant.equilibrium import compile_mjcf
 

@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from testbench.arm import Arm
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import read_mjcf
+from testbench.data.station import check_position
 from testbench.errors import Array, BenchError, check_array
-from testbench.mjcf import read_mjcf
 from testbench.plant.equilibrium import compile_mjcf
 from testbench.plant.shapes import VISUAL_GROUPS
-from testbench.station import check_position
 
 Index = npt.NDArray[np.int_]
 Kind = Literal["itself", "room", "tracker", "payload"]

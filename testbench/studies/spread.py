@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from testbench.report import Report
+from testbench.views.report import Report
 
 Key = tuple[Any, ...]
 

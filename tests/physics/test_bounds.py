@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench import Scenario, simulate
+from testbench.bench.campaign import Scenario, simulate
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, reduce
 from testbench.identify.bounds import bounds, fit_set
@@ -13,8 +13,8 @@ from testbench.identify.estimate import is_conservative
 from testbench.identify.prior import Prior, aggregate, cad_prior, metric
 from testbench.identify.regularised import blocks_of, project
 from testbench.identify.uncertainty import deflection_rows, resampler
-from testbench.structure import Structure, all153, mgco68, template56
-from testbench.vjm import chain, generalised_load
+from testbench.model.structure import Structure, all153, mgco68, template56
+from testbench.model.vjm import chain, generalised_load
 
 
 @pytest.fixture(scope="module")

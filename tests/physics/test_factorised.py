@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from testbench.bench import stream
+from testbench.bench.campaign import stream
+from testbench.bench.full_pose import FullPose, simulate
 from testbench.errors import BenchError
-from testbench.full_pose import FullPose, simulate
 from testbench.identify import Budget, gco, gco_factorised, gco_paper, reduce
 from testbench.identify.factorised import (
     best_of,
@@ -20,7 +20,7 @@ from testbench.identify.factorised import (
 )
 from testbench.identify.regression import f_m
 from testbench.identify.search import BOX, Basin, Search, explore, trial_points
-from testbench.structure import free36, mgco69, mgco147, template56
+from testbench.model.structure import free36, mgco69, mgco147, template56
 
 SECTION_5_2 = FullPose(
     arm="arm_6r", sigma=25e-6 / 2**0.5, sigma_rotation=250e-6 / 2**0.5, least=9e-3, most=41e-3

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.bench import Model, named_models
+from testbench.bench.campaign import Model, named_models
+from testbench.bench.full_pose import FullPose, identify, random_wrenches, simulate
 from testbench.errors import BenchError, PoseError
-from testbench.full_pose import FullPose, identify, random_wrenches, simulate
 from testbench.identify import gco, least_squares, reduce
-from testbench.structure import Structure, all153
-from testbench.vjm import observation
+from testbench.model.structure import Structure, all153
+from testbench.model.vjm import observation
 
 PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 

@@ -8,28 +8,19 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from testbench.bench import Scenario, simulate
-from testbench.dataset import Dataset
+from testbench.bench.campaign import Scenario, simulate
+from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.figures_identifiability import shares
 from testbench.identify.identifiability import describe
 from testbench.identify.identifiability_help import REPEAT, imagined, more_poses, tasks
-from testbench.identify.identifiability_report import to_dict
-from testbench.identify.identifiability_text import sentences, table
 from testbench.identify.prior import Prior, cad_prior, metric, whitened
 from testbench.identify.reduction import generic_rows, non_redundant
 from testbench.identify.regression import rank, reduce
 from testbench.identify.regularised import Strength
-from testbench.structure import (
-    Structure,
-    all153,
-    free36,
-    mgco47,
-    mgco68,
-    mgco69,
-    mgco147,
-    template56,
-)
+from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
+from testbench.studies.identifiability.figure import shares
+from testbench.views.identifiability_report import to_dict
+from testbench.views.identifiability_text import sentences, table
 
 STRENGTH = Strength(0.3)
 

@@ -6,25 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from testbench.bench import Scenario, simulate
-from testbench.dataset import Dataset
+from testbench.bench.campaign import Scenario, simulate
+from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.evaluate import normality, predict, score
 from testbench.identify import certify, conic, gco, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds
+from testbench.identify.evaluate import normality, predict, score
 from testbench.identify.least_squares import information_matrix
+from testbench.identify.plausibility import doubts
 from testbench.identify.regression import f_m, f_m_gradient
-from testbench.plausibility import doubts
-from testbench.structure import (
-    Structure,
-    all153,
-    mgco47,
-    mgco68,
-    mgco69,
-    mgco147,
-    template56,
-)
-from testbench.vjm import observation
+from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
+from testbench.model.vjm import observation
 
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6
 

@@ -5,24 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench import build_cell, stream
-from testbench.dataset import Dataset
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import build_cell, stream
+from testbench.data.dataset import Dataset
 from testbench.design.criteria import criterion_a, criterion_d, criterion_e
 from testbench.design.exchange import exchange
-from testbench.design.rows import (
-    Experiment,
-    Load,
-    build_problem,
-    deflection_rows,
-    information,
-    reading_rows,
-)
-from testbench.errors import BenchError
-from testbench.identify import reduce
-from testbench.identify.prior import cad_prior, metric, whitened
-from testbench.identify.regularised import Strength, precision_root
-from testbench.mjcf import GRAVITY
-from testbench.planning import (
+from testbench.design.planning import (
     CRITERIA,
     DETOUR,
     Brief,
@@ -34,11 +22,16 @@ from testbench.planning import (
     stock_up,
     task_rows,
 )
+from testbench.design.rows import Experiment, Load, build_problem, deflection_rows, information, reading_rows
+from testbench.errors import BenchError
+from testbench.identify import reduce
+from testbench.identify.prior import cad_prior, metric, whitened
+from testbench.identify.regularised import Strength, precision_root
+from testbench.model.poses import WorkArea, random_poses
+from testbench.model.structure import mgco68, template56
+from testbench.model.vjm import observation
 from testbench.plant import collisions
-from testbench.poses import WorkArea, random_poses
-from testbench.structure import mgco68, template56
-from testbench.studies.pose_promise import draw
-from testbench.vjm import observation
+from testbench.studies.pose_selection.promise import draw
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from testbench.arm import load_arm
+from testbench.arm.folder import load_arm
+from testbench.arm.stiffness import Tube, tube_compliance
 from testbench.errors import InputError, NoEquilibrium
 from testbench.plant import build_plant, elastic_mjcf, settle, settle_linear, write_elastic
-from testbench.stiffness import Tube, tube_compliance
 
 GRAVITY = 9.81
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench import Scenario, simulate
+from testbench.bench.campaign import Scenario, simulate
 from testbench.errors import BenchError
-from testbench.evaluate import predict, score
 from testbench.identify import gco, reduce
 from testbench.identify.crossval import (
     choose_strength,
@@ -18,6 +17,7 @@ from testbench.identify.crossval import (
     one_standard_error,
     with_prior,
 )
+from testbench.identify.evaluate import predict, score
 from testbench.identify.prior import Prior, aggregate, cad_prior, distorted, metric, rescaled, whitened
 from testbench.identify.regularised import (
     SLACK,
@@ -29,8 +29,8 @@ from testbench.identify.regularised import (
     precision_root,
 )
 from testbench.identify.stein import gco_stein
-from testbench.structure import Structure, all153, mgco68, mgco147, template56
-from testbench.vjm import observation
+from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
+from testbench.model.vjm import observation
 
 
 def campaign(cell, seed, **changes):

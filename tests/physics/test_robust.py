@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from testbench.bench import Scenario, simulate
-from testbench.dataset import Dataset
+from testbench.bench.campaign import Scenario, simulate
+from testbench.data.dataset import Dataset
+from testbench.data.outliers import spoil
 from testbench.errors import BenchError
-from testbench.evaluate import predict, score
 from testbench.identify import gco, least_squares, reduce, robust
+from testbench.identify.evaluate import predict, score
 from testbench.identify.prior import cad_prior, distorted, metric
 from testbench.identify.reduction import non_redundant
 from testbench.identify.regression import f_m
@@ -23,9 +24,8 @@ from testbench.identify.regularised import (
     project,
 )
 from testbench.identify.robust import DELTA, REJECT, TOOL, gco_robust, huber, least_squares_robust, weigh
-from testbench.outliers import spoil
-from testbench.structure import all153, mgco68, template56
-from testbench.vjm import observation
+from testbench.model.structure import all153, mgco68, template56
+from testbench.model.vjm import observation
 
 STRENGTH = Strength(0.3)
 

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.full_pose import simulate
-from testbench.paper import EQ_22, EQ_23
-from testbench.studies.single_link import (
+from testbench.bench.full_pose import simulate
+from testbench.studies.paper import EQ_22, EQ_23
+from testbench.studies.single_link.printed import printed_matrices, readings
+from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,
     Study,
@@ -18,7 +19,6 @@ from testbench.studies.single_link import (
     trials,
     wrenches_within,
 )
-from testbench.studies.single_link_printed import printed_matrices, readings
 
 STUDY = Study(draws=1, order_draws=1)
 LOADS = np.diag([10.0] * 6)

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from testbench.arm import load_arm
+from testbench.arm.folder import load_arm
 from testbench.errors import BenchError
+from testbench.model.vjm import chain
 from testbench.plant import Contact, Payload, build_room, build_site, collisions, contacts, hidden
 from testbench.plant.shapes import body_names, rigid_frames
 from testbench.plant.site import HEAD_RADIUS, KINDS, TARGET_RADIUS
-from testbench.vjm import chain
 
 STATION = (4.5, -2.5, 1.6)
 READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])

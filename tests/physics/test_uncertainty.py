@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbench.bench import Scenario, simulate
+from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.full_pose import FullPose
+from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.errors import BenchError
-from testbench.full_pose import FullPose
-from testbench.full_pose import simulate as simulate_full_pose
 from testbench.identify import gco, least_squares, make_estimate, reduce
 from testbench.identify.conic import optimum
 from testbench.identify.least_squares import solve
@@ -23,8 +23,8 @@ from testbench.identify.uncertainty import (
     linearise,
     resampler,
 )
-from testbench.structure import Structure, all153, mgco68, template56
-from testbench.studies.coverage import (
+from testbench.model.structure import Structure, all153, mgco68, template56
+from testbench.studies.identifiability.coverage import (
     Case,
     bound_coverage,
     draw_conservative,

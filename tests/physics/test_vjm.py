@@ -7,17 +7,9 @@ import pytest
 from testbench.errors import BenchError
 from testbench.identify.reduction import non_redundant
 from testbench.identify.regression import rank
+from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
+from testbench.model.vjm import cartesian_compliance, chain, jacobian, observation
 from testbench.plant import settle_linear
-from testbench.structure import (
-    Structure,
-    all153,
-    mgco47,
-    mgco68,
-    mgco69,
-    mgco147,
-    template56,
-)
-from testbench.vjm import cartesian_compliance, chain, jacobian, observation
 
 AGREE = 1e-10  # the bar; both libraries come within 1e-14
 

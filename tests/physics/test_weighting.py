@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench import Scenario, build_cell, measure, simulate, stream
-from testbench.dataset import select
+from testbench.bench.campaign import Scenario, build_cell, measure, simulate, stream
+from testbench.data.dataset import select
+from testbench.data.tracker import LaserTracker, Tracker, precision
 from testbench.errors import BenchError
-from testbench.evaluate import predict, score
 from testbench.identify import reduce
+from testbench.identify.evaluate import predict, score
 from testbench.identify.least_squares import solve
 from testbench.identify.prior import cad_prior, distorted, metric, rescaled
 from testbench.identify.regularised import Strength, gco_with
 from testbench.identify.robust import weigh
-from testbench.structure import mgco68, template56
-from testbench.tracker import LaserTracker, Tracker, precision
-from testbench.vjm import observation
+from testbench.model.structure import mgco68, template56
+from testbench.model.vjm import observation
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from testbench.arm import load_arm
+from testbench.arm.folder import load_arm
+from testbench.arm.mjcf import MAX_DEPTH, read_mjcf
 from testbench.errors import InputError
-from testbench.mjcf import MAX_DEPTH, read_mjcf
 
 MODELS = Path(__file__).parents[2] / "models"
 FUZZ = settings(

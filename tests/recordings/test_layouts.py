@@ -11,32 +11,30 @@ import rerun as rr
 from read_back import chunks_of, columns, document, layout, on, panes, rerun, series, views
 from rerun.chunk import RrdReader
 
-from testbench import full_pose
-from testbench.bench import Scenario, build_cell, identify, named_models, simulate
+from testbench.bench import full_pose
+from testbench.bench.campaign import Scenario, build_cell, identify, named_models, simulate
+from testbench.bench.full_pose import FullPose
 from testbench.errors import BenchError
-from testbench.full_pose import FullPose
-from testbench.paper import SECTION_6
-from testbench.recording import (
+from testbench.studies import sweeps
+from testbench.studies.loaded_stiffness import trial as loaded
+from testbench.studies.loaded_stiffness import words as loaded_text
+from testbench.studies.paper import SECTION_6
+from testbench.studies.single_link import summary as single_link_report
+from testbench.studies.single_link import trial as single_link
+from testbench.studies.single_link import words as single_link_text
+from testbench.studies.six_dof_arm import trial as six_dof
+from testbench.studies.solver_comparison import summary as solvers_report
+from testbench.studies.solver_comparison import trial as solvers
+from testbench.studies.solver_comparison import words as solvers_text
+from testbench.views.recording import (
     Point,
     Sweep,
-    sweeps,
     write_calibration,
     write_single_link,
     write_solver,
     write_sweep,
 )
-from testbench.report import middle, report
-from testbench.studies import (
-    loaded,
-    loaded_text,
-    single_link,
-    single_link_report,
-    single_link_text,
-    six_dof,
-    solvers,
-    solvers_report,
-    solvers_text,
-)
+from testbench.views.report import middle, report
 
 BUDGET = 2 * 2**20
 TIMELINES = {

@@ -9,10 +9,10 @@ import pytest
 from read_back import chunks_of, columns, document, layout, on, panes, rerun, series, views
 
 from testbench.errors import BenchError
+from testbench.model.vjm import chain
 from testbench.plant.shapes import body_names, rigid_frames
-from testbench.recording import PlanScene, Point, Sweep, write_plan
-from testbench.recording.error_map import shades, shares, sizes
-from testbench.vjm import chain
+from testbench.views.recording import PlanScene, Point, Sweep, write_plan
+from testbench.views.recording.error_map import shades, shares, sizes
 
 BUDGET = 2**20
 POSES, STATION, LOADS = 5, (4.5, -2.5, 1.6), (230.0, 460.3)

@@ -10,21 +10,15 @@ import pytest
 import rerun as rr
 from read_back import chunks_of, columns, document, layout, on, rerun, series
 
-from testbench.bench import Scenario, build_cell, identify, named_models, simulate
-from testbench.paper import SECTION_6
+from testbench.bench.campaign import Scenario, build_cell, identify, named_models, simulate
+from testbench.model.poses import WorkArea
 from testbench.plant import settle
-from testbench.plant.shapes import (
-    body_names,
-    elastic_frames,
-    join_meshes,
-    rigid_frames,
-    visual_shapes,
-)
-from testbench.poses import WorkArea
-from testbench.recording import calibration, write_calibration
-from testbench.recording.compliance import compress, scaled
-from testbench.recording.study import build_study
-from testbench.report import report, summarise
+from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
+from testbench.studies.paper import SECTION_6
+from testbench.views.recording import calibration, write_calibration
+from testbench.views.recording.compliance import compress, scaled
+from testbench.views.recording.study import build_study
+from testbench.views.report import report, summarise
 
 BUDGET = 2 * 2**20
 SMALL = {

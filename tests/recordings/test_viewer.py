@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from testbench.errors import BenchError
-from testbench.recording import Point, Sweep, viewer, write_sweep
+from testbench.views.recording import Point, Sweep, viewer, write_sweep
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from unittest import mock
 
-from testbench import command
+from testbench.cli import command
 
 
 def here(app, *args):

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from run_here import here
 
-from testbench import cli
-from testbench.bench import Scenario, build_cell, simulate
-from testbench.csvfile import write_csv
+from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.cli import app as cli
+from testbench.data.csvfile import write_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

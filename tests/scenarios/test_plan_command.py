@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench import command
-from testbench.bench import Scenario, measure, stream
-from testbench.cli import app
-from testbench.csvfile import plan_columns, read_poses
-from testbench.planfile import read_tasks
-from testbench.plans import hung, straight_way
+from testbench.bench.campaign import Scenario, measure, stream
+from testbench.bench.plan import hung, straight_way
+from testbench.cli import command
+from testbench.cli.app import app
+from testbench.cli.planfile import read_tasks
+from testbench.data.csvfile import plan_columns, read_poses
+from testbench.data.station import Station
+from testbench.data.tracker import Tracker
+from testbench.model.poses import in_area
+from testbench.model.vjm import chain, jacobian
 from testbench.plant import collisions
-from testbench.poses import in_area
-from testbench.station import Station
-from testbench.tracker import Tracker
-from testbench.vjm import chain, jacobian
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

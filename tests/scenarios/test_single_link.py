@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from testbench.arm import load_arm
-from testbench.csvfile import read_csv
+from testbench.arm.folder import load_arm
+from testbench.data.csvfile import read_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "single_link.py"

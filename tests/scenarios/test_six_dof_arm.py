@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.arm import load_arm
-from testbench.csvfile import read_csv
-from testbench.studies.six_dof_text import which_m
+from testbench.arm.folder import load_arm
+from testbench.data.csvfile import read_csv
+from testbench.studies.six_dof_arm.words import which_m
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "six_dof_arm.py"

@@ -12,8 +12,10 @@ import trial_work
 import typer
 from rich.console import Console
 
-from testbench import command, files
-from testbench.trials import Study, open_store, options, run_study, show_progress, write_parquet
+from testbench import files
+from testbench.cli import command
+from testbench.cli import trial_options as options
+from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
 
 app = typer.Typer(add_completion=False)
 

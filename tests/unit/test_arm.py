@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.arm import Arm, load_arm
+from testbench.arm.folder import Arm, load_arm
 from testbench.errors import InputError
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from testbench.bench import Cell
-from testbench.candidates import (
+from testbench.bench.campaign import Cell
+from testbench.bench.candidates import (
     ADVICE,
     BATCH,
     BLOCKED,
@@ -23,11 +23,11 @@ from testbench.candidates import (
     find,
     why_not,
 )
+from testbench.data.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
 from testbench.errors import Array, BenchError, PoseError
+from testbench.model.poses import WorkArea
 from testbench.plant import Payload, collisions, contacts, hidden
 from testbench.plant.shapes import body_names, rigid_frames
-from testbench.poses import WorkArea
-from testbench.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))

@@ -5,8 +5,9 @@ import threading
 
 import pytest
 
+from testbench.cli import trial_options as options
 from testbench.errors import BenchError
-from testbench.trials import on_cores, options
+from testbench.trials import on_cores
 from testbench.trials.cluster import check_address, on_cluster
 
 

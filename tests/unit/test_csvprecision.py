@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.arm import load_arm
-from testbench.bench import Scenario, build_cell, simulate
-from testbench.csvfile import read_csv, write_csv
-from testbench.csvprecision import COLUMNS
+from testbench.arm.folder import load_arm
+from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.data.csvfile import read_csv, write_csv
+from testbench.data.csvprecision import COLUMNS
+from testbench.data.tracker import LaserTracker, precision
 from testbench.errors import InputError
-from testbench.tracker import LaserTracker, precision
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 ARM = load_arm(KR500)

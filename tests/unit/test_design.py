@@ -5,14 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from testbench.design.criteria import (
-    Linear,
-    criterion_a,
-    criterion_d,
-    criterion_e,
-    criterion_g,
-    mean_square,
-)
+from testbench.design.criteria import Linear, criterion_a, criterion_d, criterion_e, criterion_g, mean_square
 from testbench.design.exchange import exchange, greedy, select
 from testbench.design.forecast import forecast
 from testbench.design.observability import observability

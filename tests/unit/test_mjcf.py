@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import InputError
-from testbench.mjcf import angle_unit, find_body, numbers, read_mjcf
 
 MODELS = Path(__file__).parents[2] / "models"
 BODY = '<worldbody><body name="a"><inertial pos="0 0 0" mass="1"/></body></worldbody>'

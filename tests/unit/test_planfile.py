@@ -5,10 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.csvfile import plan_columns, read_poses
+from testbench.bench.plan import hung, nearest_turn
+from testbench.cli.planfile import (
+    parse_box,
+    parse_numbers,
+    parse_station,
+    read_payload,
+    read_tasks,
+    write_plan,
+)
+from testbench.data.csvfile import plan_columns, read_poses
 from testbench.errors import BenchError, InputError
-from testbench.planfile import parse_box, parse_numbers, parse_station, read_payload, read_tasks, write_plan
-from testbench.plans import hung, nearest_turn
 
 NAMES = [f"joint_{k}" for k in range(1, 7)]
 POSES = np.array([[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15]], dtype=float)

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from testbench.errors import Array, BenchError
-from testbench.stiffness import (
+from testbench.arm.stiffness import (
     SYMMETRY_TOLERANCE,
     Tube,
     check_compliance,
@@ -17,6 +16,7 @@ from testbench.stiffness import (
     gramian,
     tube_compliance,
 )
+from testbench.errors import Array, BenchError
 
 STEEL = Tube(length=0.9, outer_diameter=0.2, inner_diameter=0.16, youngs_modulus=2.1e11, poissons_ratio=0.3)
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=60)

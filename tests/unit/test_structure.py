@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.arm import Arm, load_arm
-from testbench.bench import Cell
+from testbench.arm.folder import Arm, load_arm
+from testbench.bench.campaign import Cell
+from testbench.bench.full_pose import FullPose, simulate
 from testbench.errors import BenchError
-from testbench.full_pose import FullPose, simulate
 from testbench.identify import reduce
 from testbench.identify.conic import optimum
 from testbench.identify.factorised import factorise
-from testbench.structure import (
+from testbench.model.structure import (
     FREE,
     FULL,
     TEMPLATE,
@@ -26,7 +26,7 @@ from testbench.structure import (
     mgco147,
     template56,
 )
-from testbench.vjm import observation
+from testbench.model.vjm import observation
 
 MODELS = Path(__file__).parents[2] / "models"
 MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]

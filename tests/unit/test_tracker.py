@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from testbench.errors import Array, BenchError
-from testbench.tracker import (
+from testbench.data.tracker import (
     RADIAL,
     TRANSVERSE,
     Accuracy,
@@ -18,6 +17,7 @@ from testbench.tracker import (
     read_orientations,
     read_positions,
 )
+from testbench.errors import Array, BenchError
 
 DRAWS = 20_000
 ERROR_RATE = 1e-6

@@ -1,0 +1,1 @@
+"""An arm as its folder describes it: bodies, elastic properties, frames."""

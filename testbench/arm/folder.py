@@ -1,0 +1,340 @@
+"""The description of an arm that truth and model share: names, limits, frames, compliances.
+
+An arm is a folder: `rigid.xml` (MJCF: kinematics, masses, geometry) and `elastic.toml` (which body is
+which link, and the true compliances, each number with its unit and origin).
+"""
+
+import os
+import tomllib
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.stiffness import COMPLIANCE_RANGE, Tube, check_compliance, tube_compliance
+from testbench.errors import Array, BenchError, InputError, read_text
+
+MAX_TOML_BYTES = 100_000
+MAX_DOTS = 200
+"""Dots in one line of elastic.toml: the time that tomllib takes grows with the square of a dotted key."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """An elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1).
+
+    Attributes:
+        name: Its body in rigid.xml.
+        frame: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
+        compliance: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/(N m)].
+    """
+
+    name: str
+    frame: Array
+    compliance: Array
+
+
+@dataclass(frozen=True)
+class Joint:
+    """An actuated joint with a spring beside it.
+
+    Attributes:
+        name: The hinge in rigid.xml.
+        lower: Lower limit [rad].
+        upper: Upper limit [rad].
+        compliance: True compliance [rad/(N m)].
+    """
+
+    name: str
+    lower: float
+    upper: float
+    compliance: float
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A serial arm of n actuated joints and n + 1 elastic links.
+
+    Attributes:
+        name: The folder's name.
+        title: For people.
+        rigid: Path of the rigid MJCF.
+        links: From the base to the flange, n + 1.
+        joints: From the base to the flange, n.
+        tool: Body of the tool's centre point, a child of the last link.
+        load: Body at whose origin a hung weight acts.
+        markers: Bodies that the tracker reads.
+    """
+
+    name: str
+    title: str
+    rigid: Path
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    tool: str
+    load: str
+    markers: tuple[str, ...]
+
+    @property
+    def n_joints(self) -> int:
+        """Number of actuated joints, n."""
+        return len(self.joints)
+
+    @property
+    def n_theta(self) -> int:
+        """Number of virtual joint coordinates: 6 a link, then 1 a joint; 48 for six joints."""
+        return 6 * len(self.links) + len(self.joints)
+
+    @property
+    def C_theta(self) -> Array:
+        """True aggregated joint compliance, block diagonal, (n_theta, n_theta), Eq. (17)."""
+        C = np.zeros((self.n_theta, self.n_theta))
+        for i, link in enumerate(self.links):
+            C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = link.compliance
+        first = 6 * len(self.links)
+        C[range(first, self.n_theta), range(first, self.n_theta)] = [j.compliance for j in self.joints]
+        return C
+
+    @property
+    def limits(self) -> Array:
+        """Lower and upper joint limits, (2, n) [rad]."""
+        return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=False
+    )
+
+
+Origin = Literal["published", "inferred", "assumed"]
+Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^\P{C}+$")]  # no control characters
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class _Quantity(_Strict):
+    value: float
+    origin: Origin
+    note: str = ""
+
+
+class _Metre(_Quantity):
+    unit: Literal["m"]
+
+
+class _Pascal(_Quantity):
+    unit: Literal["Pa"]
+
+
+class _Ratio(_Quantity):
+    unit: Literal["1"]
+
+
+class _RadPerNm(_Quantity):
+    unit: Literal["rad/(N m)"]
+
+
+class _Matrix(_Strict):
+    value: list[list[float]]
+    unit: Literal["m/N, rad/(N m)"]
+    origin: Origin
+    note: str = ""
+
+
+class _Tube(_Strict):
+    length: _Metre
+    outer_diameter: _Metre
+    inner_diameter: _Metre
+    youngs_modulus: _Pascal
+    poissons_ratio: _Ratio
+
+
+class _Link(_Strict):
+    name: Name
+    axis: Vector
+    normal: Vector
+    tube: _Tube | None = None
+    compliance: _Matrix | None = None
+
+
+class _Joint(_Strict):
+    name: Name
+    compliance: _RadPerNm
+
+
+class _Elastic(_Strict):
+    format: Literal[1]
+    title: str
+    tool: Name
+    load: Name
+    markers: list[Name] = Field(min_length=1)
+    link: list[_Link] = Field(min_length=1)
+    joint: list[_Joint] = Field(default_factory=list)
+
+
+def load_arm(folder: str | Path) -> Arm:
+    """Read and check an arm's folder.
+
+    Args:
+        folder: Holds rigid.xml and elastic.toml; models/kr500_l480/README.md shows the format.
+
+    Returns:
+        The arm, every body, joint and marker known to be in the MJCF and in chain order.
+
+    Raises:
+        InputError: Names the file, the place and what was expected.
+    """
+    folder = Path(folder)
+    if not os.path.isdir(folder):  # noqa: PTH112 - a name too long is no folder either
+        raise InputError(folder, "", "expected a folder with rigid.xml and elastic.toml")
+    toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
+    elastic = _read_elastic(toml_path)
+    root = read_mjcf(rigid)
+    _check_names(toml_path, elastic)
+    arm = Arm(
+        name=folder.resolve().name,
+        title=elastic.title,
+        rigid=rigid,
+        links=tuple(_link(toml_path, i, link) for i, link in enumerate(elastic.link)),
+        joints=tuple(
+            _joint(toml_path, rigid, root, i, joint, elastic.link[i + 1].name)
+            for i, joint in enumerate(elastic.joint)
+        ),
+        tool=elastic.tool,
+        load=elastic.load,
+        markers=tuple(elastic.markers),
+    )
+    _check_chain(rigid, root, arm)
+    return arm
+
+
+def _read_elastic(path: Path) -> _Elastic:
+    text = read_text(path, MAX_TOML_BYTES)
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.count(".") > MAX_DOTS:
+            raise InputError(path, f"line {number}", f"expected at most {MAX_DOTS} dots in a line")
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as err:  # also an integer of thousands of digits
+        raise InputError(path, "", f"not TOML: {err}") from err
+    try:
+        return _Elastic.model_validate(data)
+    except ValidationError as err:
+        raise InputError(path, *_first(err)) from err
+
+
+def _check_names(path: Path, elastic: _Elastic) -> None:
+    links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
+    if len(links) != len(joints) + 1:
+        raise InputError(
+            path,
+            "link",
+            f"expected one link more than joints, got {len(links)} links and {len(joints)} joints",
+        )
+    for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
+        if len(set(names)) != len(names):
+            raise InputError(path, place, f"expected different names, got {names}")
+
+
+def _first(err: ValidationError) -> tuple[str, str]:
+    """Place and problem of the first finding of pydantic, in one line."""
+    try:
+        first = err.errors(include_url=False, include_context=False)[0]
+        got = repr(first["input"])
+    except (RecursionError, ValueError):  # too deep, or of too many digits, to be shown
+        first = err.errors(include_url=False, include_context=False, include_input=False)[0]
+        got = "something too long to show"
+    place = ".".join(str(part) for part in first["loc"])
+    problem = f"{first['msg']}, got {got if len(got) < 80 else got[:77] + '...'}"
+    return place, problem
+
+
+def _link(path: Path, index: int, link: _Link) -> Link:
+    place = f"link.{index} ({link.name})"
+    if (link.tube is None) == (link.compliance is None):
+        raise InputError(path, place, "expected either a tube or a compliance")
+    try:
+        if link.tube is not None:
+            tube = Tube(**{k: v.value for k, v in link.tube})
+            C = check_compliance(tube_compliance(tube), "compliance of the tube")
+        else:
+            assert link.compliance is not None
+            C = check_compliance(link.compliance.value, "compliance")
+    except BenchError as err:
+        raise InputError(path, place, str(err)) from err
+    return Link(link.name, _frame(path, place, link), C)
+
+
+def _frame(path: Path, place: str, link: _Link) -> Array:
+    x, y = np.array(link.axis), np.array(link.normal)
+    orthonormal = max(abs(x).max(), abs(y).max()) < 2 and np.allclose(
+        [x @ x, y @ y, x @ y], [1, 1, 0], rtol=0, atol=1e-6
+    )
+    if not orthonormal:
+        raise InputError(
+            path,
+            place,
+            f"axis and normal: expected unit vectors at right angles, got {link.axis} and {link.normal}",
+        )
+    x = x / np.linalg.norm(x)  # written to six digits or more; exact from here on
+    y = y - (x @ y) * x
+    y = y / np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+def _joint(path: Path, rigid: Path, root: ET.Element, index: int, joint: _Joint, body: str) -> Joint:
+    low, high = COMPLIANCE_RANGE
+    if not low <= joint.compliance.value <= high:
+        raise InputError(
+            path,
+            f"joint.{index} ({joint.name})",
+            f"compliance: expected {low:g} to {high:g} rad/(N m), got {joint.compliance.value}",
+        )
+    hinges = find_body(rigid, root, body).findall("joint")
+    names = [h.get("name") for h in hinges]
+    if names != [joint.name]:
+        raise InputError(
+            rigid,
+            f"<body name={body!r}>",
+            f"expected exactly the joint {joint.name!r} of {path.name}, got {names}",
+        )
+    hinge = hinges[0]
+    where = f"<joint name={joint.name!r}>"
+    if hinge.get("type", "hinge") != "hinge":
+        raise InputError(rigid, where, f"expected a hinge, got {hinge.get('type')!r}")
+    if hinge.get("pos") is not None and any(numbers(rigid, hinge, "pos", 3)):
+        raise InputError(rigid, where, "expected no pos: the body's origin lies on the joint")
+    if not any(numbers(rigid, hinge, "axis", 3)):
+        raise InputError(rigid, where, "axis: expected a direction, got zero")
+    lower, upper = (x * angle_unit(root) for x in numbers(rigid, hinge, "range", 2))
+    if not lower < upper:
+        raise InputError(rigid, where, f"range: expected lower < upper, got {hinge.get('range')!r}")
+    return Joint(joint.name, lower, upper, joint.compliance.value)
+
+
+def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
+    """Base, links and tool nest in order; load and markers are rigid children of the tool."""
+    chain = [*(link.name for link in arm.links), arm.tool]
+    for parent, child in pairwise(chain):
+        outer, inner = find_body(rigid, root, parent), find_body(rigid, root, child)
+        if inner not in outer.findall("body"):
+            raise InputError(
+                rigid, f"<body name={child!r}>", f"expected as a direct child of body {parent!r}"
+            )
+        if outer.find("inertial") is None:
+            raise InputError(rigid, f"<body name={parent!r}>", "expected an <inertial>")
+    tool = find_body(rigid, root, arm.tool)
+    children = [b.get("name") for b in tool.findall("body")]
+    for name in (arm.load, *arm.markers):
+        if name not in children:
+            kind = "load point" if name == arm.load else "marker"
+            raise InputError(rigid, f"<body name={arm.tool!r}>", f"no {kind} {name!r}; bodies are {children}")
+        find_body(rigid, root, name)
+    expected, names = [j.name for j in arm.joints], [j.get("name") for j in root.iter("joint")]
+    if len(names) != len(expected):
+        raise InputError(rigid, "<joint>", f"expected the joints {expected} and no other, got {names}")

@@ -1,0 +1,1 @@
+"""The composers: a cell, campaigns in it, fits, candidates and plans."""

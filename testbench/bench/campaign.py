@@ -1,0 +1,338 @@
+"""The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from testbench.arm.folder import Arm, load_arm
+from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset, Ids, Mask, split
+from testbench.data.tracker import Tracker, read_positions
+from testbench.errors import Array, BenchError
+from testbench.identify import Estimate, Estimator, gco, least_squares
+from testbench.identify.evaluate import Normality, Score, normality, predict, score
+from testbench.identify.reduction import non_redundant
+from testbench.model.poses import WorkArea, random_poses
+from testbench.model.structure import Structure, mgco47, mgco68, mgco69, mgco147, template56
+from testbench.model.vjm import Vjm, build_vjm
+from testbench.plant import (
+    Equilibrium,
+    Plant,
+    Room,
+    build_plant,
+    build_room,
+    collisions,
+    settle,
+    settle_linear,
+)
+
+Truth = Literal["nonlinear", "linear"]
+
+
+class Scenario(BaseModel):
+    """A gravity calibration campaign as data: what a manifest must hold to run it again.
+
+    Attributes:
+        arm: The arm's folder.
+        payload: Hung mass [kg].
+        sigma: Standard deviation of one tracker reading along one axis [m]; also the weight of the fit.
+        truth: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
+        noise: Whether readings are noisy.
+        station: Work area of the calibration poses.
+        workspace: Area of the second check: the whole workspace above the floor.
+        identification_poses: Poses to identify from.
+        check_poses: Poses never used for it.
+        identification_runs: Runs over the identification poses; some poses are measured twice.
+        check_runs: Runs over the check poses.
+        workspace_poses: Poses of the second check.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    arm: str
+    payload: float = Field(default=460.3, ge=0.001, le=10_000)
+    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
+    truth: Truth = "nonlinear"
+    noise: bool = True
+    station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+    workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+    identification_poses: int = Field(default=8, ge=1, le=1000)
+    check_poses: int = Field(default=3, ge=1, le=1000)
+    identification_runs: int = Field(default=15, ge=1, le=10_000)
+    check_runs: int = Field(default=6, ge=1, le=10_000)
+    workspace_poses: int = Field(default=200, ge=1, le=10_000)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An arm with its truth, its model and its room, built once for many campaigns."""
+
+    arm: Arm
+    plant: Plant
+    vjm: Vjm
+    room: Room
+
+
+@dataclass(frozen=True)
+class Model:
+    """A named structure with the method that identifies it.
+
+    Attributes:
+        name: As in the paper, such as MGCO68.
+        structure: The unknowns.
+        estimator: The method.
+    """
+
+    name: str
+    structure: Structure
+    estimator: Estimator
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What was measured, and the truth behind it.
+
+    Attributes:
+        scenario: What was asked for.
+        seed: Root of all randomness.
+        measured: All measured runs, in the order of the dataset file.
+        identification: Those to identify from.
+        check: Those of poses never identified from.
+        workspace: Second check: noise-free deflections all over the workspace.
+        before: The true arm, unloaded, of the measured runs.
+        after: The same, loaded.
+    """
+
+    scenario: Scenario
+    seed: int
+    measured: Dataset
+    identification: Dataset
+    check: Dataset
+    workspace: Dataset
+    before: Equilibrium
+    after: Equilibrium
+
+
+@dataclass(frozen=True)
+class Result:
+    """One model, identified and judged.
+
+    Attributes:
+        model: What was asked for.
+        estimate: What was found.
+        identification: Errors on the runs it was identified from, against their readings.
+        check: Errors on the check poses, against their readings.
+        workspace: Errors over the workspace, against the true deflections.
+        residuals: Readings minus predictions of all measured runs, (runs, m, 3) [m].
+        fit_normality: Of the residuals of the identification runs.
+        check_normality: Of the residuals of the check runs.
+        seconds: Wall time of the estimator.
+    """
+
+    model: Model
+    estimate: Estimate
+    identification: Score
+    check: Score
+    workspace: Score
+    residuals: Array
+    fit_normality: Normality
+    check_normality: Normality
+    seconds: float
+
+
+def build_cell(folder: str | Path) -> Cell:
+    """Load an arm and build its truth, its model and its room.
+
+    Raises:
+        InputError: When the arm's folder is wrong.
+    """
+    arm = load_arm(folder)
+    return Cell(arm, build_plant(arm), build_vjm(arm), build_room(arm))
+
+
+def stream(seed: int, trial: int = 0) -> np.random.Generator:
+    """Random numbers of one trial, independent of order, workers and restarts."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
+
+
+def simulate(cell: Cell, scenario: Scenario, seed: int) -> Campaign:
+    """Choose poses, load the true arm in each, and read the markers.
+
+    Args:
+        cell: The arm.
+        scenario: What to measure.
+        seed: Root of all randomness.
+
+    Raises:
+        PoseError: When too few feasible poses exist.
+        NoEquilibrium: When the arm cannot carry the payload.
+    """
+    poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
+
+    def clear(q: Array) -> Mask:
+        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+
+    count = scenario.identification_poses + scenario.check_poses
+    station = random_poses(cell.vjm, scenario.station, count, clear, poses_rng)
+    anywhere = random_poses(cell.vjm, scenario.workspace, scenario.workspace_poses, clear, poses_rng)
+    pose = np.concatenate(
+        [
+            spread(scenario.identification_poses, scenario.identification_runs),
+            scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
+        ]
+    )
+    tracker = Tracker(scenario.sigma if scenario.noise else 0.0)
+    measured, before, after = measure(cell, scenario, station[pose], pose + 1, tracker, noise_rng)
+    ids = np.arange(len(anywhere)) + 1
+    workspace, _, _ = measure(cell, scenario, anywhere, ids, Tracker(0.0), noise_rng)
+    used = np.arange(scenario.identification_poses) + 1
+    identification, check = split(measured, used)
+    return Campaign(scenario, seed, measured, identification, check, workspace, before, after)
+
+
+def spread(poses: int, runs: int) -> Ids:
+    """Pose of every run: as many runs in each pose as in any other, or one more, in order of pose."""
+    return np.sort(np.arange(runs) % poses)
+
+
+def measure(
+    cell: Cell,
+    scenario: Scenario,
+    q: Array,
+    pose: Ids,
+    tracker: Tracker,
+    rng: np.random.Generator,
+    *,
+    payload: Array | None = None,
+) -> tuple[Dataset, Equilibrium, Equilibrium]:
+    """Read every marker before and after hanging the payload.
+
+    Args:
+        cell: The arm.
+        scenario: Payload, kind of truth, sigma of the fit.
+        q: Actuated joint angles, (runs, n) [rad].
+        pose: Identifier of the pose of every run, (runs,).
+        tracker: The instrument.
+        rng: Source of its noise.
+        payload: Hung mass of every run, (runs,) [kg]; None for the scenario's in all of them.
+
+    Returns:
+        The readings, and the true arm unloaded and loaded.
+    """
+    runs = len(q)
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -GRAVITY * (scenario.payload if payload is None else payload)
+    point = np.tile(cell.plant.load, (runs, 1))
+    before, after = settle_both(cell.plant, scenario.truth, q, wrench, point)
+    data = Dataset(
+        markers=cell.arm.markers,
+        run=np.arange(runs) + 1,
+        pose=pose,
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=read_positions(tracker, before.markers, rng),
+        after=read_positions(tracker, after.markers, rng),
+        sigma=scenario.sigma,
+    )
+    return data, before, after
+
+
+def settle_both(
+    plant: Plant, truth: Truth, q: Array, wrench: Array, point: Array
+) -> tuple[Equilibrium, Equilibrium]:
+    """The true arm unloaded and loaded.
+
+    Args:
+        plant: The elastic arm.
+        truth: "nonlinear" for its equilibria, own weight included; "linear" to first order, weightless.
+        q: Actuated joint angles, (runs, n) [rad].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+    """
+    if truth == "linear":
+        rest = settle_linear(plant, q, np.zeros_like(wrench), point)
+        return rest, settle_linear(plant, q, wrench, point)
+    return settle(plant, q), settle(plant, q, wrench, point)
+
+
+def _template(cell: Cell, name: str) -> Structure:
+    return template56(cell.arm, name=name)
+
+
+MODELS: dict[str, Callable[[Cell], tuple[Structure, Estimator]]] = {
+    "MLS32": lambda cell: (non_redundant(cell.vjm, _template(cell, "MLS56"), name="MLS32"), least_squares),
+    "MLS56": lambda cell: (_template(cell, "MLS56"), least_squares),
+    "MGCO47": lambda cell: (mgco47(cell.arm), gco),
+    "MGCO56": lambda cell: (_template(cell, "MGCO56"), gco),
+    "MGCO68": lambda cell: (mgco68(cell.arm), gco),
+    "MGCO69": lambda cell: (mgco69(cell.arm), gco),
+    "MGCO147": lambda cell: (mgco147(cell.arm), gco),
+}
+"""The paper's models by name: structure and method."""
+
+SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
+"""The models of section 6, in the paper's order."""
+
+
+def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
+    """Models of the paper by name.
+
+    Args:
+        cell: The arm.
+        names: Keys of `MODELS`.
+
+    Raises:
+        BenchError: When there is no such model, or the arm has too few links for it.
+    """
+    for name in names:
+        if name not in MODELS:
+            raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
+    return [Model(name, *MODELS[name](cell)) for name in names]
+
+
+def identify(
+    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
+) -> list[Result]:
+    """Identify every model from the campaign and judge it on all sets.
+
+    Args:
+        cell: The arm.
+        campaign: The data.
+        models: What to identify, and how.
+        clock: Wall time [s], such as time.perf_counter.
+    """
+    return [_judge(cell, campaign, model, clock, stream(campaign.seed, 2)) for model in models]
+
+
+def _judge(
+    cell: Cell,
+    campaign: Campaign,
+    model: Model,
+    clock: Callable[[], float],
+    rng: np.random.Generator,
+) -> Result:
+    start = clock()
+    estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
+    seconds = clock() - start
+    residuals = campaign.measured.deflection - predict(cell.vjm, estimate, campaign.measured)
+    used = np.isin(campaign.measured.pose, campaign.identification.pose)
+
+    def judge(data: Dataset) -> Score:
+        return score(predict(cell.vjm, estimate, data), data.deflection)
+
+    return Result(
+        model=model,
+        estimate=estimate,
+        identification=judge(campaign.identification),
+        check=judge(campaign.check),
+        workspace=judge(campaign.workspace),
+        residuals=residuals,
+        fit_normality=normality(residuals[used], rng),
+        check_normality=normality(residuals[~used], rng),
+        seconds=seconds,
+    )

@@ -1,0 +1,1 @@
+"""Readings: datasets, their files, and the instruments that make them."""

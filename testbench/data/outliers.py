@@ -1,0 +1,36 @@
+"""Gross errors put into a dataset: a marker knocked, a beam broken, a reading filed under another marker."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Mask
+from testbench.errors import BenchError
+
+
+def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) -> tuple[Dataset, Mask]:
+    """A dataset in which some loaded marker readings are off, each in a random direction.
+
+    Args:
+        data: The readings; orientations stay as they are.
+        share: Share of the marker readings that are spoiled, rounded to whole readings [1].
+        size: Distance by which each is off [m].
+        rng: Chooses the readings and the directions.
+
+    Returns:
+        The spoiled dataset, and which readings are spoiled, (runs, m).
+
+    Raises:
+        BenchError: When the share is outside [0, 1] or the size is not a finite number of at least 0.
+    """
+    if not 0 <= share <= 1:
+        raise BenchError(f"share: expected 0 to 1, got {share}")
+    if not 0 <= size < np.inf:
+        raise BenchError(f"size [m]: expected a finite number of at least 0, got {size}")
+    readings = data.runs * len(data.markers)
+    spoiled = np.zeros(readings, dtype=bool)
+    spoiled[rng.permutation(readings)[: round(share * readings)]] = True
+    mask = spoiled.reshape(data.runs, -1)
+    direction = rng.standard_normal(data.after.shape)
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    return replace(data, after=data.after + size * direction * mask[..., None]), mask

@@ -1,0 +1,128 @@
+"""What stands beside a plan: greedy and random plans of the same poses, and how much rests on the prior."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.design import planning
+from testbench.design.criteria import mean_square
+from testbench.design.exchange import greedy
+from testbench.design.forecast import Forecast
+from testbench.design.planning import Brief, Plan
+from testbench.design.rows import Ids, Problem, information
+from testbench.errors import Array
+from testbench.identify.regression import RANK_TOLERANCE
+
+RANDOM = 200
+"""Random plans that the plan is compared with."""
+COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)
+"""Numbers of poses for which errors are told."""
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """Errors at the tasks of other plans from the same candidates; infinite where they leave them open.
+
+    Attributes:
+        greedy: Of 1, 2, ... poses, each the best next one, (most,) [m].
+        random: Of `RANDOM` random plans, by number of poses, (RANDOM,) [m].
+    """
+
+    greedy: Array
+    random: dict[int, Array]
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """What a plan's promise rests on.
+
+    Attributes:
+        shown: Directions of the unknowns that the candidates can show.
+        outweighed: Those of them that the plan's readings determine better than the prior does.
+        prior_share: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
+        hidden: Mean square error at the tasks in directions that no candidate shows [m^2].
+    """
+
+    shown: int
+    outweighed: int
+    prior_share: float
+    hidden: float
+
+
+def lean(plan: Plan, rows: Array) -> Leaning:
+    """What the promise rests on.
+
+    M = prior + readings: the error's covariance M^-1 is that of noise and M^-1 prior M^-1, what the prior
+    leaves open.
+
+    Args:
+        plan: The plan.
+        rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
+    """
+    problem, M = plan.stock.problem, plan.information
+    I = np.linalg.inv(M)  # noqa: E741 - used on both sides
+    W = mean_square(rows @ problem.lift)
+    hidden = _hidden(plan, rows)
+    left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
+    half = np.linalg.inv(np.linalg.cholesky(problem.prior))
+    against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
+    return Leaning(
+        shown=problem.r,
+        outweighed=int((against > 1).sum()),
+        prior_share=left_open / (hidden + float(np.trace(W @ I))),
+        hidden=hidden,
+    )
+
+
+def compare(plan: Plan, brief: Brief, rows: Array, *, drawn: int, rng: np.random.Generator) -> Rivals:
+    """Greedy and random plans out of the same stock.
+
+    Args:
+        plan: The plan.
+        brief: What it is for.
+        rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
+        drawn: So many of the stock, its first, were drawn at random: random plans are made of them.
+        rng: Source of the random plans.
+    """
+    problem, hidden = plan.stock.problem, _hidden(plan, rows)
+    W = mean_square(rows @ problem.lift)
+
+    def error(chosen: Ids) -> float:
+        if brief.uncertainty is None and _rank(problem, chosen) < problem.r:
+            return math.inf
+        return math.sqrt(hidden + float(np.trace(np.linalg.solve(information(problem, chosen), W))))
+
+    counts = sorted({*COUNTS, brief.poses})
+    order = greedy(problem, plan.criterion, problem.rows, counts[-1])
+    return Rivals(
+        greedy=np.array([error(order[: k + 1]) for k in range(len(order))]),
+        random={
+            count: np.array([error(rng.choice(drawn, count, replace=drawn < count)) for _ in range(RANDOM)])
+            for count in counts
+        },
+    )
+
+
+def _hidden(plan: Plan, rows: Array) -> float:
+    """Mean square error in directions that no candidate shows [m^2]; rounding may fall below zero."""
+    return max(0.0, float(np.trace(mean_square(rows) @ plan.stock.problem.hidden)))
+
+
+def _rank(problem: Problem, chosen: Ids) -> int:
+    s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.r), compute_uv=False)
+    return int((s > RANK_TOLERANCE * s[0]).sum())
+
+
+def doubt(brief: Brief, plan: Plan, rows: Array) -> Forecast | None:
+    """Errors to expect were the prior twice as uncertain; None without one.
+
+    Args:
+        brief: What the plan is for.
+        plan: The plan.
+        rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
+    """
+    if brief.uncertainty is None:
+        return None
+    doubtful = replace(brief, uncertainty=2 * brief.uncertainty)
+    return planning.promise_of(doubtful, plan.q, plan.load, rows)

@@ -1,0 +1,104 @@
+"""How good a model is: errors of predicted deflections, and whether residuals look like noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify.estimate import Estimate
+from testbench.identify.regression import BLOCK_RUNS, marker_points
+from testbench.model.vjm import Vjm, chain, generalised_load, translation_rows
+
+LILLIEFORS_SAMPLES = 999
+
+
+@dataclass(frozen=True)
+class Score:
+    """Distance errors of predicted deflections over a set of runs.
+
+    Attributes:
+        rms: Root mean square of the distance error over all points [m].
+        p95: 95th percentile [m].
+        max: Largest [m].
+        p95_relative: 95th percentile of the error as a share of the measured deflection of its point [1];
+            None where no point moved.
+        max_relative: The largest such share [1].
+    """
+
+    rms: float
+    p95: float
+    max: float
+    p95_relative: float | None
+    max_relative: float | None
+
+
+@dataclass(frozen=True)
+class Normality:
+    """Whether residual components look like draws of one normal distribution.
+
+    Attributes:
+        mean: Mean of the components [m].
+        std: Standard deviation [m].
+        p_value: Of the Lilliefors test; below 0.05 normality is rejected [1].
+    """
+
+    mean: float
+    std: float
+    p_value: float
+
+
+def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
+    """Deflections of a dataset's markers by a model, Eq. (11), (runs, m, 3) [m].
+
+    Args:
+        vjm: The model's kinematics.
+        estimate: The identified compliances.
+        data: Gives poses, loads and markers; its readings are not used.
+    """
+    points = marker_points(vjm, data.markers)
+    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    return np.concatenate([_deflections(vjm, estimate.C_theta, data, b, points) for b in blocks])
+
+
+def _deflections(vjm: Vjm, C_theta: Array, data: Dataset, runs: slice, points: Array) -> Array:
+    """J_p C_theta J_F^T w of some runs, (runs, m, 3) [m]; memory does not grow with all of them."""
+    where = chain(vjm, data.q[runs])
+    theta = C_theta @ generalised_load(where, data.wrench[runs], data.point[runs])
+    rows = translation_rows(where, points)
+    return np.asarray(np.einsum("ptr,tr->rp", rows, theta)).reshape(-1, len(points), 3)
+
+
+def score(predicted: Array, reference: Array) -> Score:
+    """Distance errors of predictions against measured (or true) deflections.
+
+    Args:
+        predicted: (runs, m, 3) [m].
+        reference: (runs, m, 3) [m].
+    """
+    error = np.linalg.norm(predicted - reference, axis=-1).ravel()
+    size = np.linalg.norm(reference, axis=-1).ravel()
+    share = error[size > 0] / size[size > 0]
+    return Score(
+        rms=float(np.sqrt(np.mean(error**2))),
+        p95=float(np.percentile(error, 95)),
+        max=float(error.max()),
+        p95_relative=float(np.percentile(share, 95)) if share.size else None,
+        max_relative=float(share.max()) if share.size else None,
+    )
+
+
+def normality(residuals: Array, rng: np.random.Generator) -> Normality:
+    """Lilliefors test of residual components (Lilliefors 1967).
+
+    The Kolmogorov-Smirnov distance to the normal of the sample's own mean and standard deviation; its null
+    distribution is simulated.
+
+    Args:
+        residuals: Any shape, all components pooled [m].
+        rng: Source of the simulated null distribution.
+    """
+    x = residuals.ravel()
+    fit = stats.goodness_of_fit(stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=rng)
+    return Normality(float(x.mean()), float(x.std(ddof=1)), float(fit.pvalue))

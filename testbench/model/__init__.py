@@ -1,0 +1,1 @@
+"""The virtual joint model: kinematics, structure of the unknowns, loaded stiffness, poses."""

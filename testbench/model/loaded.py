@@ -1,0 +1,247 @@
+"""The loaded stiffness of Eq. (7) and the equilibrium under load, on the model side, batched over runs.
+
+The springs are at rest at theta = 0, links weigh nothing, and the load is one wrench at the tool. Under it
+the arm rests where K_theta theta = J_theta(theta)^T w; the tangent there is K_theta - K_w, with K_w the
+change of the load's generalised force with theta. Compliances are used, never their inverses: a stiff
+direction is a zero in C_theta.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array, NoEquilibrium, check_array
+from testbench.model.vjm import Chain, Vjm, chain, cross, generalised_load, translation_rows
+
+STEP_TOLERANCE = 1e-10
+"""A pose is in equilibrium after a Newton step below this [m, rad]; the next would be rounding."""
+MAX_ITERATIONS = 50
+MAX_STEP = 0.5
+"""A Newton step beyond this [m, rad] leads to no elastic deflection."""
+
+
+@dataclass(frozen=True)
+class LoadedEquilibrium:
+    """Where the virtual joints rest under a load.
+
+    Attributes:
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
+        step: Last Newton step, (runs,) [m, rad].
+        iterations: Newton steps taken, (runs,).
+    """
+
+    theta: Array
+    step: Array
+    iterations: npt.NDArray[np.int_]
+
+
+def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
+    """Force term K_w = d(J_theta^T w) / d theta of Eq. (7), in closed form.
+
+    A joint i carries all that lies behind it. So for i before j in the chain, or i = j, the column J_v,j
+    turns with i: d J_v,j / d theta_i = omega_i x J_v,j, and the change of J_v,i with theta_j is the same. A
+    force of fixed direction therefore has a symmetric K_w, the Hessian of its potential g^T f. A moment of
+    fixed direction has none: omega_j turns with i, but omega_i does not turn with j. Such a moment is not
+    conservative, and its part of K_w is not symmetric.
+
+    Args:
+        where: The chain of every run, at the theta in question.
+        wrench: Force and moment of fixed direction, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        Row j, column i holds d(J_j^T w) / d theta_i, (runs, n_theta, n_theta) [N/m, N, N m].
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+    """
+    runs = len(where.position)
+    wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
+    point = check_array(point, (runs, 3), "point [m]")
+    J = _at_point(where, point)
+    v, omega = J[:3].transpose(2, 0, 1), J[3:].transpose(2, 1, 0)
+    of_force, of_moment = (cross(part.T[:, None], J[3:]).transpose(2, 1, 0) for part in np.hsplit(wrench, 2))
+    forces = of_force @ v  # [i, j]: f . (omega_i x J_v,j)
+    moments = omega @ of_moment.swapaxes(1, 2)  # [j, i]: m . (omega_i x omega_j)
+    rank = _rank_in_chain(J.shape[1])
+    behind = rank[:, None] > rank
+    return np.where(behind, forces.swapaxes(1, 2) + moments, forces)
+
+
+def _rank_in_chain(n_theta: int) -> npt.NDArray[np.int_]:
+    """Place of every virtual joint in the chain: the hinges of joints are last in theta, not in the chain."""
+    n = (n_theta - 6) // 7
+    links = 7 * np.arange(n + 1)[:, None] + np.arange(6)
+    return np.concatenate([links.ravel(), 7 * np.arange(n) + 6])
+
+
+def _at_point(where: Chain, point: Array) -> Array:
+    """J_theta at a point of the tool that may differ from run to run, (6, n_theta, runs) [1, m]."""
+    arm = np.einsum("rxy,ry->xr", where.rotation, point)
+    v, omega = where.J_theta[:3], where.J_theta[3:]
+    return np.concatenate([v + cross(omega, arm[:, None]), omega])
+
+
+def load_jacobian(where: Chain, point: Array) -> Array:
+    """Jacobian J_theta at the point where the load acts, Eq. (3).
+
+    Args:
+        where: The chain of every run, at any theta.
+        point: In the tool's frame, (runs, 3) [m].
+
+    Returns:
+        Translation rows first, world axes, (runs, 6, n_theta) [1, m].
+
+    Raises:
+        BenchError: When the point has the wrong shape or is not finite.
+    """
+    point = check_array(point, (len(where.position), 3), "point [m]")
+    return np.ascontiguousarray(_at_point(where, point).transpose(2, 0, 1))
+
+
+def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
+    """Cartesian compliance of the loaded arm, Eq. (7) as J (I - C_theta K_w)^-1 C_theta J^T.
+
+    Equal to J (K_theta - K_w)^-1 J^T where K_theta exists. With J and K_w at the loaded equilibrium it is the
+    tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6).
+
+    Args:
+        J_theta: Jacobian of the virtual joints where the wrench acts, (runs, 6, n_theta) [1, m].
+        C_theta: Aggregated joint compliance, may be singular, (n_theta, n_theta) [m/N, rad/(N m)].
+        K_w: Force term, (runs, n_theta, n_theta) [N/m, N, N m].
+
+    Returns:
+        (runs, 6, 6) [m/N, rad/N, rad/(N m)].
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+        NoEquilibrium: When the load is exactly a buckling load.
+    """
+    J = check_array(J_theta, (None, 6, None), "J_theta [1, m]")
+    runs, _, n_theta = J.shape
+    C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
+    K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
+    return np.asarray(J @ _solve(C, K_w, C @ J.swapaxes(1, 2)))
+
+
+def _solve(C_theta: Array, K_w: Array, right: Array) -> Array:
+    """(I - C_theta K_w)^-1 right, (runs, n_theta, columns)."""
+    try:
+        return np.asarray(np.linalg.solve(np.eye(len(C_theta)) - C_theta @ K_w, right))
+    except np.linalg.LinAlgError:
+        raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
+
+
+def secant_deflection(
+    where: Chain, C_theta: Array, wrench: Array, point: Array, targets: Array, K_w: Array | None = None
+) -> Array:
+    """Deflections if one stiffness held for the whole load: Eq. (6), or Eq. (7) where K_w is given.
+
+    Args:
+        where: The chain of every run, unloaded.
+        C_theta: Aggregated joint compliance, (n_theta, n_theta) [m/N, rad/(N m)].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+        targets: Points that are read, in the tool's frame, (m, 3) [m].
+        K_w: Force term, (runs, n_theta, n_theta) [N/m, N, N m]; None for none.
+
+    Returns:
+        World axes, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+        NoEquilibrium: When the load is exactly a buckling load.
+    """
+    n_theta, runs = where.J_theta.shape[1:]
+    targets = check_array(targets, (None, 3), "targets [m]")
+    C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
+    theta = (C @ generalised_load(where, wrench, point)).T
+    if K_w is not None:
+        K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
+        theta = _solve(C, K_w, theta[..., None])[..., 0]
+    moved = np.einsum("ptr,rt->rp", translation_rows(where, targets), theta)
+    return np.asarray(moved.reshape(runs, len(targets), 3))
+
+
+def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point: Array) -> LoadedEquilibrium:
+    """The non-linear VJM of a weightless arm: theta = C_theta J_theta(theta)^T w, by Newton with Eq. (7).
+
+    Args:
+        vjm: The model.
+        C_theta: Aggregated joint compliance, positive semi-definite, (n_theta, n_theta) [m/N, rad/(N m)].
+        q: Actuated joint angles, (runs, n) [rad].
+        wrench: Force and moment of fixed direction, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        The virtual joints at rest.
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+        NoEquilibrium: When Newton does not converge, or to an unstable pose only; names the pose.
+    """
+    n_theta = vjm.arm.n_theta
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
+    C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
+    wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
+    point = check_array(point, (len(q), 3), "point [m]")
+    theta, step = np.zeros((len(q), n_theta)), np.zeros(len(q))
+    iterations = np.zeros(len(q), dtype=int)
+    moving = np.arange(len(q))
+    while len(moving):
+        left = _newton_step(vjm, C, q[moving], wrench[moving], point[moving], theta[moving])
+        theta[moving] += left
+        step[moving] = np.linalg.norm(left, axis=1)
+        iterations[moving] += 1
+        lost = moving[~(step[moving] < MAX_STEP) | (iterations[moving] >= MAX_ITERATIONS)]
+        if len(lost):
+            problem = f"no static equilibrium in {iterations[lost[0]]} Newton steps"
+            raise _no_equilibrium(problem, q[lost[0]], wrench[lost[0]])
+        moving = moving[step[moving] >= STEP_TOLERANCE]
+    buckled = np.flatnonzero(~_stable(vjm, C, q, wrench, point, theta))
+    if len(buckled):
+        raise _no_equilibrium("only an unstable equilibrium", q[buckled[0]], wrench[buckled[0]])
+    return LoadedEquilibrium(theta, step, iterations)
+
+
+def _newton_step(vjm: Vjm, C: Array, q: Array, wrench: Array, point: Array, theta: Array) -> Array:
+    """(I - C_theta K_w)^-1 (C_theta J_theta^T w - theta), (runs, n_theta) [m, rad]."""
+    where = chain(vjm, q, theta)
+    unbalanced = (C @ generalised_load(where, wrench, point)).T - theta
+    return _solve(C, geometric_stiffness(where, wrench, point), unbalanced[..., None])[..., 0]
+
+
+def _stable(vjm: Vjm, C: Array, q: Array, wrench: Array, point: Array, theta: Array) -> npt.NDArray[np.bool_]:
+    """Whether K_theta - K_w has only eigenvalues above zero, (runs,); I - C_theta K_w shares their signs."""
+    K_w = geometric_stiffness(chain(vjm, q, theta), wrench, point)
+    eigenvalues = np.linalg.eigvals(np.eye(len(C)) - C @ K_w)
+    return np.asarray(eigenvalues.real.min(axis=1, initial=np.inf) > 0)
+
+
+def _no_equilibrium(problem: str, q: Array, wrench: Array) -> NoEquilibrium:
+    return NoEquilibrium(
+        f"{problem} at q = {np.rad2deg(q).round(2).tolist()} deg under wrench "
+        f"{wrench.round(1).tolist()} N, N m: too soft for its load, or buckled"
+    )
+
+
+def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array:
+    """How far points of the tool have moved from theta = 0, without linearisation.
+
+    Args:
+        vjm: The model.
+        q: Actuated joint angles, (runs, n) [rad].
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
+        targets: Points that are read, in the tool's frame, (m, 3) [m].
+
+    Returns:
+        World axes, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+    """
+    targets = check_array(targets, (None, 3), "targets [m]")
+    start, end = chain(vjm, q), chain(vjm, q, theta)
+    turned = np.einsum("rxy,py->rpx", end.rotation - start.rotation, targets)
+    return np.asarray((end.position - start.position)[:, None] + turned)

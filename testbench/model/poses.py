@@ -1,0 +1,82 @@
+"""Poses to measure: random ones that the arm can take, inside a work area or anywhere."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array, PoseError
+from testbench.model.vjm import Vjm, chain
+
+BATCH = 4096
+MAX_BATCHES = 400
+
+
+@dataclass(frozen=True)
+class WorkArea:
+    """Where the tool has to be, and where it has to point.
+
+    Attributes:
+        lower: Lower corner of the tool's position, world, (3,) [m].
+        upper: Upper corner, (3,) [m].
+        direction: Unit vector that the tool's x axis follows, world, (3,).
+        cone: Largest angle between the two [rad].
+    """
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    cone: float = np.pi
+
+
+def in_area(vjm: Vjm, area: WorkArea, q: Array) -> npt.NDArray[np.bool_]:
+    """Which poses have their tool in the area, (poses,).
+
+    Args:
+        vjm: The model, for its nominal kinematics.
+        area: The area.
+        q: Actuated joint angles, (poses, n) [rad].
+    """
+    where = chain(vjm, q)
+    inside = ((where.position >= area.lower) & (where.position <= area.upper)).all(axis=1)
+    cosine = where.rotation[:, :, 0] @ np.array(area.direction)
+    return np.asarray(inside & (cosine >= np.cos(area.cone)))
+
+
+def random_poses(
+    vjm: Vjm,
+    area: WorkArea,
+    count: int,
+    clear: Callable[[Array], npt.NDArray[np.bool_]],
+    rng: np.random.Generator,
+) -> Array:
+    """Poses drawn evenly over the joint limits, kept if in the area and clear.
+
+    Args:
+        vjm: The model, for its nominal kinematics.
+        area: Where the tool has to be.
+        count: How many.
+        clear: Tells which of the poses, (poses, n) [rad], are free of collision.
+        rng: Source of the poses.
+
+    Returns:
+        (count, n) [rad].
+
+    Raises:
+        PoseError: When too few can be found; says which condition emptied the set.
+    """
+    lower, upper = vjm.arm.limits
+    kept: list[Array] = []
+    drawn = reached = 0
+    for _ in range(MAX_BATCHES):
+        q = rng.uniform(lower, upper, (BATCH, vjm.arm.n_joints))
+        inside = q[in_area(vjm, area, q)]
+        drawn, reached = drawn + len(q), reached + len(inside)
+        kept.extend(inside[clear(inside)])
+        if len(kept) >= count:
+            return np.array(kept[:count])
+    raise PoseError(
+        f"found {len(kept)} of {count} poses: of {drawn} drawn {reached} put the tool in the work area "
+        f"and {len(kept)} are clear of collision; widen the area"
+    )

@@ -1,0 +1,201 @@
+"""Which compliances are unknown: model structures as lists of entries of C_theta.
+
+A parameter is one entry C_theta[a, b] = C_theta[b, a]. MGCO147, MGCO69, ... of the paper, and your own:
+
+    Structure.of(arm, links=["link_2", "link_3"], joints=["joint_2", "joint_3"])
+
+Only least squares of section 5.1 leaves the symmetry open: 36 free entries a link.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from testbench.arm.folder import Arm
+from testbench.errors import Array, BenchError
+
+Pairs = tuple[tuple[int, int], ...]
+
+FULL: Pairs = tuple((a, b) for b in range(6) for a in range(b + 1))
+"""All 21 entries of a symmetric 6x6 compliance."""
+FREE: Pairs = tuple((a, b) for a in range(6) for b in range(6))
+"""All 36 entries of a 6x6 matrix that need not be symmetric."""
+TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4))
+"""The 8 entries of a straight beam: c11 c22 c33 c44 c55 c66 c26 c35."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The unknown entries of C_theta.
+
+    Attributes:
+        name: For reports, such as MGCO68.
+        n_theta: Size of C_theta.
+        a: Row of each parameter in C_theta, (n,).
+        b: Column of each parameter, (n,).
+        labels: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
+        symmetric: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
+    """
+
+    name: str
+    n_theta: int
+    a: npt.NDArray[np.int_]
+    b: npt.NDArray[np.int_]
+    labels: tuple[str, ...] = field(repr=False)
+    symmetric: bool = True
+
+    @classmethod
+    def of(
+        cls,
+        arm: Arm,
+        *,
+        links: Iterable[str] = (),
+        joints: Iterable[str] = (),
+        entries: Pairs = FULL,
+        name: str = "own",
+    ) -> "Structure":
+        """The structure with these links and joints unknown, everything else rigid.
+
+        Args:
+            arm: The arm.
+            links: Names of the elastic links.
+            joints: Names of the elastic joints.
+            entries: Entries of every link's compliance that are unknown, in its beam frame; a <= b for a
+                symmetric one, every pair with its mirror to leave the symmetry open.
+            name: For reports.
+
+        Raises:
+            BenchError: When the arm has no such link or joint, no such entry, or nothing is unknown.
+        """
+        symmetric = all(a <= b for a, b in entries)
+        mirrored = {(b, a) for a, b in entries} == set(entries)
+        inside = all(min(pair) >= 0 and max(pair) < 6 for pair in entries)
+        if len(set(entries)) != len(entries) or not inside or not (symmetric or mirrored):
+            raise BenchError(
+                "entries: expected different pairs a <= b out of 0 to 5, or every pair with its mirror, got "
+                f"{entries}"
+            )
+        link_names, joint_names = [x.name for x in arm.links], [x.name for x in arm.joints]
+        i = _indices("link", links, link_names, arm.name)
+        j = _indices("joint", joints, joint_names, arm.name)
+        pairs = [(6 * k + a, 6 * k + b) for k in i for a, b in entries]
+        pairs += [(6 * len(link_names) + k,) * 2 for k in j]
+        if not pairs:
+            raise BenchError("structure: expected at least one elastic link or joint")
+        axes = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+        labels = [f"{name}.{axis}" for name in link_names for axis in axes] + joint_names
+        a, b = np.array(pairs).T
+        return cls(name, arm.n_theta, a, b, tuple(labels), symmetric)
+
+    @property
+    def n(self) -> int:
+        """Number of parameters."""
+        return len(self.a)
+
+    @property
+    def mirrored(self) -> npt.NDArray[np.bool_]:
+        """Which parameters stand at two places of C_theta, (n,)."""
+        return np.asarray(self.symmetric & (self.a != self.b))
+
+    @property
+    def blocks(self) -> list[npt.NDArray[np.int_]]:
+        """Rows of C_theta that no parameter couples to other rows: each block must be PSD by itself."""
+        graph = coo_array((np.ones(self.n), (self.a, self.b)), shape=(self.n_theta,) * 2)
+        _, label = connected_components(graph, directed=False)
+        used = np.unique(np.concatenate([self.a, self.b]))
+        return [used[label[used] == k] for k in np.unique(label[used])]
+
+    def matrix(self, pi: Array) -> Array:
+        """C_theta of a parameter vector.
+
+        Args:
+            pi: Parameters, (n,) [m/N, rad/(N m) or rad/N].
+
+        Returns:
+            Symmetric where the structure is, (n_theta, n_theta).
+        """
+        C = np.zeros((self.n_theta, self.n_theta))
+        if self.symmetric:
+            C[self.b, self.a] = pi
+        C[self.a, self.b] = pi
+        return C
+
+    def entries(self, C: Array) -> Array:
+        """Parameter vector of a C_theta, (n,); entries outside the structure are dropped."""
+        return np.asarray(C[self.a, self.b])
+
+    def gradient(self, g: Array) -> Array:
+        """Gradient with respect to C_theta of a function whose gradient with respect to pi is g.
+
+        Args:
+            g: Gradient, (n,).
+
+        Returns:
+            S with <S, C> = g . pi, symmetric where the structure is, (n_theta, n_theta).
+        """
+        return self.matrix(np.where(self.mirrored, g / 2, g))
+
+    def keep(self, columns: npt.NDArray[np.int_], name: str) -> "Structure":
+        """The structure with only these parameters unknown; the dropped ones are zero."""
+        return replace(self, name=name, a=self.a[columns], b=self.b[columns])
+
+
+def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -> list[int]:
+    wanted = list(wanted)
+    for name in wanted:
+        if name not in names:
+            raise BenchError(f"no {kind} {name!r} in {arm}; {kind}s are {', '.join(names)}")
+    if len(set(wanted)) != len(wanted):
+        raise BenchError(f"{kind}s: expected different names, got {wanted}")
+    return [names.index(name) for name in wanted]
+
+
+def _links(arm: Arm, which: tuple[int, ...], name: str) -> list[str]:
+    if max(which) >= len(arm.links):
+        raise BenchError(
+            f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
+        )
+    return [arm.links[i].name for i in which]
+
+
+def free36(arm: Arm) -> Structure:
+    """All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
+    return Structure.of(arm, links=[x.name for x in arm.links], entries=FREE, name="MLS36")
+
+
+def mgco147(arm: Arm) -> Structure:
+    """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
+    return Structure.of(arm, links=[x.name for x in arm.links], name="MGCO147")
+
+
+def all153(arm: Arm) -> Structure:
+    """All links in full and all joints (7 x 21 + 6): every symmetric parameter that there is."""
+    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints]
+    return Structure.of(arm, links=links, joints=joints, name="ALL153")
+
+
+def mgco69(arm: Arm) -> Structure:
+    """Links 0, 2 and 3 in full and all joints (3 x 21 + 6)."""
+    links, joints = _links(arm, (0, 2, 3), "MGCO69"), [x.name for x in arm.joints]
+    return Structure.of(arm, links=links, joints=joints, name="MGCO69")
+
+
+def mgco68(arm: Arm) -> Structure:
+    """MGCO69 without joint 1, whose axis gravity does not load."""
+    links, joints = _links(arm, (0, 2, 3), "MGCO68"), [x.name for x in arm.joints[1:]]
+    return Structure.of(arm, links=links, joints=joints, name="MGCO68")
+
+
+def mgco47(arm: Arm) -> Structure:
+    """Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5)."""
+    links, joints = _links(arm, (2, 3), "MGCO47"), [x.name for x in arm.joints[1:]]
+    return Structure.of(arm, links=links, joints=joints, name="MGCO47")
+
+
+def template56(arm: Arm, name: str = "MGCO56") -> Structure:
+    """All links with the beam template (7 x 8), joints aggregated; MGCO56 and MLS56."""
+    return Structure.of(arm, links=[x.name for x in arm.links], entries=TEMPLATE, name=name)

@@ -1,0 +1,327 @@
+"""The model side: the virtual joint method on Pinocchio's reading of the rigid arm, batched over runs.
+
+Pinocchio reads the MJCF into joint placements and axes; from there on every quantity is a product of arrays
+over all runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
+10-13). Away from zero they serve the loaded stiffness of Eq. (7), testbench/loaded.py.
+"""
+
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import read_mjcf
+from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.model.structure import Structure
+
+
+@dataclass(frozen=True)
+class Vjm:
+    """Kinematics of the extended chain.
+
+    Attributes:
+        arm: Its description.
+        base: Pose of the base link's body in the world, (4, 4).
+        placements: Pose of each joint's body in the body before it at q = 0, (n, 4, 4).
+        axes: Unit axis of each joint in its body, (n, 3).
+        tool: Pose of the tool in the last link's body, (4, 4) [m].
+        load: Load point in the tool's frame, (3,) [m].
+        markers: Marker positions in the tool's frame, (m, 3) [m].
+    """
+
+    arm: Arm
+    base: Array
+    placements: Array
+    axes: Array
+    tool: Array
+    load: Array
+    markers: Array
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Where the tool of every run is, and how the virtual joints move it, in world axes.
+
+    Attributes:
+        J_theta: Jacobian of the virtual joints at the tool's origin, Eq. (3), (6, n_theta, runs) [1, m].
+            Runs are last in all arrays of the hot path: every product is one long loop.
+        position: Tool position, (runs, 3) [m].
+        rotation: Tool orientation, world from tool, (runs, 3, 3).
+    """
+
+    J_theta: Array
+    position: Array
+    rotation: Array
+
+
+def build_vjm(arm: Arm) -> Vjm:
+    """Read the rigid arm with Pinocchio.
+
+    Args:
+        arm: The arm.
+
+    Raises:
+        InputError: When Pinocchio refuses the MJCF or reads another chain than the arm's.
+    """
+    model = _read_kinematics(arm)
+    names = list(model.names)[1:]
+    expected = [j.name for j in arm.joints]
+    if names != expected:
+        raise InputError(arm.rigid, "", f"expected the joints {expected}, Pinocchio reads {names}")
+    data = model.createData()
+    q0 = pin.neutral(model)
+    pin.framesForwardKinematics(model, data, q0)
+
+    def pose(body: str) -> pin.SE3:
+        frame = model.getFrameId(body, pin.FrameType.BODY)
+        if frame >= model.nframes:
+            raise InputError(arm.rigid, f"<body name={body!r}>", "not found by Pinocchio")
+        return data.oMf[frame]
+
+    bodies = [pose(link.name) for link in arm.links]
+    tool = pose(arm.tool)
+    local = [tool.actInv(pose(name).translation) for name in (arm.load, *arm.markers)]
+    axes = [pin.computeJointJacobian(model, data, q0, i + 1)[3:, i] for i in range(arm.n_joints)]
+    return Vjm(
+        arm=arm,
+        base=bodies[0].homogeneous,
+        placements=np.array([a.actInv(b).homogeneous for a, b in pairwise(bodies)]).reshape(-1, 4, 4),
+        axes=np.array(axes).reshape(-1, 3),
+        tool=bodies[-1].actInv(tool).homogeneous,
+        load=local[0],
+        markers=np.array(local[1:]),
+    )
+
+
+def _read_kinematics(arm: Arm) -> pin.Model:
+    """Pinocchio's model of bodies and joints alone.
+
+    Its reader wants an inertia in every body, even in a marker, and reads meshes that nobody asked for; so
+    it is given the bodies and joints, and a negligible inertia in each.
+    """
+    root = read_mjcf(arm.rigid)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag not in ("compiler", "worldbody", "body", "joint"):
+                parent.remove(child)
+    for body in root.iter("body"):
+        ET.SubElement(body, "inertial", pos="0 0 0", mass="1e-9", diaginertia="1e-9 1e-9 1e-9")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "kinematics.xml"
+        file.write_bytes(ET.tostring(root))
+        try:
+            return pin.buildModelFromMJCF(str(file))
+        except (ValueError, RuntimeError) as err:
+            problem = " ".join(str(err).split())
+            raise InputError(arm.rigid, "", f"Pinocchio refuses it: {problem}") from err
+
+
+def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
+    """Tool and virtual joints of every run, Eq. (1) and (3).
+
+    Args:
+        vjm: The model.
+        q: Actuated joint angles, (runs, n) [rad].
+        theta: Virtual joint coordinates, (runs, n_theta) [m, rad]: of each link its slides x, y, z and its
+            hinges phi_x, phi_y, phi_z in the beam frame, then one hinge a joint; None for zero.
+    """
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
+    runs, n = len(q), vjm.arm.n_joints
+    links = 6 * (n + 1)
+    bent = None if theta is None else check_array(theta, (runs, vjm.arm.n_theta), "theta [m, rad]")
+    turned = q if bent is None else q + bent[:, links:]
+    J = np.zeros((6, vjm.arm.n_theta, runs))
+    origins = np.empty((3, vjm.arm.n_theta, runs))
+    R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
+    p = np.tile(vjm.base[:3, 3:], runs)
+    for i, link in enumerate(vjm.arm.links):
+        placement = vjm.placements[i] if i < n else vjm.tool
+        p = p + placement[:3, 3] @ R
+        slides = hinges = link.frame.T @ R
+        if bent is not None:
+            p, hinges, R = bend(p, R, link.frame, bent[:, 6 * i : 6 * i + 6])
+        J[:3, 6 * i : 6 * i + 3] = slides
+        J[3:, 6 * i + 3 : 6 * i + 6] = hinges
+        origins[:, 6 * i : 6 * i + 6] = p[:, None]
+        R = placement[:3, :3].T @ R
+        if i < n:
+            J[3:, links + i] = vjm.axes[i] @ R
+            origins[:, links + i] = p
+            R = turn(R, vjm.axes[i], turned[:, i])
+    J[:3] += cross(J[3:], p[:, None] - origins)
+    return Chain(J, p.T, R.transpose(2, 0, 1))
+
+
+def bend(p: Array, R: Array, frame: Array, theta: Array) -> tuple[Array, Array, Array]:
+    """A link's virtual joint away from zero: three slides, then three hinges, each carried by those before.
+
+    Args:
+        p: World position of the virtual joint, (3, runs) [m].
+        R: World from the link's body, (3, 3, runs).
+        frame: Beam axes as columns, in the body's axes, (3, 3).
+        theta: Of this link, (runs, 6) [m, rad].
+
+    Returns:
+        Position behind the slides, axes of the hinges in the world as columns, frame behind the hinges.
+    """
+    p = p + np.einsum("xbr,rb->xr", frame.T @ R, theta[:, :3])
+    hinges = np.empty_like(R)
+    for k, axis in enumerate(frame.T):
+        hinges[:, k] = axis @ R
+        R = turn(R, axis, theta[:, 3 + k])
+    return p, hinges, R
+
+
+def turn(R: Array, axis: Array, angle: Array) -> Array:
+    """Frames turned about an axis of their own (Rodrigues), (3, 3, runs).
+
+    Args:
+        R: World from body, (3, 3, runs).
+        axis: Unit axis in the body, (3,).
+        angle: Angles, (runs,) [rad].
+    """
+    x, y, z = axis
+    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(R + np.sin(angle) * (W.T @ R) + (1 - np.cos(angle)) * ((W @ W).T @ R))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector products along the first axis; np.cross is four times slower there."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def jacobian(vjm: Vjm, q: Array, point: Array | None = None) -> Array:
+    """Jacobian J_theta of the virtual joints at a point fixed in the tool, Eq. (3).
+
+    Args:
+        vjm: The model.
+        q: Actuated joint angles, (runs, n) [rad].
+        point: In the tool's frame, (3,) [m]; None for its origin.
+
+    Returns:
+        Translation rows first, world axes, (runs, 6, n_theta) [1, m].
+    """
+    at = np.zeros(3) if point is None else check_array(point, (3,), "point [m]")
+    where = chain(vjm, q)
+    J = np.concatenate([translation_rows(where, at[None]), where.J_theta[3:]])
+    return J.transpose(2, 0, 1)
+
+
+def translation_rows(where: Chain, points: Array) -> Array:
+    """Translational rows of J_theta at points fixed in the tool.
+
+    Args:
+        where: The chain of every run.
+        points: Points in the tool's frame, (p, 3) [m].
+
+    Returns:
+        World axes, (3 p, n_theta, runs) [1, m].
+    """
+    v, omega = where.J_theta[:3], where.J_theta[3:]
+    arms = [(where.rotation @ point).T[:, None] for point in points]
+    return np.concatenate([v + cross(omega, arm) for arm in arms])
+
+
+def twist_rows(where: Chain) -> Array:
+    """J_theta at the tool's origin in the tool's own axes, (6, n_theta, runs) [1, m]."""
+    parts = where.J_theta[:3], where.J_theta[3:]
+    return np.concatenate([np.einsum("rxy,xtr->ytr", where.rotation, part) for part in parts])
+
+
+def cartesian_compliance(J_theta: Array, C_theta: Array) -> Array:
+    """Cartesian compliance of the arm, Eq. (6).
+
+    Args:
+        J_theta: Jacobian of the virtual joints, (..., 6, n_theta) [1, m].
+        C_theta: Aggregated joint compliance, (n_theta, n_theta) [m/N, rad/(N m)].
+
+    Returns:
+        Compliance C with twist = C @ wrench, (..., 6, 6).
+    """
+    return np.asarray(J_theta @ C_theta @ J_theta.swapaxes(-1, -2))
+
+
+def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
+    """Load J_F^T w of every virtual joint.
+
+    Args:
+        where: The chain of every run.
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+
+    Returns:
+        (n_theta, runs) [N, N m].
+    """
+    runs = len(where.position)
+    wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
+    point = check_array(point, (runs, 3), "point [m]")
+    force, arm = wrench[:, :3], np.einsum("rxy,ry->rx", where.rotation, point)
+    at_tool = np.hstack([force, wrench[:, 3:] + np.cross(arm, force)])
+    return np.asarray(np.einsum("xtr,rx->tr", where.J_theta, at_tool))
+
+
+def observation(
+    vjm: Vjm,
+    structure: Structure,
+    q: Array,
+    wrench: Array,
+    point: Array,
+    *,
+    targets: Array,
+    rotation: bool = False,
+) -> Array:
+    """Observation matrix A of Eq. (12), so that deflection = A @ pi.
+
+    Args:
+        vjm: The model.
+        structure: The unknown entries, n_par of them.
+        q: Actuated joint angles, (runs, n) [rad].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+        targets: Points whose deflection is read, in the tool's frame, (m, 3) [m].
+        rotation: Rows of the tool's rotation instead of the targets' translation.
+
+    Returns:
+        (runs, m, 3, n_par); with rotation m is 1.
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+    """
+    where = chain(vjm, q)
+    targets = check_array(targets, (None, 3), "targets [m]")
+    J = where.J_theta[3:] if rotation else translation_rows(where, targets)
+    A = np.stack([*parameter_rows(structure, J, generalised_load(where, wrench, point))])
+    return A.reshape(-1, 3, structure.n, len(q)).transpose(3, 0, 1, 2)
+
+
+def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:
+    """Observation matrix of readings that are linear in the virtual joints, Eq. (12), row by row.
+
+    A row is linear in the load u = J_F^T w: the parameter C_theta[a, b] moves the reading by
+    J[a] u[b] + J[b] u[a] (once on the diagonal, and where C_theta[b, a] is another one).
+
+    Args:
+        structure: The unknown entries, n_par of them.
+        J: Readings per unit of each virtual joint, (rows, n_theta, runs).
+        u: Load of each virtual joint, (n_theta, runs) [N, N m].
+
+    Yields:
+        One row of every run, (n_par, runs): the transpose of what LAPACK wants.
+
+    Raises:
+        BenchError: When the structure is of another arm.
+    """
+    if structure.n_theta != len(u):
+        raise BenchError(
+            f"structure {structure.name}: expected {len(u)} virtual joints, got {structure.n_theta}"
+        )
+    a, b = structure.a, structure.b
+    u_b, u_a = u[b], u[a] * structure.mirrored[:, None]
+    for row in J:
+        yield row[a] * u_b + row[b] * u_a

@@ -1,0 +1,1 @@
+"""What the data cannot see, and what a prior is worth."""

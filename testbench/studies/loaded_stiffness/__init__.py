@@ -1,0 +1,1 @@
+"""Eq. (7): what a linear model loses under load."""

@@ -1,0 +1,1 @@
+"""What noise costs, by method and structure."""

@@ -1,0 +1,1 @@
+"""Section 5.2: the illustrative 6R arm."""

@@ -1,0 +1,1 @@
+"""The paper's own optimiser against local solves and the conic program."""

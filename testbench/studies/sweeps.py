@@ -1,0 +1,172 @@
+"""Reports that are sweeps: their rows as points, their words as questions and answers."""
+
+from testbench.studies.identifiability import words as identifiability_text
+from testbench.studies.loaded_stiffness import words as loaded_text
+from testbench.studies.model_error import words as model_error_text
+from testbench.studies.noise_sensitivity import words as noise_text
+from testbench.views.recording.style import GREENS, ORANGES, Colour
+from testbench.views.recording.sweep import Point, Sweep
+from testbench.views.report import Report, middle
+
+ROUNDING_MM = 1e-6
+"""A method that is nowhere further off is exact: rounding is no line worth looking at."""
+
+
+def loaded_stiffness(report: Report, parameters: object) -> Sweep:
+    """Error of Eq. (6) and (7) against the hung weight.
+
+    Args:
+        report: report.json of the study.
+        parameters: The scenario as plain data.
+    """
+    rows = report["rows"]
+    cases = dict.fromkeys((row["truth"], row["method"]) for row in rows)
+    worst = {c: max(r["median_mm"] for r in rows if (r["truth"], r["method"]) == c) for c in cases}
+    exact = [f"{method} ({truth})" for (truth, method), mm in worst.items() if mm < ROUNDING_MM]
+    points = [
+        Point(
+            x=row["load_N"],
+            model=f"{row['method']}, {row['truth']}",
+            median=row["median_mm"],
+            p05=row["p05_mm"],
+            p95=row["p95_mm"],
+        )
+        for row in rows
+        if worst[row["truth"], row["method"]] >= ROUNDING_MM
+    ]
+    methods = "; ".join(f"*{name}*: {words}" for name, words in report["methods"].items())
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=report["seed"],
+        question=f"{report['arm']}: how far off are Eq. (6) and Eq. (7) as the hung weight grows?",
+        answer=loaded_text.verdict(report),
+        swept="load",
+        swept_unit="N",
+        measured="error of the tool's deflection",
+        unit="mm",
+        points=points,
+        colours={},
+        remarks=f"Over {report['poses']} poses, true compliances, no noise. {methods}."
+        + (f" Not drawn, exact to rounding: {', '.join(exact)}." if exact else ""),
+    )
+
+
+def identifiability(report: Report, parameters: object) -> Sweep:
+    """Error over the workspace against the number of poses, with and without a prior.
+
+    Args:
+        report: report.json of the study.
+        parameters: The scenario as plain data.
+    """
+    models = [name for name in report["poses"][0] if name != "poses"]
+    points = [
+        Point(row["poses"], name, middle(row[name]), *_ends(row[name]))
+        for row in report["poses"]
+        for name in models
+    ]
+    first, *others = identifiability_text.statements(report)
+    seeds = report["seed"]
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=seeds if isinstance(seeds, int) else seeds[0],
+        question=f"{report['arm']}: what do poses not see, and what is a CAD prior worth?",
+        answer=first,
+        swept="poses",
+        swept_unit="1",
+        measured="RMS error over the workspace",
+        unit="mm",
+        points=points,
+        colours=_roles(models),
+        remarks="\n\n".join([*others, *(f"- {text}" for text in report["seen"]["sentences"])]),
+    )
+
+
+def noise(report: Report, parameters: object) -> Sweep:
+    """Error over the workspace against noise, the KR 500 under its payload.
+
+    Args:
+        report: report.json of the study of noise.
+        parameters: What was tried, as plain data.
+    """
+    rows = report["sweeps"]["gravity"]
+    points = [
+        Point(
+            row["sigma_um"], row["model"], row["rms_um"]["median"], row["rms_um"]["p05"], row["rms_um"]["p95"]
+        )
+        for row in rows
+    ]
+    first, *others = noise_text.statements(report)
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=_root_seed(report),
+        question="What does tracker noise cost, by method and structure?",
+        answer=first,
+        swept="noise of one reading",
+        swept_unit="um",
+        measured="RMS error over the workspace",
+        unit="um",
+        points=points,
+        colours=_roles(list(dict.fromkeys(row["model"] for row in rows))),
+        remarks="\n\n".join(others),
+    )
+
+
+def model_error(report: Report, parameters: object) -> Sweep:
+    """Error over the workspace by disturbance, numbered, with noise.
+
+    Args:
+        report: report.json of the study of model error.
+        parameters: What was tried, as plain data.
+    """
+    cases = list(report["sizes"])
+    points = [
+        Point(
+            cases.index(c["case"]), c["model"], c["rms_um"]["median"], c["rms_um"]["p05"], c["rms_um"]["p95"]
+        )
+        for c in report["cells"]
+        if c["noise_um"] > 0
+    ]
+    first, *others = model_error_text.statements(report)
+    return Sweep(
+        scenario=report["scenario"],
+        parameters=parameters,
+        seed=_root_seed(report),
+        question=f"{report['arm']}: what do disturbances cost that the model does not know?",
+        answer=first,
+        swept="disturbance",
+        swept_unit="number",
+        measured="RMS error over the workspace",
+        unit="um",
+        points=points,
+        colours=_roles(list(dict.fromkeys(c["model"] for c in report["cells"]))),
+        remarks="\n\n".join(others),
+        labels=dict(enumerate(cases)),
+    )
+
+
+def _root_seed(report: Report) -> int:
+    """First root of randomness."""
+    seeds = report["seed"]
+    return int(seeds if isinstance(seeds, int) else seeds[0])
+
+
+def _ends(value: object) -> tuple[float, float]:
+    """5 and 95 % of several seeds; the number itself where there is one."""
+    if isinstance(value, dict):
+        return value["p05"], value["p95"]
+    return middle(value), middle(value)
+
+
+def _roles(models: list[str]) -> dict[str, Colour]:
+    """Orange for least squares, shades of green for GCO, those with a prior first."""
+    by_prior = sorted(models, key=lambda name: "prior" not in name)
+    greens = [name for name in by_prior if not name.startswith("MLS")]
+    oranges = [name for name in by_prior if name.startswith("MLS")]
+    return {
+        name: shades[k % len(shades)]
+        for names, shades in ((greens, GREENS), (oranges, ORANGES))
+        for k, name in enumerate(names)
+    }

@@ -1,0 +1,1 @@
+"""What people see: tables, words, figures, recordings; all of it written from reports."""

@@ -1,0 +1,99 @@
+"""Values with their spread on a logarithmic axis: drawn in a plane, so that every dot has its name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from testbench.views.recording.style import NOISE, Colour
+
+ROW, WIDTH = 60.0, 1000.0
+"""Height of a row and width of the axis, in the chart's own units."""
+LEFT, RIGHT = 300.0, 240.0
+"""Room for names on the left and for numbers on the right."""
+PANE = 1580.0, 760.0
+"""About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
+BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
+"""How far a label stands below its point, half the width of a letter, space before a number [ui points]."""
+
+
+@dataclass(frozen=True)
+class Dot:
+    """One line of the chart.
+
+    Attributes:
+        name: What it is.
+        low: Low end of the spread; the value itself where there is none.
+        value: Positive.
+        high: High end of the spread.
+        colour: Of its role.
+        text: The value for people, unit included.
+    """
+
+    name: str
+    low: float
+    value: float
+    high: float
+    colour: Colour
+    text: str
+
+
+def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> None:
+    """Dots, whiskers, names and a grid of powers of ten.
+
+    Args:
+        stream: Where to.
+        path: Root of the chart's entities.
+        dots: From top to bottom.
+    """
+    first, last = _decades(dots)
+    rows = ROW * (np.arange(len(dots)) + 0.5)
+    x = np.array([[_place(v, first, last) for v in (d.low, d.value, d.high)] for d in dots])
+    colours = [d.colour for d in dots]
+    bottom = ROW * len(dots)
+    unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (bottom + ROW) / PANE[1])  # of the chart a ui point
+    ticks = [_place(10.0**k, first, last) for k in range(first, last + 1)]
+    lines = [[(t, 0), (t, bottom)] for t in ticks]
+    stream.log(f"{path}/axis", rr.LineStrips2D(lines, colors=(*NOISE, 120), radii=-0.5), static=True)
+    marks = rr.Points2D(
+        [(t, bottom + ROW / 2) for t in ticks],
+        labels=[f"{10.0**k:g}" for k in range(first, last + 1)],
+        colors=NOISE,
+        radii=-1.0,
+        show_labels=True,
+    )
+    stream.log(f"{path}/ticks", marks, static=True)
+    spread = [[(low, y), (high, y)] for (low, _, high), y in zip(x, rows, strict=True)]
+    stream.log(f"{path}/spread", rr.LineStrips2D(spread, colors=colours, radii=-2.0), static=True)
+    stream.log(
+        f"{path}/value",
+        rr.Points2D(np.column_stack([x[:, 1], rows]), colors=colours, radii=-6.0),
+        static=True,
+    )
+    for entity, at, texts in (
+        ("name", -LEFT / 2, [d.name for d in dots]),
+        ("number", None, [d.text for d in dots]),
+    ):
+        ahead = [x[k, 2] + unit * (SPACE + LETTER * len(text)) for k, text in enumerate(texts)]
+        places = [(ahead[k] if at is None else at, y) for k, y in enumerate(rows - BELOW * unit)]
+        labels = rr.Points2D(places, labels=texts, colors=colours, radii=0.0, show_labels=True)
+        stream.log(f"{path}/{entity}", labels, static=True)
+
+
+def chart_view(path: str, name: str, dots: Sequence[Dot]) -> rrb.Spatial2DView:
+    """The view of a chart, its unit in the name."""
+    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(-ROW / 4, ROW * (len(dots) + 1)))
+    return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
+
+
+def _decades(dots: Sequence[Dot]) -> tuple[int, int]:
+    """Powers of ten that hold all dots."""
+    low, high = min(d.low for d in dots), max(d.high for d in dots)
+    first = int(np.floor(np.log10(low)))
+    return first, max(int(np.ceil(np.log10(high))), first + 1)
+
+
+def _place(value: float, first: int, last: int) -> float:
+    return float(WIDTH * (np.log10(value) - first) / (last - first))

@@ -1,0 +1,145 @@
+"""True and identified compliances of the links: heatmaps side by side, and every number in a table."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.components import ViewFit
+from rerun.components import Colormap, MagnificationFilter
+
+from testbench.arm.stiffness import eigenvalue_scale
+from testbench.errors import Array
+from testbench.views.recording.study import Study
+from testbench.views.tables import grid
+
+AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+RANGE = 2.0
+"""Colours end here: about eleven times the true diagonal [1]."""
+GAP = 1
+"""Empty columns between two matrices of a heatmap."""
+FRAME = (1, 0), (1, 0)
+"""Empty rows above and columns on the left, where the viewer writes the names of the axes."""
+
+
+def scaled(C: Array, true: Array) -> Array:
+    """A compliance in units of the true diagonal: entries without unit, and the true ones at most 1.
+
+    Args:
+        C: Any compliance, (6, 6) [m/N, rad/(N m)].
+        true: The true one, (6, 6).
+    """
+    unit = eigenvalue_scale(true)
+    return np.asarray(C / np.outer(unit, unit))
+
+
+def compress(x: Array) -> Array:
+    """Signed logarithm for colours: 0, 1 and 11 become 0, 1 and 2."""
+    return np.asarray(np.sign(x) * np.log10(1 + 9 * np.abs(x)))
+
+
+def side_by_side(matrices: Sequence[Array]) -> Array:
+    """Matrices of one size in a row with empty columns between them."""
+    gap = np.zeros((len(matrices[0]), GAP))
+    return np.hstack([part for C in matrices for part in (C, gap)][:-1])
+
+
+def write_heatmap(stream: rr.RecordingStream, path: str, matrices: Sequence[Array]) -> None:
+    """Matrices without unit as one picture of one range of colours."""
+    data = np.pad(side_by_side([compress(C) for C in matrices]), FRAME)
+    tensor = rr.Tensor(data, dim_names=("row", "column"), value_range=(-RANGE, RANGE))
+    stream.log(path, tensor, static=True)
+
+
+def heatmap_view(path: str, name: str) -> rrb.TensorView:
+    """The view of a heatmap; grey is zero, the brighter the larger."""
+    mapping = rrb.TensorScalarMapping(colormap=Colormap.CyanToYellow, mag_filter=MagnificationFilter.Nearest)
+    return rrb.TensorView(
+        origin=path, name=name, scalar_mapping=mapping, view_fit=ViewFit.FillKeepAspectRatio
+    )
+
+
+def columns(study: Study) -> list[str]:
+    """Headings of the matrices: truth and the shown models."""
+    return ["truth", *(study.names[k] for k in study.shown)]
+
+
+def link_matrices(study: Study) -> dict[str, list[Array]]:
+    """By link: the true compliance, then that of each shown model, (6, 6) [m/N, rad/(N m)]."""
+    identified = [study.estimates[k].C_theta for k in study.shown]
+    blocks = [slice(6 * i, 6 * i + 6) for i in range(len(study.cell.arm.links))]
+    return {
+        link.name: [link.compliance, *(C[block, block] for C in identified)]
+        for link, block in zip(study.cell.arm.links, blocks, strict=True)
+    }
+
+
+def write_compliances(stream: rr.RecordingStream, study: Study) -> None:
+    """One heatmap a link."""
+    for link, matrices in link_matrices(study).items():
+        write_heatmap(stream, f"compliance/{link}", [scaled(C, matrices[0]) for C in matrices])
+
+
+def compliance_grid(study: Study) -> rrb.Grid:
+    """All links on one screen."""
+    heads = " | ".join(columns(study))
+    views = [
+        heatmap_view(f"compliance/{link}", f"{link}: {heads} (signed log; 1 = true diagonal)")
+        for link in link_matrices(study)
+    ]
+    legend = rrb.TextDocumentView(origin="compliance_legend", name="How to read it")
+    return rrb.Grid(*views, legend, grid_columns=2, name="Compliance")
+
+
+def legend(study: Study) -> str:
+    """What the heatmaps show, and what not to read into them."""
+    lumped = [study.names[k] for k in study.shown if not _has_joints(study, k)]
+    sentences = [
+        f"Each picture: {', '.join(columns(study))} from left to right, rows and columns {', '.join(AXES)} "
+        "in the link's beam frame. Entry ij over the root of the true entries ii and jj. Grey: 0; yellow: "
+        "positive, brown as large as a true diagonal, bright ten times as large; blue to cyan: negative. "
+        "**Blue on a diagonal is a link that gives energy away**.",
+        "A model without joints holds the compliance of the joint behind a link in the link: "
+        f"{', '.join(lumped)}."
+        if lumped
+        else "",
+        "Entries are not comparable between models: the data see only some directions. Predictions are.",
+        "Numbers: tab `Numbers`.",
+    ]
+    return "\n\n".join(filter(None, sentences))
+
+
+def _has_joints(study: Study, k: int) -> bool:
+    return bool(study.estimates[k].structure.a.max() >= 6 * len(study.cell.arm.links))
+
+
+def numbers(study: Study) -> str:
+    """Eigenvalues of every link, then every entry in SI units."""
+    heads, eigen, matrices = columns(study), [], []
+    for link, found in link_matrices(study).items():
+        for head, C in zip(heads, found, strict=True):
+            S = scaled(C, found[0])
+            values = np.linalg.eigvalsh((S + S.T) / 2)
+            eigen.append([link, head, *(f"{x:.2e}" for x in values)])
+        matrices += [f"### {link}", *matrix_tables(heads, found)]
+    return "\n\n".join(
+        [
+            "### Eigenvalues of each link (1)",
+            "Of the matrix in units of the true diagonal, ascending; below zero is not conservative.",
+            "\n".join(grid(["link", "model", *(f"{k}" for k in range(1, 7))], eigen)),
+            *matrices,
+        ]
+    )
+
+
+def matrix_tables(heads: Sequence[str], matrices: Sequence[Array]) -> list[str]:
+    """A table a matrix, entries in m/N, rad/N and rad/(N m)."""
+    return [
+        "\n".join(
+            grid(
+                [f"{head} (m/N, rad/N, rad/(N m))", *AXES],
+                [[axis, *(f"{x:.3e}" for x in row)] for axis, row in zip(AXES, C, strict=True)],
+            )
+        )
+        for head, C in zip(heads, matrices, strict=True)
+    ]

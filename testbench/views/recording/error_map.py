@@ -1,0 +1,144 @@
+"""An error map: how good predictions are where in the workspace, errors as colour and size of points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import FillMode
+
+from testbench.errors import Array
+from testbench.views.recording.style import NOISE
+from testbench.views.report import show
+from testbench.views.tables import grid
+
+ANCHORS = np.array([(86, 62, 148), (58, 100, 160), (33, 145, 140), (94, 201, 98), (240, 218, 50)])
+"""Viridis, its dark end lifted and its bright end lowered: seen on dark and on light ground."""
+SMALLEST = 0.4
+"""Size of the point of least error over that of the greatest [1]: colour is never alone."""
+KEYS, STEP, KEY = 5, 180.0, 20.0
+"""Points of the key, their distance and the radius of the largest, in the key's own units."""
+
+
+@dataclass(frozen=True)
+class ErrorMap:
+    """Errors at places.
+
+    Attributes:
+        words: What the errors are, with unit.
+        field: Tool positions all over the workspace, (p, 3) [m].
+        field_mm: Error at each, (p,) [mm].
+        tasks: Tool positions where the robot works, (t, 3) [m].
+        tasks_mm: Error at each, (t,) [mm].
+    """
+
+    words: str
+    field: Array
+    field_mm: Array
+    tasks: Array
+    tasks_mm: Array
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and greatest error of all, the ends of the scale [mm]."""
+        every = np.concatenate([self.field_mm, self.tasks_mm])
+        return float(every.min()), float(every.max())
+
+
+def shares(errors: Array, ends: tuple[float, float]) -> Array:
+    """Place of errors on the scale, 0 to 1; 0 where all are equal.
+
+    Args:
+        errors: Any shape [mm].
+        ends: Of the scale [mm].
+    """
+    low, high = ends
+    return np.asarray((errors - low) / (high - low) if high > low else np.zeros_like(errors))
+
+
+def shades(share: Array) -> npt.NDArray[np.uint8]:
+    """Colours of places on the scale, (n,) to (n, 3): the greater the error, the brighter."""
+    at = np.linspace(0, 1, len(ANCHORS))
+    parts = [np.rint(np.interp(share, at, part)) for part in ANCHORS.T]
+    return np.column_stack(parts).astype(np.uint8)
+
+
+def sizes(share: Array) -> Array:
+    """Sizes of places on the scale over that of the greatest error, (n,) [1]."""
+    return SMALLEST + (1 - SMALLEST) * share
+
+
+def write_error_map(stream: rr.RecordingStream, path: str, error_map: ErrorMap, radius: float) -> None:
+    """Balls over the workspace, cubes at the tasks, and labels at the ends of either.
+
+    Args:
+        stream: Where to.
+        path: Root of the map's entities.
+        error_map: What to draw.
+        radius: Of the largest ball [m].
+    """
+    field, tasks = (shares(mm, error_map.ends) for mm in (error_map.field_mm, error_map.tasks_mm))
+    balls = rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
+    stream.log(f"{path}/field", balls, static=True)
+    half = np.column_stack([radius * sizes(tasks)] * 3)
+    cubes = rr.Boxes3D(
+        centers=error_map.tasks, half_sizes=half, colors=shades(tasks), fill_mode=FillMode.Solid
+    )
+    stream.log(f"{path}/tasks", cubes, static=True)
+    named = [
+        (error_map.field, error_map.field_mm, error_map.field_mm.argmin(), "least"),
+        (error_map.field, error_map.field_mm, error_map.field_mm.argmax(), "greatest"),
+        (error_map.tasks, error_map.tasks_mm, error_map.tasks_mm.argmax(), "worst task"),
+    ]
+    at = np.array([places[k] for places, _, k, _ in named]) + np.array([0, 0, 3 * radius])
+    texts = [f"{name} {show(mm[k])} mm" for _, mm, k, name in named]
+    labels = rr.Points3D(at, labels=texts, colors=NOISE, radii=0.0, show_labels=True)
+    stream.log(f"{path}/label", labels, static=True)
+
+
+def write_key(stream: rr.RecordingStream, path: str, error_map: ErrorMap) -> None:
+    """Colours and sizes of the map with their errors, in a row; the path must name the unit, mm.
+
+    Args:
+        stream: Where to.
+        path: Root of the key's entities.
+        error_map: Sets the scale.
+    """
+    share = np.linspace(0, 1, KEYS)
+    low, high = error_map.ends
+    places = np.column_stack([STEP * np.arange(KEYS), np.zeros(KEYS)])
+    dots = rr.Points2D(places, colors=shades(share), radii=KEY * sizes(share))
+    stream.log(f"{path}/dot", dots, static=True)
+    beside = places + np.array([0.35 * STEP, -0.75 * KEY])  # a label hangs below its point
+    texts = [f"{show(mm)} mm" for mm in low + share * (high - low)]
+    labels = rr.Points2D(beside, labels=texts, colors=NOISE, radii=0.0, show_labels=True)
+    stream.log(f"{path}/number", labels, static=True)
+
+
+def key_view(path: str) -> rrb.Spatial2DView:
+    """The view of a key."""
+    bounds = rrb.VisualBounds2D(x_range=(-0.3 * STEP, (KEYS - 0.2) * STEP), y_range=(-1.6 * KEY, 1.6 * KEY))
+    return rrb.Spatial2DView(
+        origin=path, name="Colour and size of balls and cubes (mm)", visual_bounds=bounds
+    )
+
+
+def key_words(error_map: ErrorMap) -> str:
+    """The map in words: answer, numbers, how to read it."""
+    field, tasks = error_map.field_mm, error_map.tasks_mm
+    low, high = error_map.ends
+    rows = [
+        [name, *(show(mm) for mm in (x.min(), np.median(x), np.quantile(x, 0.95), x.max()))]
+        for name, x in ((f"workspace, {len(field)}", field), (f"tasks, {len(tasks)}", tasks))
+    ]
+    return "\n\n".join(
+        [
+            f"### {error_map.words[:1].upper()}{error_map.words[1:]}",
+            f"#### **At most {show(tasks.max())} mm in the tasks, {show(field.max())} mm in the workspace.**",
+            "\n".join(grid(["places", "least", "median", "95 %", "greatest"], rows)),
+            "**Balls** the workspace. **Cubes** the tasks, on the same scale.",
+            f"**Colours** Violet and small: {show(low)} mm, the least. Yellow and large: "
+            f"{show(high)} mm, the greatest.",
+        ]
+    )

@@ -1,0 +1,125 @@
+"""The words of single runs, and what the models say of themselves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.errors import Array
+from testbench.views.report import MM, Report, show
+from testbench.views.tables import grid
+
+
+@dataclass(frozen=True)
+class RunLine:
+    """What is said of one run.
+
+    Attributes:
+        run: Its identifier.
+        pose: Identifier of its pose.
+        group: "identification" or "check".
+        place: Its place in worst_first.
+        sag_mm: Deflection of the marker that moves most.
+    """
+
+    run: int
+    pose: int
+    group: str
+    place: int
+    sag_mm: float
+
+    @property
+    def where(self) -> str:
+        """The run in words."""
+        return f"run {self.run}, {self.group} pose {self.pose}"
+
+
+def run_lines(data: Dataset, checked: Mask, rank: Ids) -> list[RunLine]:
+    """One line a run, in dataset order.
+
+    Args:
+        data: The runs.
+        checked: Which of them check, (runs,).
+        rank: Their places in worst_first, (runs,).
+    """
+    sag = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
+    groups = np.where(checked, "check", "identification")
+    columns = (data.run, data.pose, groups, rank, sag)
+    return [RunLine(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+
+
+def table(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> str:
+    """All runs, in dataset order.
+
+    Args:
+        runs: Their lines.
+        names: Of the models.
+        residual: Residual of the worst marker, (models, runs) [m].
+    """
+    head = ["run", "pose", "set", "worst_first", "deflection, mm", *(f"{n}, mm" for n in names)]
+    rows = [
+        [
+            str(run.run),
+            str(run.pose),
+            run.group,
+            str(run.place),
+            f"{run.sag_mm:.3f}",
+            *(f"{x:.3f}" for x in mm),
+        ]
+        for run, mm in zip(runs, MM * residual.T, strict=True)
+    ]
+    words = "Deflection of the marker that moves most; residual of the worst marker, for each model."
+    return "\n".join(["### Every run", "", words, "", *grid(head, rows)])
+
+
+def captions(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> list[str]:
+    """What is on screen, for every run; arguments as for `table`."""
+    texts = []
+    for run, column in zip(runs, MM * residual.T, strict=True):
+        title = f"**{run.where.capitalize()}** sags {run.sag_mm:.2f} mm; "
+        title += f"number {run.place + 1} of {len(runs)} from the worst."
+        rows = grid(["worst marker", *names], [["residual, mm", *(f"{mm:.3f}" for mm in column)]])
+        texts.append("\n".join([title, "", *rows]))
+    return texts
+
+
+def load_captions(
+    run: RunLine, share: Array, names: Sequence[str], sag: Array, predicted: Array
+) -> list[str]:
+    """What is on screen, for every step of loading.
+
+    Args:
+        run: The run that is loaded.
+        share: Of the load, (steps,) [1].
+        names: Of the shown models.
+        sag: True deflection of the marker that moves most, (steps,) [m].
+        predicted: The same by each model, (models, steps) [m].
+    """
+    return [
+        f"**{run.where.capitalize()}** under {100 * s:.0f} % of its load: truth {MM * true:.3f} mm, "
+        + ", ".join(f"{name} {MM * mm:.3f} mm" for name, mm in zip(names, by_model, strict=True))
+        for s, true, by_model in zip(share, sag, predicted.T, strict=True)
+    ]
+
+
+def notes(report: Report) -> str:
+    """Status and advice of every model."""
+    lines = ["### What the models say of themselves", ""]
+    for m in report["models"]:
+        gap = "" if m["duality_gap"] is None else f", duality gap {show(m['duality_gap'], '.1e')}"
+        lines += [
+            f"**{m['name']}**: {m['method']}, {m['status']}{gap}, smallest eigenvalue "
+            f"{show(m['min_eigenvalue'], '.1e')}",
+            "",
+            *(f"- {advice}" for advice in m["advice"]),
+            *(f"- residuals, {name}: {_words(value)}" for name, value in m.get("residuals", {}).items()),
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def _words(residuals: Report) -> str:
+    mean, std = show(residuals["mean_um"], ".1f"), show(residuals["std_um"], ".1f")
+    p = show(residuals["lilliefors_p"], ".3f")
+    return f"mean {mean} um, standard deviation {std} um, Lilliefors p = {p}"

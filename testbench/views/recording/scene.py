@@ -1,0 +1,259 @@
+"""The arm with its load and its markers, on the timelines of the runs and on that of the load."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from testbench.errors import Array
+from testbench.plant.shapes import Frames, visual_shapes
+from testbench.views.recording.arm import ARROW, write_load_label, write_places, write_shapes, write_weight
+from testbench.views.recording.study import Study
+from testbench.views.recording.style import LOAD, MEASURED, NOMINAL, Colour
+from testbench.views.report import MM
+
+HALF_VIEW = np.tan(np.deg2rad(27.5))
+"""Tangent of half the viewer's vertical angle of view."""
+ASPECT = 0.8
+"""Width over height of the narrowest pane that shows the arm [1]."""
+SIDE = (0.35, 0.9, 0.25)
+"""Where the eye is: ahead along the reach of the arm, beside it, above [1]."""
+CLOSER = 0.6
+"""The eye is at least at this share of the distance from which all runs are in view [1]."""
+
+
+def write_scene(
+    stream: rr.RecordingStream, study: Study, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn
+) -> None:
+    """Everything under `world`.
+
+    Args:
+        stream: Where to.
+        study: What to draw.
+        runs: Timelines of the runs, in the order of the dataset.
+        load: Timeline of loading.
+    """
+    moving = study.moving()
+    write_shapes(stream, study.cell, moving)
+    write_places(stream, study.cell, runs, study.rigid, study.ghost, moving)
+    write_places(stream, study.cell, [load], study.loading.rigid, study.loading.ghost, moving)
+    _write_styles(stream, study)
+    _write_markers(stream, study, runs)
+    _write_loading(stream, study, load)
+    wrench = study.data.wrench
+    _write_load(stream, study, runs, study.ghost, wrench, wrench)
+    run, share = study.loading.run, study.loading.share
+    whole = np.tile(wrench[run], (len(share), 1))
+    _write_load(stream, study, [load], study.loading.ghost, whole, share[:, None] * whole)
+
+
+def _write_styles(stream: rr.RecordingStream, study: Study) -> None:
+    """What does not change: colours and sizes."""
+    radius = 0.012 * study.reach
+    points: dict[str, tuple[Colour, float]] = {
+        "nominal": (NOMINAL, radius),
+        "measured": (MEASURED, radius),
+        "true": (MEASURED, radius),
+    }
+    for k, (path, look) in enumerate(zip(study.paths, study.looks, strict=True)):
+        points[f"predicted_{path}"] = (look.colour, 0.8 * radius)
+        slim = (0.5 if k == study.best else 0.8) * radius  # so that arrows on one line are both seen
+        stream.log(
+            _marker(f"residual_{path}"), rr.Arrows3D.from_fields(colors=look.colour, radii=slim), static=True
+        )
+    for name, (colour, size) in points.items():
+        stream.log(_marker(name), rr.Points3D.from_fields(colors=colour, radii=size), static=True)
+    thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
+    stream.log(_marker("deflection"), thin, static=True)
+    label = rr.Points3D.from_fields(colors=study.looks[study.best].colour, radii=0.0, show_labels=True)
+    stream.log(_marker("worst_label"), label, static=True)
+    leader = rr.LineStrips3D.from_fields(colors=study.looks[study.best].colour, radii=0.1 * radius)
+    stream.log(_marker("worst_leader"), leader, static=True)
+
+
+def _marker(name: str) -> str:
+    return f"world/markers/{name}"
+
+
+def _write_markers(stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn]) -> None:
+    """Markers without load, as measured and as predicted; arrows from measured to predicted."""
+    data, M, scale = study.data, study.magnification, study.residual_scale
+    nominal = study.bodies(data.markers, study.rigid)
+    measured = nominal + M * data.deflection
+    write_points(stream, "nominal", times, nominal)
+    write_points(stream, "measured", times, measured)
+    _arrows(stream, "deflection", times, nominal, M * data.deflection)
+    for path, errors in zip(study.paths, study.errors, strict=True):
+        write_points(stream, f"predicted_{path}", times, measured - M * errors)
+        _arrows(stream, f"residual_{path}", times, measured, -scale * errors)
+    _write_worst(stream, study, times, measured)
+
+
+def _write_worst(
+    stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn], measured: Array
+) -> None:
+    """One label a run, off its marker: labels at every marker would cover each other."""
+    length = MM * np.linalg.norm(study.errors[study.best], axis=-1)
+    worst, runs = length.argmax(axis=1), np.arange(len(length))
+    away = measured[runs, worst] - study.bodies([study.cell.arm.tool], study.ghost)[:, 0]
+    size = np.linalg.norm(away, axis=1, keepdims=True)
+    away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * study.reach)
+    away[:, 2] += 0.5
+    at = measured[runs, worst] + 0.16 * study.reach * away
+    labels = [
+        f"{study.data.markers[k]}: {mm:.3f} mm" for k, mm in zip(worst, length[runs, worst], strict=True)
+    ]
+    columns = rr.Points3D.columns(positions=at, labels=labels).partition([1] * len(at))
+    stream.send_columns(_marker("worst_label"), times, columns)
+    leaders = np.stack([measured[runs, worst], at], axis=1)
+    stream.send_columns(_marker("worst_leader"), times, rr.LineStrips3D.columns(strips=leaders))
+
+
+def _write_loading(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn) -> None:
+    """The same markers while the load grows: true instead of measured, predicted by the shown models."""
+    loading, M = study.loading, study.magnification
+    nominal = study.bodies(study.data.markers, loading.rigid)
+    write_points(stream, "nominal", [time], nominal)
+    write_points(stream, "true", [time], nominal + M * loading.deflection)
+    _arrows(stream, "deflection", [time], nominal, M * loading.deflection)
+    for k in study.shown:
+        write_points(stream, f"predicted_{study.paths[k]}", [time], nominal + M * loading.predicted[k])
+
+
+def write_points(
+    stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], positions: Array
+) -> None:
+    """A point a marker: positions (times, m, 3) [m]."""
+    columns = rr.Points3D.columns(positions=positions.reshape(-1, 3))
+    stream.send_columns(_marker(name), times, columns.partition([positions.shape[1]] * len(positions)))
+
+
+def _arrows(
+    stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], origins: Array, vectors: Array
+) -> None:
+    """An arrow a marker: origins and vectors (times, m, 3) [m]."""
+    columns = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3))
+    stream.send_columns(_marker(name), times, columns.partition([origins.shape[1]] * len(origins)))
+
+
+def _write_load(
+    stream: rr.RecordingStream,
+    study: Study,
+    times: Sequence[rr.TimeColumn],
+    ghost: Frames,
+    whole: Array,
+    wrench: Array,
+) -> None:
+    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below.
+
+    Args:
+        stream: Where to.
+        study: Gives the arm and its payload.
+        times: Of the rows.
+        ghost: Where the load point is.
+        whole: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
+        wrench: What acts, (rows, 6) [N, N m].
+    """
+    hook = study.bodies([study.cell.arm.load], ghost)[:, 0]
+    payload = study.report.get("payload_kg")
+    for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
+        size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
+        if not size.any():
+            continue
+        look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * study.reach)
+        stream.log(f"world/load/{entity}", look, static=True)
+        vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
+        columns = rr.Arrows3D.columns(origins=hook, vectors=ARROW * study.reach * vectors)
+        stream.send_columns(f"world/load/{entity}", times, columns)
+    if payload is not None:
+        share = np.linalg.norm(wrench[:, :3], axis=1) / np.linalg.norm(whole[:, :3], axis=1)
+        write_weight(stream, times, hook, np.full(len(hook), payload), share, study.reach)
+        return
+    texts = [
+        " and ".join(f"{x:.0f} {unit}" for x, unit in zip(sizes, ("N", "N m"), strict=True) if x > 0)
+        or "no load"
+        for sizes in np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
+    ]
+    write_load_label(stream, times, hook - [0, 0, 0.5 * ARROW * study.reach], texts)
+
+
+def world_view(study: Study) -> rrb.Spatial3DView:
+    """The arm; of the markers, only the best model of each method is visible at first."""
+    eye, target = _camera(study)
+    hidden: dict[str | rr.datatypes.EntityPath, Any] = {
+        f"/world/markers/{what}_{name}": rrb.EntityBehavior(visible=False)
+        for k, name in enumerate(study.paths)
+        if k not in study.shown
+        for what in ("predicted", "residual")
+    }
+    return rrb.Spatial3DView(
+        origin="world",
+        name=f"Arm (m): deflection x {study.magnification:g}, residual arrows x {study.residual_scale:g}",
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
+        ),
+        overrides=hidden,
+    )
+
+
+def _camera(study: Study) -> tuple[Array, Array]:
+    """Eye and target, each (3,) [m]: the worst run in view, and the others not much beyond it."""
+    hooks = study.bodies([study.cell.arm.load], study.ghost) - [0, 0, 0.3 * study.reach]
+    points = np.hstack([study.rigid.positions, study.ghost.positions, hooks])
+    tool = study.bodies([study.cell.arm.tool], study.rigid)[study.worst, 0, :2]
+    centres, radii = _spheres(study)
+    worst = np.vstack([points[study.worst], centres])
+    eye, target = frame(worst, np.append(np.zeros(points.shape[1]), radii), tool)
+    every = points.reshape(-1, 3)
+    far, middle = frame(every, np.zeros(len(every)), tool)
+    closer = CLOSER * np.linalg.norm(far - middle) / np.linalg.norm(eye - target)
+    return target + max(1.0, float(closer)) * (eye - target), target
+
+
+def _spheres(study: Study) -> tuple[Array, Array]:
+    """Spheres around every shape of the worst run, rigid and deflected: centres (n, 3), radii (n,) [m]."""
+    shapes = visual_shapes(study.cell.room)
+    bodies = [shape.body for shape in shapes]
+    at = np.array([shape.position for shape in shapes])
+    centres = [
+        frames.positions[study.worst, bodies]
+        + np.einsum("kxy,ky->kx", frames.rotations[study.worst, bodies], at)
+        for frames in (study.rigid, study.ghost)
+    ]
+    corners = [s.size if s.mesh is None else s.mesh.vertices for s in shapes]
+    radii = np.array([np.linalg.norm(x, axis=-1).max() for x in corners])
+    return np.concatenate(centres), np.tile(radii, 2)
+
+
+def frame(
+    points: Array,
+    radii: Array,
+    tool: Array,
+    side: tuple[float, float, float] = SIDE,
+    aspect: float = ASPECT,
+) -> tuple[Array, Array]:
+    """Eye and target, each (3,) [m], all spheres in view.
+
+    Args:
+        points: Their centres, (points, 3) [m].
+        radii: Of the spheres, (points,) [m].
+        tool: Where the arm reaches, seen from above, (2,) [m].
+        side: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+        aspect: Width over height of the pane [1].
+    """
+    length = float(np.linalg.norm(tool))
+    x, y = tool / length if length > 0 else (1.0, 0.0)
+    ahead, aside, above = side
+    back = np.array([aside * y + ahead * x, -aside * x + ahead * y, above])
+    back /= np.linalg.norm(back)
+    right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
+    axes = np.column_stack([back, right, np.cross(back, right)])
+    along = points @ axes
+    low, high = (along - radii[:, None]).min(axis=0), (along + radii[:, None]).max(axis=0)
+    target = axes @ ((low + high) / 2)
+    depth, across, up = ((points - target) @ axes).T
+    wide = np.maximum(np.abs(across) / aspect, np.abs(up)) + radii
+    distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
+    return target + distance * back, target

@@ -1,0 +1,239 @@
+"""A calibration as arrays ready for drawing, whichever campaign it comes from."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from testbench.bench import campaign as bench
+from testbench.bench import full_pose
+from testbench.bench.campaign import Cell, Truth, settle_both
+from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.errors import Array
+from testbench.identify import Estimate
+from testbench.identify.evaluate import predict
+from testbench.plant.shapes import Frames, body_names, elastic_frames, rigid_frames
+from testbench.views.recording.style import Look, is_gco, looks
+from testbench.views.report import Report, middle
+
+Campaign = bench.Campaign | full_pose.Campaign
+Result = bench.Result | full_pose.Result
+
+RESIDUAL_REACH = 0.1
+"""Length of the longest residual arrow of the best model over the reach of the arm, before rounding [1]."""
+MAX_RESIDUAL_SCALE = 1e5
+STEPS = 20
+"""Steps of loading, from nothing to the whole load."""
+
+
+@dataclass(frozen=True)
+class Loading:
+    """One run loaded step by step.
+
+    Attributes:
+        run: Index of the run.
+        share: Of the load, (steps,) [1].
+        deflection: True deflection of the markers, (steps, m, 3) [m].
+        predicted: The same by each model, (models, steps, m, 3) [m].
+        rigid: The arm without load.
+        ghost: The arm at every step, its deflection magnified.
+    """
+
+    run: int
+    share: Array
+    deflection: Array
+    predicted: Array
+    rigid: Frames
+    ghost: Frames
+
+
+@dataclass(frozen=True)
+class Study:
+    """A campaign and its results, made ready for drawing.
+
+    Attributes:
+        report: The numbers of all seeds; words are written from them.
+        cell: The arm.
+        data: What was measured, identification and check runs.
+        seed: Root of what was measured.
+        truth: Kind of truth.
+        noise: Whether readings are noisy.
+        estimates: One a model, in the order of the report's.
+        best: Index of the best model, which the runs are sorted by.
+        shown: Indices of the models that are visible at first: the best of each method.
+        errors: Measured minus predicted deflections, (models, runs, m, 3) [m].
+        checked: Which runs are of the check poses, (runs,).
+        rank: Place of each run in worst_first, (runs,); 0 has the largest residual of the best model.
+        rigid: The arm without its load and without any sag.
+        ghost: The arm under its load, the deflection magnified.
+        loading: The worst run step by step.
+        magnification: Of the deflection [1].
+        residual_scale: Magnification of the residual arrows [1].
+        parameters: The scenario as JSON.
+    """
+
+    report: Report
+    cell: Cell
+    data: Dataset
+    seed: int
+    truth: Truth
+    noise: bool
+    estimates: Sequence[Estimate]
+    best: int
+    shown: tuple[int, ...]
+    errors: Array
+    checked: Mask
+    rank: Ids
+    rigid: Frames
+    ghost: Frames
+    loading: Loading
+    magnification: float
+    residual_scale: float
+    parameters: str
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the models."""
+        return [model["name"] for model in self.report["models"]]
+
+    @property
+    def paths(self) -> list[str]:
+        """The same in snake case, for paths."""
+        return [re.sub(r"\W+", "_", name.lower()) for name in self.names]
+
+    @property
+    def looks(self) -> list[Look]:
+        """How each model is drawn."""
+        return looks(self.report["models"], (self.best, *self.shown))
+
+    @property
+    def residual(self) -> Array:
+        """Residual of the worst marker, (models, runs) [m]."""
+        return np.asarray(np.linalg.norm(self.errors, axis=-1).max(axis=-1))
+
+    @property
+    def worst(self) -> int:
+        """Index of the run that worst_first begins with."""
+        return int(np.argmin(self.rank))
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of a body from the foot of the arm in these runs, the scale of symbols [m]."""
+        return _reach(self.rigid)
+
+    def bodies(self, names: Sequence[str], frames: Frames) -> Array:
+        """Origins of named bodies, (runs, len(names), 3) [m]."""
+        known = body_names(self.cell.room)
+        return frames.positions[:, [known.index(name) for name in names]]
+
+    def moving(self) -> list[int]:
+        """Bodies whose ghost ever stands off them far enough not to flicker through their surface."""
+        a, b = self.rigid, self.ghost
+        shift = np.linalg.norm(b.positions - a.positions, axis=2).max(axis=0)
+        turn = np.linalg.norm(b.rotations - a.rotations, axis=(2, 3)).max(axis=0) / np.sqrt(2)
+        return np.flatnonzero(shift + 0.2 * self.reach * turn > 0.005 * self.reach).tolist()
+
+
+def best(rows: Sequence[Report], group: str) -> Report:
+    """The conservative model of least RMS error on a set; of all models where none is conservative."""
+    conservative = [m for m in rows if m["conservative"] is True]
+    return min(conservative or rows, key=lambda m: middle(m[group]["rms_mm"]))
+
+
+def by_method(rows: Sequence[Report]) -> tuple[list[Report], list[Report]]:
+    """The models of least squares, and those of GCO."""
+    return [m for m in rows if not is_gco(m)], [m for m in rows if is_gco(m)]
+
+
+def build_study(
+    report: Report, cell: Cell, campaign: Campaign, results: Sequence[Result], magnification: float
+) -> Study:
+    """Sort the runs, choose what is shown and place the arm.
+
+    Args:
+        report: The numbers of this campaign, or of several seeds of which it is the first.
+        cell: The arm.
+        campaign: What was measured: markers under gravity, or full poses under wrenches.
+        results: One a model, in the order of the report's.
+        magnification: Of the drawn deflection [1].
+    """
+    scenario, rows = campaign.scenario, report["models"]
+    data, checked = _runs(campaign)
+    estimates = [result.estimate for result in results]
+    first = rows.index(best(rows, "check"))
+    champions = [best(group, "check") for group in by_method(rows) if group]
+    errors = np.array([data.deflection - predict(cell.vjm, e, data) for e in estimates])
+    residual = np.linalg.norm(errors[first], axis=-1).max(axis=1)
+    rank = np.empty(data.runs, dtype=int)
+    rank[np.argsort(-residual, kind="stable")] = np.arange(data.runs)
+    before, after = settle_both(cell.plant, scenario.truth, data.q, data.wrench, data.point)
+    rigid = rigid_frames(cell.room, data.q)
+    return Study(
+        report=report,
+        cell=cell,
+        data=data,
+        seed=campaign.seed,
+        truth=scenario.truth,
+        noise=scenario.noise,
+        estimates=estimates,
+        best=first,
+        shown=tuple(k for k, row in enumerate(rows) if row in champions),
+        errors=errors,
+        checked=checked,
+        rank=rank,
+        rigid=rigid,
+        ghost=elastic_frames(cell.plant, data.q, magnification * (after.theta - before.theta)),
+        loading=_load_up(cell, data, int(np.argmin(rank)), scenario.truth, estimates, magnification),
+        magnification=magnification,
+        residual_scale=_round_scale(RESIDUAL_REACH * _reach(rigid), residual.max()),
+        parameters=scenario.model_dump_json(),
+    )
+
+
+def _runs(campaign: Campaign) -> tuple[Dataset, Mask]:
+    """All runs, and which of them check."""
+    if isinstance(campaign, bench.Campaign):
+        return campaign.measured, np.isin(campaign.measured.pose, campaign.check.pose)
+    a, b = campaign.identification, campaign.check
+    checked = np.arange(a.runs + b.runs) >= a.runs
+    names = [f.name for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)]
+    joined: dict[str, Any] = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
+    return replace(a, **{**joined, "run": np.arange(len(checked)) + 1}), checked
+
+
+def _load_up(
+    cell: Cell, data: Dataset, run: int, truth: Truth, estimates: Sequence[Estimate], magnification: float
+) -> Loading:
+    """Equilibria of the true arm from no load to the whole; the models are linear in the load."""
+    share = np.linspace(0, 1, STEPS + 1)
+    q, point = (np.tile(a[run], (len(share), 1)) for a in (data.q, data.point))
+    before, after = settle_both(cell.plant, truth, q, share[:, None] * data.wrench[run], point)
+    whole = np.array([predict(cell.vjm, e, data)[run] for e in estimates])
+    return Loading(
+        run=run,
+        share=share,
+        deflection=after.markers - before.markers,
+        predicted=whole[:, None] * share[:, None, None],
+        rigid=rigid_frames(cell.room, q),
+        ghost=elastic_frames(cell.plant, q, magnification * (after.theta - before.theta)),
+    )
+
+
+def _reach(frames: Frames) -> float:
+    return float(np.linalg.norm(frames.positions - frames.positions[:, :1], axis=-1).max())
+
+
+def _round_scale(drawn: float, true: float) -> float:
+    """Magnification 1, 2 or 5 times a power of ten, at most drawn / true."""
+    scale = min(drawn / max(true, 1e-30), MAX_RESIDUAL_SCALE)
+    power = 10.0 ** np.floor(np.log10(scale))
+    return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
+
+
+def noise_limit(study: Study) -> float:
+    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
+    share = 0.95 ** (1 / len(study.data.markers))
+    return float(study.data.sigma * np.sqrt(2 * stats.chi2.ppf(share, 3)))
