@@ -2,7 +2,7 @@
 
 from testbench.identify.certify import certify
 from testbench.identify.conic import gco
-from testbench.identify.estimate import Certificate, Estimate, Estimator, make_estimate
+from testbench.identify.estimate import Certificate, Constraint, Estimate, Estimator, make_estimate
 from testbench.identify.factorised import gco_factorised
 from testbench.identify.least_squares import least_squares
 from testbench.identify.regression import Regression, reduce
@@ -11,6 +11,7 @@ from testbench.identify.search import Budget, gco_paper
 __all__ = [
     "Budget",
     "Certificate",
+    "Constraint",
     "Estimate",
     "Estimator",
     "Regression",

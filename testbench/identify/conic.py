@@ -105,7 +105,8 @@ def optimum(regression: Regression) -> Estimate:
     advice: tuple[str, ...] = ()
     if regression.rank < structure.n:
         advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
-    if not exact and program.trace_weight * total_trace(structure, pi) > PENALTY_TOLD * cost:
+    held = not exact and program.trace_weight * total_trace(structure, pi) > PENALTY_TOLD * cost
+    if held:
         advice += (f"{structure.name}: {HELD}; predictions away from the measured poses hang on it",)
     return make_estimate(
         regression,
@@ -115,6 +116,8 @@ def optimum(regression: Regression) -> Estimate:
         certificate=certificate,
         solver_seconds=solution.solve_time,
         advice=advice,
+        constraint="psd",
+        held_by_trace_weight=held,
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from testbench.errors import Array, check_array
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+
+Constraint = Literal["none", "psd"]
+"""What a method asks of every block: nothing, or to be positive semi-definite."""
 
 CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
@@ -70,6 +74,9 @@ class Estimate:
         certificate: Distance from the optimum; None where none was computed (least squares).
         solver_seconds: Time inside the numerical solver, as it reports it; 0 where it does not.
         advice: Sentences for a person: what the data cannot see, what filled it.
+        constraint: What the method asked of the blocks.
+        held_by_trace_weight: Whether only the trace weight of GCO holds unseen compliance, which fits a
+            little better as it grows.
     """
 
     method: str
@@ -84,6 +91,8 @@ class Estimate:
     certificate: Certificate | None = None
     solver_seconds: float = 0.0
     advice: tuple[str, ...] = field(default=())
+    constraint: Constraint = "none"
+    held_by_trace_weight: bool = False
 
     @property
     def structure(self) -> Structure:
@@ -109,6 +118,8 @@ def make_estimate(
     certificate: Certificate | None = None,
     solver_seconds: float = 0.0,
     advice: tuple[str, ...] = (),
+    constraint: Constraint = "none",
+    held_by_trace_weight: bool = False,
 ) -> Estimate:
     """Judge a parameter vector: the last line of every estimator.
 
@@ -120,6 +131,8 @@ def make_estimate(
         certificate: Distance from the optimum, where it was computed.
         solver_seconds: Time inside the numerical solver.
         advice: Sentences for a person.
+        constraint: What the method asked of the blocks.
+        held_by_trace_weight: Whether only the trace weight holds unseen compliance.
 
     Raises:
         BenchError: When pi has another shape or is not finite.
@@ -140,6 +153,8 @@ def make_estimate(
         certificate=certificate,
         solver_seconds=solver_seconds,
         advice=(*_rank_advice(regression), *_fit_advice(regression, pi), *advice),
+        constraint=constraint,
+        held_by_trace_weight=held_by_trace_weight,
     )
 
 

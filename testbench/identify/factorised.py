@@ -274,7 +274,9 @@ def best_of(
     best = min(found, key=lambda descent: descent.f_m)
     pi = parameters(problem, best.b)
     word = "one local solve" if starts == 1 else f"best of {starts} local solves"
-    estimate = make_estimate(problem.regression, pi, method=f"GCO (factorised, m = {problem.m}, {word})")
+    estimate = make_estimate(
+        problem.regression, pi, method=f"GCO (factorised, m = {problem.m}, {word})", constraint="psd"
+    )
     certificate = certify(estimate)
     if certificate.gap <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.unit:
         status = "solved"

@@ -112,6 +112,7 @@ def solve_modelled(
         method=f"GCO (conic program, cvxpy with {solver})",
         status="not certified" if word == "optimal" else f"not solved: {solver} says {word}",
         solver_seconds=float(problem.solver_stats.solve_time),
+        constraint="psd",
     )
 
 

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from testbench.errors import Array, BenchError
 from testbench.identify.conic import EXACT, optimum, solver_settings
-from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.estimate import Constraint, Estimate, make_estimate
 from testbench.identify.prior import Metric, whitened
 from testbench.identify.regression import Regression, f_m
 
@@ -111,6 +111,7 @@ def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Esti
         strength,
         x,
         method="GCO with prior",
+        constraint="psd",
         status=status_of(solution),
         solver_seconds=solution.solve_time,
     )
@@ -154,6 +155,7 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
         regression,
         metric.L @ project(metric, np.array(solution.x)[terms:]),
         method="GCO, least trace in the metric",
+        constraint="psd",
         status=status_of(solution),
         solver_seconds=solution.solve_time,
         advice=(
@@ -209,6 +211,7 @@ def estimate_of(
     method: str,
     status: str,
     solver_seconds: float = 0.0,
+    constraint: Constraint = "none",
 ) -> Estimate:
     """The estimate of x; it says which prior filled what the data cannot see."""
     scale = (
@@ -222,5 +225,6 @@ def estimate_of(
         method=method,
         status=status,
         solver_seconds=solver_seconds,
+        constraint=constraint,
         advice=(f"prior: {metric.prior}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}",),
     )

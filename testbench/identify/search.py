@@ -335,6 +335,7 @@ def _judge(search: Search) -> Estimate:
         problem.regression,
         parameters(problem, search.best),
         method=f"GCO (genetic algorithm, global search, m = {problem.m})",
+        constraint="psd",
     )
     proof = None if best.certificate is None else best.certificate.dual
     certificate = certify(estimate, dual=proof)

@@ -60,6 +60,7 @@ def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Est
         strength,
         project(metric, scale * np.array(solution.x)[:n]),
         method="GCO with log-det prior",
+        constraint="psd",
         status=status_of(solution),
         solver_seconds=solution.solve_time,
     )

@@ -10,7 +10,6 @@ from testbench.arm.folder import Arm
 from testbench.bench.campaign import Campaign, Result
 from testbench.identify import Estimate
 from testbench.identify.certify import total_trace
-from testbench.identify.conic import HELD
 from testbench.identify.evaluate import Normality, Score
 
 Report = dict[str, Any]
@@ -89,7 +88,7 @@ def estimate_report(name: str, estimate: Estimate, seconds: float) -> Report:
         "f_m_floor": estimate.f_m_floor,
         "duality_gap": None if certificate is None else certificate.gap,
         "trace_bounds_rad_per_Nm": None if certificate is None else certificate.trace_bounds.tolist(),
-        "held_by_trace_weight": any(HELD in text for text in estimate.advice),
+        "held_by_trace_weight": estimate.held_by_trace_weight,
         "total_trace_rad_per_Nm": total_trace(estimate.structure, estimate.pi),
         "solve_seconds": seconds,
         "advice": list(estimate.advice),

@@ -250,7 +250,7 @@ def _over_b(
         method = f"GCO over b, m = {study.m}"
         status = "budget spent" if key.startswith("a") else "local optimum"
         pi = parameters(problem, found.b)
-        estimate = make_estimate(problem.regression, pi, method=method, status=status)
+        estimate = make_estimate(problem.regression, pi, method=method, status=status, constraint="psd")
         rows.append(
             Solved(key, estimate, stamps.way, clock() - stamps.start, found.evaluations, found.solves)
         )
