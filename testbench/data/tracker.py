@@ -34,6 +34,21 @@ class Instrument(Protocol):
         """
         ...
 
+    def noise(self, positions: Array, rng: np.random.Generator) -> Array:
+        """Noise of that covariance: its symmetric root times standard normal numbers.
+
+        The root is unique and smooth in the position. One from a decomposition is not: where eigenvalues
+        are equal, the last digit of a position turns the axes.
+
+        Args:
+            positions: True positions, (..., 3) [m].
+            rng: Source of the normal numbers.
+
+        Returns:
+            (..., 3) [m].
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class Tracker:
@@ -61,6 +76,10 @@ class Tracker:
     def covariance(self, positions: Array) -> Array:
         """sigma^2 along every axis, (..., 3, 3) [m^2]."""
         return np.broadcast_to(self.sigma**2 * np.eye(3), (*positions.shape, 3))
+
+    def noise(self, positions: Array, rng: np.random.Generator) -> Array:
+        """Of sigma along every axis, (..., 3) [m]."""
+        return self.sigma * rng.standard_normal(positions.shape)
 
 
 @dataclass(frozen=True)
@@ -123,15 +142,28 @@ class LaserTracker:
             raise BenchError(f"tracker: expected a station x, y, z, got {self.station}")
 
     def covariance(self, positions: Array) -> Array:
-        """Along the beam the radial variance, across it the transverse one, (..., 3, 3) [m^2]."""
+        """transverse^2 (I - u u^T) + radial^2 u u^T along the beam u, (..., 3, 3) [m^2]."""
+        u, radial, transverse = self._beam(positions)
+        along = u[..., :, None] * u[..., None, :]
+        radial, transverse = radial[..., None], transverse[..., None]
+        return np.asarray(transverse**2 * (np.eye(3) - along) + radial**2 * along)
+
+    def noise(self, positions: Array, rng: np.random.Generator) -> Array:
+        """(transverse (I - u u^T) + radial u u^T) times normal numbers, (..., 3) [m]."""
+        u, radial, transverse = self._beam(positions)
+        normal = rng.standard_normal(positions.shape)
+        along = (u * normal).sum(axis=-1, keepdims=True) * u
+        return np.asarray(transverse * (normal - along) + radial * along)
+
+    def _beam(self, positions: Array) -> tuple[Array, Array, Array]:
+        """Unit vector, (..., 3) [1], and standard deviations along and across it, (..., 1) [m]."""
         beam = positions - np.array(self.station)
-        distance = np.linalg.norm(beam, axis=-1)[..., None, None]
-        along = beam[..., :, None] * beam[..., None, :] / distance**2
+        distance = np.linalg.norm(beam, axis=-1, keepdims=True)
         share = SHARE[self.quality] / math.sqrt(self.repeats)
         radial, transverse = (
             share * (own.base + own.slope * distance) for own in (self.radial, self.transverse)
         )
-        return np.asarray(transverse**2 * (np.eye(3) - along) + radial**2 * along)
+        return beam / distance, radial, transverse
 
 
 @dataclass(frozen=True)
@@ -165,11 +197,7 @@ def read_positions(tracker: Instrument, positions: Array, rng: np.random.Generat
         positions: True positions, (..., 3) [m].
         rng: Source of the noise.
     """
-    noise = rng.standard_normal(positions.shape)
-    if isinstance(tracker, Tracker):
-        return positions + tracker.sigma * noise
-    values, V = np.linalg.eigh(tracker.covariance(positions))
-    return np.asarray(positions + ((np.sqrt(values) * noise)[..., None, :] @ V.swapaxes(-1, -2))[..., 0, :])
+    return positions + tracker.noise(positions, rng)
 
 
 def drifted(

@@ -1,5 +1,7 @@
 """The tracker's noise has the stated standard deviation along every axis, and comes from the rng alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -129,6 +131,24 @@ def test_readings_of_a_laser_tracker_have_its_covariance() -> None:
     noise = read_positions(tracker, np.tile(TARGET, (DRAWS, 1)), np.random.default_rng(6)) - TARGET
     root = np.linalg.cholesky(tracker.covariance(TARGET))
     check_noise(np.linalg.solve(root, noise.T).T, 1.0)
+
+
+def test_noise_is_the_symmetric_root_of_the_covariance() -> None:
+    tracker, targets = LaserTracker(STATION), TARGET + np.random.default_rng(7).uniform(-2, 2, (50, 1, 3))
+    units = SimpleNamespace(standard_normal=lambda _: np.eye(3))  # a column of the root for each of them
+    root = tracker.noise(np.broadcast_to(targets, (50, 3, 3)), units).swapaxes(-1, -2)
+    np.testing.assert_allclose(root, root.swapaxes(-1, -2), atol=1e-20)
+    np.testing.assert_allclose(root @ root, tracker.covariance(targets[:, 0]), rtol=1e-12, atol=1e-22)
+
+
+def test_the_last_digit_of_a_position_does_not_move_its_reading() -> None:
+    """As another processor would give it: an eigendecomposition as root moved readings by 0.1 mm."""
+    true = np.random.default_rng(8).uniform(-3, 3, (500, 3, 3))
+    moved = true * (1 + 1e-15 * np.random.default_rng(9).uniform(-1, 1, true.shape))
+    assert (moved != true).any()
+    one, other = (read_positions(LaserTracker(STATION), p, np.random.default_rng(10)) for p in (true, moved))
+    # 3 m times 1e-15 and a digit of rounding; the noise, 1e-4 of the distance, adds 1e-4 of that
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-14)
 
 
 def test_a_laser_tracker_as_good_along_as_across_is_flat() -> None:
