@@ -105,7 +105,7 @@ def optimum(regression: Regression) -> Estimate:
     advice: tuple[str, ...] = ()
     if regression.rank < structure.n:
         advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
-    held = not exact and program.trace_weight * total_trace(structure, pi) > PENALTY_TOLD * cost
+    held = not exact and bool(program.trace_weight * total_trace(structure, pi) > PENALTY_TOLD * cost)
     if held:
         advice += (f"{structure.name}: {HELD}; predictions away from the measured poses hang on it",)
     return make_estimate(
