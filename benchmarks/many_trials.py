@@ -41,7 +41,7 @@ def study(workers: int, shares: list[float]) -> None:
     """The study from an empty folder to its Parquet file; appends the share of the time spent in trials."""
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
-        asked = trials.Study("many_trials", {}, SEEDS)
+        asked = trials.Experiment("many_trials", {}, SEEDS)
         with trials.open_store(Path(name), asked, resume=False) as store:
             for _ in trials.run_study(draws, store, partial(trials.on_cores, workers=workers), size=CHUNK):
                 pass

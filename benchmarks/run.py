@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 from testbench import files
-from testbench.cli import command
+from testbench.shell import command
 
 BENCHMARKS = {
     "a": newton_against_forward_passes,

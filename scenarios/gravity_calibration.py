@@ -23,8 +23,8 @@ from testbench.bench.campaign import (
     named_models,
     simulate,
 )
-from testbench.cli import command
 from testbench.data.csvfile import write_csv
+from testbench.shell import command
 from testbench.studies.paper import SECTION_6
 from testbench.views import figures, tables
 from testbench.views.recording import write_calibration

@@ -16,12 +16,12 @@ from rich.progress import track
 
 from testbench import files
 from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.cli import command
 from testbench.data.csvfile import write_csv
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import cad_prior
 from testbench.identify.regularised import Strength
 from testbench.model.structure import mgco68
+from testbench.shell import command
 from testbench.studies import sweeps
 from testbench.studies.identifiability import figure as figures_identifiability
 from testbench.studies.identifiability import trial as identifiability

@@ -14,7 +14,7 @@ from rich.progress import track
 
 from testbench import files
 from testbench.bench.campaign import build_cell
-from testbench.cli import command
+from testbench.shell import command
 from testbench.studies import sweeps
 from testbench.studies.loaded_stiffness import figure as figures_loaded
 from testbench.studies.loaded_stiffness import trial as loaded

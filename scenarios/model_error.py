@@ -14,9 +14,10 @@ from rich.console import Console
 
 from testbench import files
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
-from testbench.cli import command
-from testbench.cli.trial_options import Cluster, Insecure, Resume, Workers, choose_backend
 from testbench.data.csvfile import write_csv
+from testbench.shell import command
+from testbench.shell.backend import Cluster, Insecure, Resume, Workers, choose_backend
+from testbench.shell.progress import show_progress
 from testbench.studies import sweeps
 from testbench.studies.model_error import summary as model_error_report
 from testbench.studies.model_error import trial as model_error
@@ -24,7 +25,7 @@ from testbench.studies.model_error import words as model_error_text
 from testbench.studies.noise_sensitivity import figure as figures_noise
 from testbench.studies.noise_sensitivity.summary import dataset
 from testbench.studies.noise_sensitivity.trial import reread
-from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
+from testbench.trials import Experiment, open_store, run_study, write_parquet
 from testbench.views import tables
 from testbench.views.recording import write_sweep
 
@@ -60,7 +61,7 @@ def main(
     backend = choose_backend(workers, cluster, insecure)
     cell = build_cell(arm)
     plain: dict[str, Any] = {**asdict(settings), "cases": model_error.sizes(scale, settings.only)}
-    study = Study(model_error.NAME, {"settings": plain, "models": files.digests(arm)}, roots)
+    study = Experiment(model_error.NAME, {"settings": plain, "models": files.digests(arm)}, roots)
     work = partial(model_error.trials, arm, settings)
     with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:
         show_progress(run_study(work, store, backend), len(roots), "trials", console)

@@ -14,16 +14,17 @@ from rich.console import Console
 
 from testbench import files
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
-from testbench.cli import command
-from testbench.cli.trial_options import Cluster, Insecure, Resume, Workers, choose_backend
 from testbench.data.csvfile import write_csv
 from testbench.errors import BenchError
+from testbench.shell import command
+from testbench.shell.backend import Cluster, Insecure, Resume, Workers, choose_backend
+from testbench.shell.progress import show_progress
 from testbench.studies import sweeps
 from testbench.studies.noise_sensitivity import figure as figures_noise
 from testbench.studies.noise_sensitivity import summary as noise_report
 from testbench.studies.noise_sensitivity import trial as noise
 from testbench.studies.noise_sensitivity import words as noise_text
-from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
+from testbench.trials import Experiment, open_store, run_study, write_parquet
 from testbench.views import tables
 from testbench.views.recording import write_sweep
 
@@ -59,7 +60,7 @@ def main(
     backend = choose_backend(workers, cluster, insecure)
     plain: dict[str, Any] = asdict(settings)
     models = {arm.name: files.digests(arm) for arm in (SIX_DOF, HEAVY)}
-    study = Study(noise.NAME, {"settings": plain, "models": models}, roots)
+    study = Experiment(noise.NAME, {"settings": plain, "models": models}, roots)
     work = partial(noise.trials, SIX_DOF, HEAVY, settings, seed)
     with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:
         show_progress(run_study(work, store, backend), len(roots), "trials", console)

@@ -16,8 +16,8 @@ from rich.progress import track
 
 from testbench import files
 from testbench.bench.campaign import build_cell, stream
-from testbench.cli import command
 from testbench.data.csvfile import write_csv
+from testbench.shell import command
 from testbench.studies.pose_selection import figure as figures_pose_selection
 from testbench.studies.pose_selection import ground as pose_ground
 from testbench.studies.pose_selection import promise as pose_promise

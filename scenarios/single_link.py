@@ -15,8 +15,8 @@ from rich.progress import track
 
 from testbench import files
 from testbench.bench.campaign import build_cell
-from testbench.cli import command
 from testbench.data.csvfile import write_csv
+from testbench.shell import command
 from testbench.studies.single_link import figure as figures_single_link
 from testbench.studies.single_link import summary as single_link_report
 from testbench.studies.single_link import trial as single_link

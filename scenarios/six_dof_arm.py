@@ -17,8 +17,8 @@ from rich.progress import track
 from testbench import files
 from testbench.bench.campaign import build_cell, named_models
 from testbench.bench.full_pose import FullPose, identify, simulate
-from testbench.cli import command
 from testbench.data.csvfile import write_csv
+from testbench.shell import command
 from testbench.studies.six_dof_arm import trial as six_dof
 from testbench.studies.six_dof_arm import words as six_dof_text
 from testbench.studies.six_dof_arm.figure import six_dof_arm

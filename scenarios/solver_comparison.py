@@ -17,9 +17,9 @@ from rich.progress import track
 from testbench import files
 from testbench.bench.campaign import build_cell
 from testbench.bench.full_pose import FullPose, simulate
-from testbench.cli import command
 from testbench.data.csvfile import write_csv
 from testbench.identify.modelled import cvxpy
+from testbench.shell import command
 from testbench.studies.solver_comparison import summary as solvers_report
 from testbench.studies.solver_comparison import trial as solvers
 from testbench.studies.solver_comparison import words as solvers_text

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 from PIL import Image
 
-from testbench.cli import command
 from testbench.errors import BenchError
+from testbench.shell import command
 from testbench.views.recording import viewer
 
 COLOURS = 256

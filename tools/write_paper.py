@@ -12,8 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from testbench.cli import command
 from testbench.errors import InputError
+from testbench.shell import command
 from testbench.studies.loaded_stiffness import words as loaded_text
 from testbench.studies.single_link import words as single_link_text
 from testbench.studies.six_dof_arm import words as six_dof_text

@@ -19,7 +19,7 @@ from testbench.arm.folder import load_arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import MODELS, Scenario, build_cell, measure, named_models, stream
 from testbench.bench.fit import Wish, fit, recommend
-from testbench.cli import command, planfile
+from testbench.cli import planfile
 from testbench.data.csvfile import read_csv, read_poses, write_csv
 from testbench.data.dataset import Dataset, split
 from testbench.data.tracker import Tracker
@@ -31,6 +31,7 @@ from testbench.identify.prior import cad_prior
 from testbench.identify.regularised import Strength
 from testbench.model.vjm import chain
 from testbench.plant import check_poses, settle_linear, write_elastic
+from testbench.shell import command
 from testbench.studies.identifiability.figure import shares
 from testbench.views import identifiability_text, plan_report, plan_text, tables
 from testbench.views.identifiability_report import to_dict

@@ -194,8 +194,10 @@ def write_all(cell: Cell, planned: Planned, report: Report, *, arm: Path, task: 
     Raises:
         InputError: When it cannot be written.
     """
-    from testbench.views import recording  # here: importing rerun takes a third of a second
-    from testbench.views import plan_recording
+    from testbench.views import (
+        plan_recording,
+        recording,  # here: importing rerun takes a third of a second
+    )
 
     wished = {"task": task.name, **{key: report[key] for key in WISHED}}
     with files.whole_folder(out) as folder:

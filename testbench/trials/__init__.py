@@ -1,18 +1,17 @@
 """The engine of trials: independent trials of a study on all cores or a cluster, stored as they come."""
 
-from testbench.cli.progress import show_progress
 from testbench.trials.chunk import Backend, Work
 from testbench.trials.cluster import on_cluster
 from testbench.trials.engine import run_study
-from testbench.trials.lines import Rows, Study
+from testbench.trials.lines import Experiment, Rows
 from testbench.trials.local import on_cores, run_trials
 from testbench.trials.parquet import write_parquet
 from testbench.trials.store import TrialStore, open_store
 
 __all__ = [
     "Backend",
+    "Experiment",
     "Rows",
-    "Study",
     "TrialStore",
     "Work",
     "on_cluster",
@@ -20,6 +19,5 @@ __all__ = [
     "open_store",
     "run_study",
     "run_trials",
-    "show_progress",
     "write_parquet",
 ]

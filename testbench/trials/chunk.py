@@ -1,17 +1,17 @@
 """A chunk of trials, as it goes to a worker and comes back; the same on every backend."""
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 
 import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be limited
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.trials.lines import SEED, Value, plain_rows, write_line
+from testbench.trials.lines import SEED, plain_rows, write_line
 
-Found = Sequence[Mapping[str, Value]]
+Found = Sequence[object]
 Work = Callable[[Sequence[int]], Sequence[Found]]
-"""Does the trials of some seeds: one list of flat rows a seed, in their order.
+"""Does the trials of some seeds: one sequence of rows a seed, in their order.
 
 It is a function of a module, or a partial of one, and what it is given are names, numbers and settings: arms
 and arrays it builds itself, once a chunk. An array that was sent to a worker may lie otherwise in memory,

@@ -7,7 +7,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from testbench import files
 from testbench.errors import BenchError, InputError
+from testbench.trials.rows import Value, flatten
 
 FORMAT = "testbench trials 1"
 MAX_LINE = 64 * 2**20
@@ -23,14 +24,13 @@ LARGEST = 2**63
 """Integers of a row lie below it: Parquet's have 64 bits."""
 SEED = "seed"
 
-Value = float | int | str | bool | None
 Row = dict[str, Value]
 Rows = list[Row]
 """What one trial found: flat rows of numbers and words; None is a missing value, NaN a number."""
 
 
 @dataclass(frozen=True)
-class Study:
+class Experiment:
     """What is tried.
 
     Attributes:
@@ -134,7 +134,7 @@ def corrupt(path: Path, number: int, problem: str) -> InputError:
     )
 
 
-def check_header(path: Path, entry: Mapping[str, Any], study: Study) -> None:
+def check_header(path: Path, entry: Mapping[str, Any], study: Experiment) -> None:
     """Refuse to go on with trials of something else.
 
     Raises:
@@ -188,7 +188,9 @@ def plain_rows(rows: object) -> Rows:
     Raises:
         ValueError: When they are not flat rows of numbers and words.
     """
-    if not isinstance(rows, list | tuple) or not all(isinstance(row, Mapping) for row in rows):
+    if isinstance(rows, list | tuple):
+        rows = [flatten(row) if is_dataclass(row) else row for row in rows]
+    if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
         raise ValueError("rows: expected a list of dicts")
     return [{_name(key): _plain(key, value) for key, value in row.items()} for row in rows]
 
@@ -200,7 +202,9 @@ def _name(key: object) -> str:
     return key
 
 
-def _plain(key: str, value: object) -> Value:
+def _plain(key: str, value: object) -> Any:
+    if isinstance(value, list | tuple):
+        return [_plain(key, v) for v in value]
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, str):
         plain.encode()

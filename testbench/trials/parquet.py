@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.errors import BenchError, InputError
-from testbench.trials.lines import SEED, Rows, Value
+from testbench.trials.lines import SEED, Rows
 from testbench.trials.store import TrialStore
 
 FILE = "trials.parquet"
@@ -34,16 +34,16 @@ def write_parquet(store: TrialStore, folder: Path) -> Path:
     import pyarrow as pa  # 0.2 s that no worker should spend
     from pyarrow import parquet
 
-    columns = _columns(store.trials())
+    columns = _columns(store.flat())
     schema = pa.schema(
-        [(name, pa.type_for_alias(kind)) for name, kind in columns.items()],
+        [(name, _type(kind)) for name, kind in columns.items()],
         metadata={"testbench": json.dumps(store.study.header, sort_keys=True)},
     )
     file = folder / FILE
     part = file.with_name(f"{FILE}.part")
     try:
         with parquet.ParquetWriter(part, schema) as writer:
-            for group in _groups(store.trials()):
+            for group in _groups(store.flat()):
                 table = {n: [_cast(row.get(n), kind) for row in group] for n, kind in columns.items()}
                 writer.write_table(pa.table(table, schema=schema))
         part.replace(file)
@@ -60,8 +60,21 @@ def _columns(trials: Iterable[tuple[int, Rows]]) -> dict[str, str]:
     for _, rows in trials:
         for row in rows:
             for name, value in row.items():
-                kinds.setdefault(name, set()).update([] if value is None else [NAMES[type(value)]])
+                kinds.setdefault(name, set()).update([] if value is None else [_kind(value)])
     return {name: _common(name, found) for name, found in kinds.items()}
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, list):
+        return f"{NAMES[type(value[0])]} list" if value else "string list"
+    return NAMES[type(value)]
+
+
+def _type(kind: str) -> Any:
+    import pyarrow as pa
+
+    plain = pa.type_for_alias(kind.removesuffix(" list"))
+    return pa.list_(plain) if kind.endswith(" list") else plain
 
 
 def _common(name: str, kinds: set[str]) -> str:
@@ -72,7 +85,7 @@ def _common(name: str, kinds: set[str]) -> str:
     raise BenchError(f"column {name!r}: expected one type in all trials, got {', '.join(sorted(kinds))}")
 
 
-def _cast(value: Value, kind: str) -> Value:
+def _cast(value: Any, kind: str) -> Any:
     return float(value) if kind == "float64" and value is not None else value
 
 

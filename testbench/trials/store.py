@@ -6,11 +6,22 @@ import json
 import os
 import stat
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from testbench.errors import InputError
-from testbench.trials.lines import Rows, Study, check_header, check_trial, corrupt, read_lines, write_line
+from testbench.trials.lines import (
+    Experiment,
+    Row,
+    Rows,
+    check_header,
+    check_trial,
+    corrupt,
+    read_lines,
+    write_line,
+)
+from testbench.trials.rows import restorer
 
 FILE = "trials.jsonl"
 FINISHED = "finished"
@@ -26,10 +37,12 @@ class TrialStore:
         path: The file.
         study: What is tried.
         descriptor: Of the open file, locked.
+        row: Type of the rows, None for flat dictionaries.
     """
 
-    def __init__(self, path: Path, study: Study, descriptor: int) -> None:
+    def __init__(self, path: Path, study: Experiment, descriptor: int, row: type | None = None) -> None:
         self.path = path
+        self.row = row
         self.study = study
         self._descriptor = descriptor
         self._starts = array("q", bytes(8 * len(study.seeds)))  # 0, where the header is: not stored
@@ -44,7 +57,13 @@ class TrialStore:
         """Seeds that are not stored, in order."""
         return (seed for seed, start in zip(self.study.seeds, self._starts, strict=True) if not start)
 
-    def trials(self) -> Iterator[tuple[int, Rows]]:
+    def trials(self) -> Iterator[tuple[int, list[Any]]]:
+        """Stored trials in the order of the seeds: seed, and its rows as they were returned."""
+        restore: Callable[[Row], Any] = restorer(self.row) if self.row else dict
+        for seed, rows in self.flat():
+            yield seed, [restore(row) for row in rows]
+
+    def flat(self) -> Iterator[tuple[int, Rows]]:
         """Stored trials of the study in the order of the seeds, one at a time in memory.
 
         Yields:
@@ -131,7 +150,9 @@ class TrialStore:
 
 
 @contextlib.contextmanager
-def open_store(folder: Path, study: Study, *, resume: bool) -> Iterator[TrialStore]:
+def open_store(
+    folder: Path, study: Experiment, *, resume: bool, row: type | None = None
+) -> Iterator[TrialStore]:
     """The trial store of a run's folder; marked as finished when the block ends well with all trials.
 
     Around `files.whole_folder`, the mark means that the report is there too.
@@ -139,6 +160,7 @@ def open_store(folder: Path, study: Study, *, resume: bool) -> Iterator[TrialSto
     Args:
         folder: The run's; made where it does not exist.
         study: What is tried.
+        row: Type of the rows, None for flat dictionaries.
         resume: Whether to go on with the stored trials; without any it starts afresh.
 
     Raises:
@@ -151,7 +173,7 @@ def open_store(folder: Path, study: Study, *, resume: bool) -> Iterator[TrialSto
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         _claim(path, descriptor)
-        store = TrialStore(path, study, descriptor)
+        store = TrialStore(path, study, descriptor, row)
         if resume:
             store.load()
         else:

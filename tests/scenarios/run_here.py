@@ -7,7 +7,7 @@ import subprocess
 import sys
 from unittest import mock
 
-from testbench.cli import command
+from testbench.shell import command
 
 
 def here(app, *args):

@@ -11,7 +11,6 @@ import pytest
 
 from testbench.bench.campaign import Scenario, measure, stream
 from testbench.bench.plan import hung, straight_way
-from testbench.cli import command
 from testbench.cli.app import app
 from testbench.cli.planfile import read_tasks
 from testbench.data.csvfile import plan_columns, read_poses
@@ -20,6 +19,7 @@ from testbench.data.tracker import Tracker
 from testbench.model.poses import in_area
 from testbench.model.vjm import chain, jacobian
 from testbench.plant import collisions
+from testbench.shell import command
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.cli import command
+from testbench.shell import command
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "solver_comparison.py"

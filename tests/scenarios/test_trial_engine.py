@@ -17,7 +17,7 @@ import pytest
 import trial_work
 
 from testbench.errors import BenchError
-from testbench.trials import Study, cluster, on_cluster, on_cores, open_store, run_study, write_parquet
+from testbench.trials import Experiment, cluster, on_cluster, on_cores, open_store, run_study, write_parquet
 from testbench.trials.store import FILE
 
 HERE = Path(__file__).resolve().parent
@@ -29,7 +29,7 @@ QUICK = partial(trial_work.trials, 0.0, "")
 
 def study(out, backend, *, work=QUICK, trials=TRIALS, size=2, resume=False):
     """The counts that a study yields, and the bytes of its Parquet file."""
-    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + trials))
+    toy = Experiment("toy", {"size": trial_work.SIZE}, range(5, 5 + trials))
     with open_store(out, toy, resume=resume) as store:
         counts = list(run_study(work, store, backend, size=size))
         return counts, write_parquet(store, out).read_bytes()
@@ -81,7 +81,7 @@ def test_two_workers_and_other_chunks_give_the_same_bytes(tmp_path, alone, size)
 
 
 def test_a_study_in_two_parts_gives_the_same_bytes(tmp_path, alone):
-    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
+    toy = Experiment("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
     with open_store(tmp_path, toy, resume=False) as store:
         for count in run_study(QUICK, store, TWO, size=2):
             if count >= 10:
@@ -94,7 +94,7 @@ def test_a_study_in_two_parts_gives_the_same_bytes(tmp_path, alone):
 def test_a_worker_killed_in_mid_study_costs_nothing(tmp_path, alone):
     pids = tmp_path / "pids"
     pids.mkdir()
-    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
+    toy = Experiment("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
     with open_store(tmp_path, toy, resume=False) as store:
         counts = run_study(partial(trial_work.trials, 0.02, str(pids)), store, TWO, size=2)
         while next(counts) < 6:
@@ -207,7 +207,7 @@ def test_memory_does_not_grow_with_the_trials(tmp_path, monkeypatch):
 
     def peak(trials):
         tracemalloc.start()
-        toy = Study("toy", {}, range(trials))
+        toy = Experiment("toy", {}, range(trials))
         with open_store(tmp_path / str(trials), toy, resume=False) as store:
             for _ in run_study(trial_work.cheap_trials, store, ONE, size=250):
                 pass
@@ -281,7 +281,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, das
     pids.mkdir()
     third = worker()
     until(lambda: workers_of(address) == 3)
-    toy = Study("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
+    toy = Experiment("toy", {"size": trial_work.SIZE}, range(5, 5 + TRIALS))
     work = partial(trial_work.trials, 0.05, str(pids))
     with open_store(tmp_path, toy, resume=False) as store:
         for _ in run_study(work, store, partial(on_cluster, address=address), size=2):

@@ -13,9 +13,10 @@ import typer
 from rich.console import Console
 
 from testbench import files
-from testbench.cli import command
 from testbench.cli import trial_options as options
-from testbench.trials import Study, open_store, run_study, show_progress, write_parquet
+from testbench.shell import command
+from testbench.shell.progress import show_progress
+from testbench.trials import Experiment, open_store, run_study, write_parquet
 
 app = typer.Typer(add_completion=False)
 
@@ -35,7 +36,7 @@ def main(
 ) -> None:
     """Run trials of a toy."""
     console = Console(highlight=False)
-    study = Study(name, {"size": trial_work.SIZE}, range(seed, seed + trials))
+    study = Experiment(name, {"size": trial_work.SIZE}, range(seed, seed + trials))
     work = partial(trial_work.trials, pause, str(pids) if pids else "")
     backend = options.choose_backend(workers, cluster, insecure)
     with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:

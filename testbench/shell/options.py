@@ -1,0 +1,89 @@
+"""Flags as a dataclass: each field is a flag, so that a command takes one settings object."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Annotated, TypeVar, get_type_hints
+
+import typer
+
+D = TypeVar("D")
+
+
+def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a typer command of a function of dataclasses: their fields are its flags.
+
+    A field is `Annotated[type, typer.Option(help=...)]` or typer.Argument; its default is the flag's.
+
+    Args:
+        kind: The first dataclass.
+        more: Others, with fields of other names.
+    """
+    kinds = (kind, *more)
+
+    def wrap(body: Callable[..., None]) -> Callable[..., None]:
+        def command(**values: object) -> None:
+            body(*(k(**{f.name: values[f.name] for f in fields(k)}) for k in kinds))
+
+        parameters = [parameter for k in kinds for parameter in _parameters(k)]
+        parameters.sort(key=lambda p: p.default is not inspect.Parameter.empty)
+        command.__name__, command.__doc__ = body.__name__, body.__doc__
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {p.name: p.annotation for p in parameters}
+        return command
+
+    return wrap
+
+
+def _parameters(kind: type) -> list[inspect.Parameter]:
+    hints = get_type_hints(kind, include_extras=True)
+    found = []
+    for own in fields(kind):
+        default = own.default if own.default_factory is MISSING else own.default_factory()
+        empty = inspect.Parameter.empty if default is MISSING else default
+        found.append(
+            inspect.Parameter(
+                own.name, inspect.Parameter.KEYWORD_ONLY, default=empty, annotation=hints[own.name]
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class Common:
+    """The flags of every study.
+
+    Attributes:
+        seed: Root of all randomness; trial k has seed + k.
+        seeds: How many trials; the study's own number if None.
+        out: Folder of the results; runs/NAME if None.
+        quick: Few trials, small sizes.
+        workers: Processes; one a core if None.
+        cluster: Dask scheduler to run the trials on.
+        insecure: Whether plain tcp:// may leave this machine.
+        resume: Whether to go on with the trials that a stopped run has stored.
+    """
+
+    seed: Annotated[int, typer.Option(min=0, max=2**62, help="Root of all randomness.")] = 1
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Trials, each with a seed of its own: medians and spreads.")
+    ] = None
+    out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
+    quick: Annotated[bool, typer.Option("--quick", help="Few trials, small sizes.")] = False
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if not given.")] = None
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="tls://HOST:PORT", help="Run the trials on this Dask scheduler's workers."),
+    ] = None
+    insecure: Annotated[bool, typer.Option("--insecure", help="Allow plain tcp:// to another machine.")] = (
+        False
+    )
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the trials that a stopped run has stored.")
+    ] = False
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """A study without flags of its own."""

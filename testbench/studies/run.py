@@ -1,0 +1,104 @@
+"""The command of a study: trials on the engine, then its report and every view of it, all or nothing."""
+
+import json
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import TypeAdapter
+from rich.console import Console
+
+from testbench import files
+from testbench.errors import BenchError
+from testbench.shell import command
+from testbench.shell.backend import choose_backend
+from testbench.shell.options import Common, takes
+from testbench.shell.progress import show_progress
+from testbench.studies.study import O, R, Run, S, Study, W
+from testbench.trials import Experiment, open_store, run_study, write_parquet
+from testbench.views import terminal
+
+
+def main(study: Study[O, S, W, R]) -> int:
+    """Run a study from the command line's arguments; the exit code."""
+    app = typer.Typer(add_completion=False)
+    app.command(help=study.about)(as_command(study))
+    return command.run(app)
+
+
+def as_command(study: Study[O, S, W, R]) -> Any:
+    """The study as a command with its flags."""
+
+    @takes(Common, study.options)
+    def body(common: Common, options: O) -> None:
+        run(study, common, options, Console(highlight=False))
+
+    return body
+
+
+def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) -> None:
+    """Do the trials, write the folder, print the answer.
+
+    Args:
+        study: What to run.
+        common: Flags of every study.
+        options: Its own.
+        console: Where the answer goes.
+
+    Raises:
+        BenchError: When a flag is wrong, a trial cannot be done or the folder cannot be written.
+    """
+    out = common.out or Path("runs") / study.name
+    seeds = _seeds(study, common)
+    settings = study.settings(options, common.quick, seeds)
+    plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
+    arms = study.arms(settings)
+    scenario = {"settings": plain, "models": {arm.name: files.digests(arm) for arm in arms}}
+    experiment = Experiment(study.name, scenario, seeds)
+    backend = choose_backend(common.workers, common.cluster, common.insecure)
+    with (
+        open_store(out, experiment, row=study.row, resume=common.resume) as store,
+        files.whole_folder(out) as folder,
+    ):
+        work = partial(study.trials, settings)
+        show_progress(run_study(work, store, backend, size=study.size), len(seeds), "trials", console)
+        report = study.summary(settings, seeds, store.trials())
+        write_parquet(store, folder)
+        tables, words = study.tables(report), study.words(report)
+        files.write_json(to_json(report), folder / "report.json")
+        (folder / "report.md").write_text(words.whole(), encoding="utf-8")
+        for name, figure in study.figures.items():
+            figure(report).savefig(folder / name, dpi=120)
+        parameters = json.dumps(plain, sort_keys=True)
+        study.write(Run(settings, seeds, report, words, tables, folder, parameters))
+        files.write_manifest(
+            folder,
+            command=f"scenarios/{study.name}.py",
+            scenario=plain,
+            seed=seeds[0],
+            seeds=len(seeds),
+            arms=arms,
+        )
+    terminal.print_words(console, words, [tables[name] for name in study.printed])
+    terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
+
+
+def _seeds(study: Study[O, S, W, R], common: Common) -> range:
+    count = common.seeds or study.seeds[0]
+    return range(common.seed, common.seed + (min(count, study.seeds[1]) if common.quick else count))
+
+
+def to_json(report: Any) -> Any:
+    """A report as JSON data: its fields are the keys.
+
+    Raises:
+        BenchError: When a number is not finite.
+    """
+    plain = asdict(report)
+    try:
+        json.dumps(plain, allow_nan=False)
+    except ValueError as err:
+        raise BenchError(f"{report.scenario}: expected finite numbers in the report: {err}") from err
+    return plain

@@ -1,0 +1,89 @@
+"""A study is a table: trials return typed rows, a summary makes the report of them, views show the report."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from matplotlib.figure import Figure
+
+from testbench.views.markdown import Words
+from testbench.views.schema import Table
+
+O = TypeVar("O")  # noqa: E741 - options
+S = TypeVar("S")
+W = TypeVar("W")
+R = TypeVar("R")
+
+Trials = Iterable[tuple[int, Sequence[W]]]
+"""Seed and rows of every trial, in the order of the seeds."""
+
+
+@dataclass(frozen=True)
+class Study(Generic[O, S, W, R]):
+    """A study: what is asked, tried, found and shown.
+
+    Attributes:
+        name: Of the scenario.
+        about: What it asks, one line for --help.
+        folder: Where `report.md.j2` is.
+        options: Dataclass of its own flags; see `cli.options.takes`.
+        settings: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
+        seeds: How many trials by default, and with `--quick` at most.
+        arms: Folders of the arms that it needs.
+        row: Type of a trial's rows.
+        trials: Rows of some seeds, one sequence a seed; a function of a module (see `trials.chunk.Work`).
+        summary: The report of all trials: a dataclass; its fields are the keys of report.json.
+        tables: Tables by name, for the template; made of declared columns.
+        printed: Those that the terminal shows.
+        figures: What makes each PNG of the report.
+        write: Writes what is not made of the report alone: dataset, recording, other figures.
+        extra: Names of other figures that `write` makes.
+        data: Name of the data file that `write` makes.
+        size: Seeds of a chunk: 0.1 to 1 s of work.
+    """
+
+    name: str
+    about: str
+    folder: Path
+    options: type[O]
+    settings: Callable[[O, bool, range], S]
+    seeds: tuple[int, int]
+    arms: Callable[[S], Sequence[Path]]
+    row: type[W]
+    trials: Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
+    summary: Callable[[S, range, Trials[W]], R]
+    tables: Callable[[R], Mapping[str, Table]]
+    printed: tuple[str, ...]
+    figures: Mapping[str, Callable[[R], Figure]]
+    write: Callable[["Run[S, R]"], None]
+    extra: tuple[str, ...] = ()
+    data: str = "dataset.csv"
+    size: int = 1
+
+    def words(self, report: R) -> Words:
+        """The words of a report."""
+        return Words(self.folder, {"report": report, "tables": self.tables(report)})
+
+
+@dataclass(frozen=True)
+class Run(Generic[S, R]):
+    """A finished study, for what is still to be written.
+
+    Attributes:
+        settings: What was tried.
+        seeds: Of the trials.
+        report: What was found.
+        words: Of the report.
+        tables: Of the report, by name.
+        folder: Where to write.
+        parameters: The settings as JSON.
+    """
+
+    settings: S
+    seeds: range
+    report: R
+    words: Words
+    tables: Mapping[str, Table]
+    folder: Path
+    parameters: str

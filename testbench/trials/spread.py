@@ -1,0 +1,97 @@
+"""Rows of many trials as medians with their spread: the one place where trials become a summary."""
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A number over several trials.
+
+    Attributes:
+        median: The middle of them.
+        p05: 5th percentile.
+        p95: 95th percentile.
+    """
+
+    median: float
+    p05: float
+    p95: float
+
+
+Number = float | Spread | None
+"""A number of one trial, its spread over several, or None where there is none."""
+Share = bool | float
+"""Whether something holds, or the share of trials in which it does."""
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Median, 5th and 95th percentile of at least one number."""
+    p05, median, p95 = np.percentile(values, [5, 50, 95])
+    return Spread(float(median), float(p05), float(p95))
+
+
+def middle(value: Number) -> float:
+    """The number, or its median over trials; NaN where there is none."""
+    if isinstance(value, Spread):
+        return value.median
+    return math.nan if value is None else float(value)
+
+
+def ends(value: Number) -> tuple[float, float]:
+    """5th and 95th percentile; twice the number where it has no spread."""
+    return (value.p05, value.p95) if isinstance(value, Spread) else (middle(value), middle(value))
+
+
+def merge(values: Sequence[T]) -> T:
+    """Records of several trials as one: every number becomes its median and spread.
+
+    A truth value becomes the share of trials in which it holds; what is the same in all trials stays;
+    different words are listed.
+
+    Args:
+        values: One a trial, all of one type: dataclasses, dictionaries or sequences of such, or plain values.
+    """
+    return _merge(list(values))  # type: ignore[return-value]  # a dataclass's fields are Numbers
+
+
+def _merge(values: list[object]) -> object:
+    first = values[0]
+    if is_dataclass(first) and not isinstance(first, type):
+        return type(first)(**{f.name: _merge([getattr(v, f.name) for v in values]) for f in fields(first)})
+    if isinstance(first, dict):
+        return {key: _merge([v[key] for v in values if isinstance(v, dict)]) for key in first}
+    if all(v == first for v in values):
+        return first
+    if all(isinstance(v, bool) for v in values):
+        return sum(map(bool, values)) / len(values)
+    if all(isinstance(v, int | float) for v in values):
+        return spread([float(v) for v in values if isinstance(v, int | float)])
+    rows = [v for v in values if isinstance(v, list | tuple) and len(v) == len(_sized(first))]
+    if len(rows) == len(values):
+        return [_merge(list(column)) for column in zip(*rows, strict=True)]
+    return " | ".join(sorted({str(v) for v in values}))
+
+
+def _sized(value: object) -> Sequence[object]:
+    return value if isinstance(value, list | tuple) else ()
+
+
+def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
+    """Rows by group, groups in the order in which they first appear.
+
+    Args:
+        rows: Of any number of trials.
+        key: Group of a row.
+    """
+    found: dict[K, list[T]] = {}
+    for row in rows:
+        found.setdefault(key(row), []).append(row)
+    return found

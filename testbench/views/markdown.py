@@ -1,0 +1,76 @@
+"""Reports in words: one Markdown template a study serves terminal, report.md and recording.
+
+A template extends `report.md.j2` and fills its blocks: `question`, `title` and `answer` are one paragraph
+each, `statements` a list, `body` the rest of report.md. It sees what its study gives it and the filters below.
+What a sentence claims is computed before, so that a test can hold it against the numbers.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
+
+from testbench.trials.spread import middle
+from testbench.views.schema import Table, show, show_truth
+
+TEMPLATES = Path(__file__).parent / "templates"
+NAME = "report.md.j2"
+
+
+def grid(table: Table) -> str:
+    """A table in Markdown: medians with their spread, the paper's numbers in square brackets."""
+    head = [column.title for column in table.columns]
+    lines = [head, ["---", *["---:"] * (len(head) - 1)]]
+    for row in table.rows:
+        cells = [column.cell(row) for column in table.columns]
+        known = [column.known(row) for column in table.columns]
+        cells = [f"{a} [{b}]" if b else a for a, b in zip(cells, known, strict=True)]
+        lines.append([f"**{cells[0]}**" if table.bold == cells[0] else cells[0], *cells[1:]])
+    return "\n".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines)
+
+
+class Words:
+    """The words of one report.
+
+    Args:
+        folder: Where the study's template is.
+        values: What the template sees by name: the report, its tables.
+        name: Of the template.
+    """
+
+    def __init__(self, folder: Path, values: Mapping[str, object], name: str = NAME) -> None:
+        self._template: Template = _environment(folder).get_template(f"own/{name}")
+        self._values = dict(values)
+
+    def block(self, name: str) -> str:
+        """One block; of `question`, `title` and `answer` a single line."""
+        context = self._template.new_context(self._values)
+        text = "".join(self._template.blocks[name](context)).strip()
+        return " ".join(text.split()) if name in ("question", "title", "answer") else text
+
+    def has(self, name: str) -> bool:
+        """Whether the template fills a block."""
+        return name in self._template.blocks
+
+    def whole(self) -> str:
+        """report.md."""
+        lines = self._template.render(self._values).strip().split("\n")
+        kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
+        return "\n".join(line.rstrip() for line in kept) + "\n"
+
+
+def _environment(folder: Path) -> Environment:
+    own, shared = FileSystemLoader(folder), FileSystemLoader(TEMPLATES)
+    found = Environment(
+        loader=ChoiceLoader([PrefixLoader({"own": own}), shared]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
+    return found
+
+
+def listed(names: list[str]) -> str:
+    """Names as in a sentence: a, b and c."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))

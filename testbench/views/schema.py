@@ -1,0 +1,161 @@
+"""What a table shows: columns declared once, for terminal, report.md, figures and recording alike."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from testbench.trials.spread import Number, Share, Spread, middle
+
+
+@dataclass(frozen=True)
+class Column:
+    """One quantity of a table.
+
+    Attributes:
+        key: Where it is in a row and in report.json, such as "check.rms_mm".
+        heading: What it is, such as "RMS check".
+        unit: Its unit, empty for none.
+        form: Format of a number, or "yes" for a truth value and the share of trials in which it holds.
+        paper: Key of the paper's number in the row's `paper`, if it gives one.
+        exact: Nothing to spread: only the median is shown.
+    """
+
+    key: str
+    heading: str
+    unit: str = ""
+    form: str = ".3f"
+    paper: str = ""
+    exact: bool = False
+
+    @property
+    def title(self) -> str:
+        """Heading and unit."""
+        return f"{self.heading}, {self.unit}" if self.unit else self.heading
+
+    def value(self, row: object) -> object:
+        """The quantity in a row of dataclasses and mappings; None where a part of the path is None."""
+        for part in self.key.split("."):
+            row = row.get(part) if isinstance(row, Mapping) else getattr(row, part)
+            if row is None:
+                return None
+        return row
+
+    def cell(self, row: object) -> str:
+        """What is shown of a row: the median with its spread, or the word."""
+        value = self.value(row)
+        return show(_median(value) if self.exact else value, self.form)
+
+    def known(self, row: object) -> str:
+        """The paper's number for a row, empty where it gives none."""
+        cells = getattr(row, "paper", None) if self.paper else None
+        value = cells.get(self.paper) if isinstance(cells, Mapping) else None
+        return "" if value is None else f"{value:.3g}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under columns.
+
+    Attributes:
+        columns: From left to right; the first one names the row.
+        rows: Dataclasses or mappings.
+        title: What it shows, empty for none.
+        bold: Value of the first column in the row that is marked, empty for none.
+    """
+
+    columns: tuple[Column, ...]
+    rows: Sequence[object]
+    title: str = ""
+    bold: str = ""
+
+
+def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
+    """A table with a row for every value of one column and a column for every value of another.
+
+    Args:
+        table: Rows with all three; its title stays.
+        down: Names the rows.
+        across: Names the columns, its unit in their headings.
+        cell: What stands there.
+    """
+    heads = list(dict.fromkeys(across.cell(row) for row in table.rows))
+    rows: dict[str, dict[str, object]] = {}
+    for row in table.rows:
+        own = rows.setdefault(down.cell(row), {"name": down.cell(row)})
+        own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
+    columns = [
+        Column(f"c{k}", head, across.unit, cell.form, exact=cell.exact) for k, head in enumerate(heads)
+    ]
+    return Table((Column("name", down.heading), *columns), list(rows.values()), table.title, table.bold)
+
+
+def show(value: object, form: str = ".3f") -> str:
+    """A value for people: a number, its median with 5th to 95th percentile, a word, a share of trials.
+
+    Args:
+        value: Number, Spread, truth value, word or None.
+        form: Format of a number; "yes" for a truth value or a share.
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, str):
+        return value
+    if form == "yes":
+        return show_truth(value)  # type: ignore[arg-type]
+    if isinstance(value, Spread):
+        return f"{_form(value.median, form)} ({_form(value.p05, form)} to {_form(value.p95, form)})"
+    return _form(value, form)
+
+
+def _form(value: object, form: str) -> str:
+    text = format(value, form)
+    return text[1:] if text.startswith("-") and float(text) == 0 else text  # never "-0.000"
+
+
+def show_truth(value: Share) -> str:
+    """Yes, no, or the share of trials."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{100 * value:.0f} %"
+
+
+def _median(value: object) -> object:
+    return value.median if isinstance(value, Spread) else value
+
+
+@dataclass(frozen=True)
+class Best:
+    """Which of several is best.
+
+    Attributes:
+        names: The best; more than one where nothing tells them apart.
+        value: Least value (median).
+    """
+
+    names: tuple[str, ...]
+    value: float
+
+    @property
+    def words(self) -> str:
+        """The name; of several that they are alike."""
+        if len(self.names) == 1:
+            return self.names[0]
+        return f"{', '.join(self.names[:-1])} and {self.names[-1]} (alike)"
+
+
+ALIKE = 0.02
+"""Share of the least value within which others are as good as the best."""
+
+
+def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
+    """The names of least value, and all that are within a share of it.
+
+    Args:
+        values: Errors by name (medians are compared); those that are None or NaN take no part.
+        alike: Share of the least value that makes no difference.
+    """
+    known = {name: middle(v) for name, v in values.items() if middle(v) == middle(v)}
+    if not known:
+        return Best((), float("nan"))
+    least = min(known.values())
+    first = sorted((n for n, v in known.items() if v <= (1 + alike) * least), key=lambda n: known[n])
+    return Best(tuple(first), least)

@@ -1,0 +1,70 @@
+"""Tables and words for a terminal of 80 columns, by rich."""
+
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.table import Table as RichTable
+
+from testbench.trials.spread import Spread
+from testbench.views.markdown import Words
+from testbench.views.schema import Column, Table, show
+
+
+def grid(table: Table) -> RichTable:
+    """A table: medians; below them 5th and 95th percentile of several trials, and the paper's numbers."""
+    found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False, title=table.title or None)
+    for k, column in enumerate(table.columns):
+        head = column.title.replace(", ", "\n").replace(" ", "\n")
+        found.add_column(head, justify="right" if k else "left", no_wrap=True)
+    for row in table.rows:
+        first, *others = (_end(column, row, "median") for column in table.columns)
+        marked = table.bold == first
+        found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
+        spreads = [not c.exact and isinstance(c.value(row), Spread) for c in table.columns]
+        for end, name in (("p05", "5 %"), ("p95", "95 %")) if any(spreads) else ():
+            cells = [_end(c, row, end) if s else "" for c, s in zip(table.columns, spreads, strict=True)]
+            found.add_row(f"  {name}", *cells[1:], style="dim")
+        known = [column.known(row) for column in table.columns]
+        if any(known):
+            found.add_row("  paper", *known[1:], style="italic")
+    return found
+
+
+def _end(column: Column, row: object, end: str) -> str:
+    value = column.value(row)
+    return show(getattr(value, end) if isinstance(value, Spread) else value, column.form)
+
+
+def print_words(console: Console, words: Words, tables: list[Table]) -> None:
+    """Title, tables, the answer, what else is to be said.
+
+    Args:
+        console: Where to.
+        words: Of the report.
+        tables: In their order.
+    """
+    console.print(words.block("title"), markup=False)
+    for table in tables:
+        console.print(grid(table))
+    console.print(words.block("answer"), style="bold", markup=False)
+    if words.has("statements"):
+        console.print(Markdown(words.block("statements")))
+
+
+def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
+    """Where the results are, and how to open them.
+
+    Args:
+        console: Where to.
+        out: Folder of the results.
+        figures: Names of the figures.
+        data: Name of the data file.
+    """
+    lines = [
+        f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
+        f"figures    {', '.join(str(out / name) for name in figures)}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
