@@ -7,16 +7,21 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.bench.campaign import Scenario, build_cell, identify, named_models, simulate
+from testbench.bench.campaign import Result, Scenario, build_cell, identify, named_models, simulate
+from testbench.bench.rows import FitRow, fit_row
 from testbench.model.poses import WorkArea
-from testbench.studies.paper import SECTION_6
 from testbench.views.recording import write_calibration
-from testbench.views.report import report
+from testbench.views.recording.drawing import Calibration
+from testbench.views.schema import Column, Table
 
 POSES, CHECK_POSES = 140, 60
 REPEATS = 5
 MEBIBYTE = 2**20
 ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+
+
+def _row(result: Result) -> FitRow:
+    return fit_row(result.model.name, result.estimate, result.seconds)
 
 
 def logging_two_hundred_poses() -> list[Row]:
@@ -33,10 +38,20 @@ def logging_two_hundred_poses() -> list[Row]:
     )
     campaign = simulate(cell, scenario, 1)
     results = identify(cell, campaign, named_models(cell), time.perf_counter)
-    numbers = report("recordings", campaign, results, SECTION_6)
+    about = Calibration(
+        scenario="recordings",
+        parameters=scenario.model_dump_json(),
+        summary="",
+        notes="",
+        errors=Table((Column("name", "model"), Column("f_m", "F_M")), rows := [_row(r) for r in results]),
+        models=rows,
+        best=3,
+        shown=(0, 3),
+        magnification=50,
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "recording.rrd"
-        [times] = interleave(REPEATS, lambda: write_calibration(path, numbers, cell, campaign, results))
+        [times] = interleave(REPEATS, lambda: write_calibration(path, about, cell, campaign, results))
         size = path.stat().st_size / MEBIBYTE
     what = f"{POSES + CHECK_POSES} poses, {len(results)} models, {len(cell.arm.markers)} markers"
     return [

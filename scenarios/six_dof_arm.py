@@ -8,7 +8,7 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -17,14 +17,18 @@ from rich.progress import track
 from testbench import files
 from testbench.bench.campaign import build_cell, named_models
 from testbench.bench.full_pose import FullPose, identify, simulate
+from testbench.bench.rows import fit_row
 from testbench.data.csvfile import write_csv
 from testbench.shell import command
 from testbench.studies.six_dof_arm import trial as six_dof
 from testbench.studies.six_dof_arm import words as six_dof_text
 from testbench.studies.six_dof_arm.figure import six_dof_arm
 from testbench.trials import run_trials
+from testbench.trials.spread import Spread
 from testbench.views import tables
 from testbench.views.recording import write_calibration
+from testbench.views.recording.drawing import Calibration
+from testbench.views.schema import Column, Table
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK_SEEDS = 5
@@ -32,7 +36,14 @@ ORDER_SEEDS, QUICK_ORDER_SEEDS = 20, 1
 ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
 CHUNK = 5
 
+ERRORS = (Column("name", "model"), Column("p95", "95 %, truth", "mm"), Column("rms", "RMS, truth", "mm"))
+
 app = typer.Typer(add_completion=False)
+
+
+def _spreads(model: dict[str, Any]) -> dict[str, Any]:
+    cells = {key: model["check"][f"{key}_mm"] for key in ("p95", "rms")}
+    return {k: Spread(**v) if isinstance(v, dict) else v for k, v in cells.items()}
 
 
 @app.command()
@@ -76,7 +87,19 @@ def main(
         write_csv(campaign.identification, joints, folder / "dataset.csv")
         results = identify(cell, campaign, named_models(cell, six_dof.MODELS), time.perf_counter)
         path = folder / "recording.rrd"
-        write_calibration(path, report, cell, campaign, results, magnification=magnification)
+        rows = [fit_row(r.model.name, r.estimate, r.seconds) for r in results]
+        about = Calibration(
+            scenario=six_dof.NAME,
+            parameters=scenario.model_dump_json(),
+            summary=f"### {six_dof_text.title(report)}\n\n{six_dof_text.verdict(report)}",
+            notes="",
+            errors=Table(ERRORS, [{**m, **_spreads(m)} for m in report["models"]]),
+            models=rows,
+            best=4,
+            shown=(0, 4),
+            magnification=magnification,
+        )
+        write_calibration(path, about, cell, campaign, results)
         files.write_json(report, folder / "report.json")
         (folder / "report.md").write_text(six_dof_text.markdown(report), encoding="utf-8")
         six_dof_arm(report, folder / "six_dof_arm.png")

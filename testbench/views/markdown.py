@@ -1,11 +1,11 @@
 """Reports in words: one Markdown template a study serves terminal, report.md and recording.
 
 A template extends `report.md.j2` and fills its blocks: `question`, `title` and `answer` are one paragraph
-each, `statements` a list, `body` the rest of report.md. It sees what its study gives it and the filters below.
+each, `statements` a list, `body` the rest of report.md. It sees what its study gives it.
 What a sentence claims is computed before, so that a test can hold it against the numbers.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
@@ -19,14 +19,21 @@ NAME = "report.md.j2"
 
 def grid(table: Table) -> str:
     """A table in Markdown: medians with their spread, the paper's numbers in square brackets."""
-    head = [column.title for column in table.columns]
-    lines = [head, ["---", *["---:"] * (len(head) - 1)]]
+    rows = []
     for row in table.rows:
         cells = [column.cell(row) for column in table.columns]
         known = [column.known(row) for column in table.columns]
         cells = [f"{a} [{b}]" if b else a for a, b in zip(cells, known, strict=True)]
-        lines.append([f"**{cells[0]}**" if table.bold == cells[0] else cells[0], *cells[1:]])
-    return "\n".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines)
+        rows.append([f"**{cells[0]}**" if table.bold == cells[0] else cells[0], *cells[1:]])
+    return lines([column.title for column in table.columns], rows)
+
+
+def lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Cells under their headings; numbers stand on the right."""
+    rule = ["---", *["---:"] * (len(head) - 1)]
+    return "\n".join(
+        "| " + " | ".join(c.replace("|", r"\|") for c in line) + " |" for line in [head, rule, *rows]
+    )
 
 
 class Words:

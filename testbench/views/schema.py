@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from testbench.trials.spread import Number, Share, Spread, middle
 
@@ -17,6 +18,7 @@ class Column:
         form: Format of a number, or "yes" for a truth value and the share of trials in which it holds.
         paper: Key of the paper's number in the row's `paper`, if it gives one.
         exact: Nothing to spread: only the median is shown.
+        short: Heading and unit for a terminal, line by line; each word on a line if empty.
     """
 
     key: str
@@ -25,13 +27,14 @@ class Column:
     form: str = ".3f"
     paper: str = ""
     exact: bool = False
+    short: str = ""
 
     @property
     def title(self) -> str:
         """Heading and unit."""
         return f"{self.heading}, {self.unit}" if self.unit else self.heading
 
-    def value(self, row: object) -> object:
+    def value(self, row: object) -> Any:
         """The quantity in a row of dataclasses and mappings; None where a part of the path is None."""
         for part in self.key.split("."):
             row = row.get(part) if isinstance(row, Mapping) else getattr(row, part)

@@ -16,7 +16,7 @@ def grid(table: Table) -> RichTable:
     """A table: medians; below them 5th and 95th percentile of several trials, and the paper's numbers."""
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False, title=table.title or None)
     for k, column in enumerate(table.columns):
-        head = column.title.replace(", ", "\n").replace(" ", "\n")
+        head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
         found.add_column(head, justify="right" if k else "left", no_wrap=True)
     for row in table.rows:
         first, *others = (_end(column, row, "median") for column in table.columns)

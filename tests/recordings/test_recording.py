@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from read_back import chunks_of, columns, document, layout, on, rerun, series
+from testbench.views.recording.study import build_study
 
 from testbench.bench.campaign import Scenario, build_cell, identify, named_models, simulate
 from testbench.model.poses import WorkArea
@@ -17,7 +18,6 @@ from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigi
 from testbench.studies.paper import SECTION_6
 from testbench.views.recording import calibration, write_calibration
 from testbench.views.recording.compliance import compress, scaled
-from testbench.views.recording.study import build_study
 from testbench.views.report import report, summarise
 
 BUDGET = 2 * 2**20

@@ -10,8 +10,8 @@ from rerun.components import Colormap, MagnificationFilter
 
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.errors import Array
-from testbench.views.recording.study import Study
-from testbench.views.tables import grid
+from testbench.views.markdown import lines
+from testbench.views.recording.drawing import Drawing
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 RANGE = 2.0
@@ -59,43 +59,43 @@ def heatmap_view(path: str, name: str) -> rrb.TensorView:
     )
 
 
-def columns(study: Study) -> list[str]:
+def columns(drawing: Drawing) -> list[str]:
     """Headings of the matrices: truth and the shown models."""
-    return ["truth", *(study.names[k] for k in study.shown)]
+    return ["truth", *(drawing.names[k] for k in drawing.shown)]
 
 
-def link_matrices(study: Study) -> dict[str, list[Array]]:
+def link_matrices(drawing: Drawing) -> dict[str, list[Array]]:
     """By link: the true compliance, then that of each shown model, (6, 6) [m/N, rad/(N m)]."""
-    identified = [study.estimates[k].C_theta for k in study.shown]
-    blocks = [slice(6 * i, 6 * i + 6) for i in range(len(study.cell.arm.links))]
+    identified = [drawing.estimates[k].C_theta for k in drawing.shown]
+    blocks = [slice(6 * i, 6 * i + 6) for i in range(len(drawing.cell.arm.links))]
     return {
         link.name: [link.compliance, *(C[block, block] for C in identified)]
-        for link, block in zip(study.cell.arm.links, blocks, strict=True)
+        for link, block in zip(drawing.cell.arm.links, blocks, strict=True)
     }
 
 
-def write_compliances(stream: rr.RecordingStream, study: Study) -> None:
+def write_compliances(stream: rr.RecordingStream, drawing: Drawing) -> None:
     """One heatmap a link."""
-    for link, matrices in link_matrices(study).items():
+    for link, matrices in link_matrices(drawing).items():
         write_heatmap(stream, f"compliance/{link}", [scaled(C, matrices[0]) for C in matrices])
 
 
-def compliance_grid(study: Study) -> rrb.Grid:
+def compliance_grid(drawing: Drawing) -> rrb.Grid:
     """All links on one screen."""
-    heads = " | ".join(columns(study))
+    heads = " | ".join(columns(drawing))
     views = [
         heatmap_view(f"compliance/{link}", f"{link}: {heads} (signed log; 1 = true diagonal)")
-        for link in link_matrices(study)
+        for link in link_matrices(drawing)
     ]
     legend = rrb.TextDocumentView(origin="compliance_legend", name="How to read it")
     return rrb.Grid(*views, legend, grid_columns=2, name="Compliance")
 
 
-def legend(study: Study) -> str:
+def legend(drawing: Drawing) -> str:
     """What the heatmaps show, and what not to read into them."""
-    lumped = [study.names[k] for k in study.shown if not _has_joints(study, k)]
+    lumped = [drawing.names[k] for k in drawing.shown if not _has_joints(drawing, k)]
     sentences = [
-        f"Each picture: {', '.join(columns(study))} from left to right, rows and columns {', '.join(AXES)} "
+        f"Each picture: {', '.join(columns(drawing))} from left to right, rows and columns {', '.join(AXES)} "
         "in the link's beam frame. Entry ij over the root of the true entries ii and jj. Grey: 0; yellow: "
         "positive, brown as large as a true diagonal, bright ten times as large; blue to cyan: negative. "
         "**Blue on a diagonal is a link that gives energy away**.",
@@ -109,14 +109,14 @@ def legend(study: Study) -> str:
     return "\n\n".join(filter(None, sentences))
 
 
-def _has_joints(study: Study, k: int) -> bool:
-    return bool(study.estimates[k].structure.a.max() >= 6 * len(study.cell.arm.links))
+def _has_joints(drawing: Drawing, k: int) -> bool:
+    return bool(drawing.estimates[k].structure.a.max() >= 6 * len(drawing.cell.arm.links))
 
 
-def numbers(study: Study) -> str:
+def numbers(drawing: Drawing) -> str:
     """Eigenvalues of every link, then every entry in SI units."""
-    heads, eigen, matrices = columns(study), [], []
-    for link, found in link_matrices(study).items():
+    heads, eigen, matrices = columns(drawing), [], []
+    for link, found in link_matrices(drawing).items():
         for head, C in zip(heads, found, strict=True):
             S = scaled(C, found[0])
             values = np.linalg.eigvalsh((S + S.T) / 2)
@@ -126,7 +126,7 @@ def numbers(study: Study) -> str:
         [
             "### Eigenvalues of each link (1)",
             "Of the matrix in units of the true diagonal, ascending; below zero is not conservative.",
-            "\n".join(grid(["link", "model", *(f"{k}" for k in range(1, 7))], eigen)),
+            lines(["link", "model", *(f"{k}" for k in range(1, 7))], eigen),
             *matrices,
         ]
     )
@@ -135,8 +135,8 @@ def numbers(study: Study) -> str:
 def matrix_tables(heads: Sequence[str], matrices: Sequence[Array]) -> list[str]:
     """A table a matrix, entries in m/N, rad/N and rad/(N m)."""
     return [
-        "\n".join(
-            grid(
+        (
+            lines(
                 [f"{head} (m/N, rad/N, rad/(N m))", *AXES],
                 [[axis, *(f"{x:.3e}" for x in row)] for axis, row in zip(AXES, C, strict=True)],
             )

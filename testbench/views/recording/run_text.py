@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.bench.rows import MM, FitRow
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array
-from testbench.views.report import MM, Report, show
-from testbench.views.tables import grid
+from testbench.views.markdown import lines
+from testbench.views.schema import show
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def table(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> str
         for run, mm in zip(runs, MM * residual.T, strict=True)
     ]
     words = "Deflection of the marker that moves most; residual of the worst marker, for each model."
-    return "\n".join(["### Every run", "", words, "", *grid(head, rows)])
+    return "\n".join(["### Every run", "", words, "", lines(head, rows)])
 
 
 def captions(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> list[str]:
@@ -79,8 +80,8 @@ def captions(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> 
     for run, column in zip(runs, MM * residual.T, strict=True):
         title = f"**{run.where.capitalize()}** sags {run.sag_mm:.2f} mm; "
         title += f"number {run.place + 1} of {len(runs)} from the worst."
-        rows = grid(["worst marker", *names], [["residual, mm", *(f"{mm:.3f}" for mm in column)]])
-        texts.append("\n".join([title, "", *rows]))
+        rows = lines(["worst marker", *names], [["residual, mm", *(f"{mm:.3f}" for mm in column)]])
+        texts.append("\n".join([title, "", rows]))
     return texts
 
 
@@ -103,23 +104,15 @@ def load_captions(
     ]
 
 
-def notes(report: Report) -> str:
+def notes(models: Sequence[FitRow]) -> str:
     """Status and advice of every model."""
-    lines = ["### What the models say of themselves", ""]
-    for m in report["models"]:
-        gap = "" if m["duality_gap"] is None else f", duality gap {show(m['duality_gap'], '.1e')}"
-        lines += [
-            f"**{m['name']}**: {m['method']}, {m['status']}{gap}, smallest eigenvalue "
-            f"{show(m['min_eigenvalue'], '.1e')}",
+    texts = ["### What the models say of themselves", ""]
+    for m in models:
+        gap = "" if m.duality_gap is None else f", duality gap {show(m.duality_gap, '.1e')}"
+        texts += [
+            f"**{m.name}**: {m.method}, {m.status}{gap}, smallest eigenvalue {show(m.min_eigenvalue, '.1e')}",
             "",
-            *(f"- {advice}" for advice in m["advice"]),
-            *(f"- residuals, {name}: {_words(value)}" for name, value in m.get("residuals", {}).items()),
+            *(f"- {text}" for text in m.advice),
             "",
         ]
-    return "\n".join(lines)
-
-
-def _words(residuals: Report) -> str:
-    mean, std = show(residuals["mean_um"], ".1f"), show(residuals["std_um"], ".1f")
-    p = show(residuals["lilliefors_p"], ".3f")
-    return f"mean {mean} um, standard deviation {std} um, Lilliefors p = {p}"
+    return "\n".join(texts)

@@ -7,12 +7,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from testbench.bench.rows import MM
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, visual_shapes
 from testbench.views.recording.arm import ARROW, write_load_label, write_places, write_shapes, write_weight
-from testbench.views.recording.study import Study
+from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.style import LOAD, MEASURED, NOMINAL, Colour
-from testbench.views.report import MM
 
 HALF_VIEW = np.tan(np.deg2rad(27.5))
 """Tangent of half the viewer's vertical angle of view."""
@@ -25,41 +25,41 @@ CLOSER = 0.6
 
 
 def write_scene(
-    stream: rr.RecordingStream, study: Study, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn
+    stream: rr.RecordingStream, drawing: Drawing, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn
 ) -> None:
     """Everything under `world`.
 
     Args:
         stream: Where to.
-        study: What to draw.
+        drawing: What to draw.
         runs: Timelines of the runs, in the order of the dataset.
         load: Timeline of loading.
     """
-    moving = study.moving()
-    write_shapes(stream, study.cell, moving)
-    write_places(stream, study.cell, runs, study.rigid, study.ghost, moving)
-    write_places(stream, study.cell, [load], study.loading.rigid, study.loading.ghost, moving)
-    _write_styles(stream, study)
-    _write_markers(stream, study, runs)
-    _write_loading(stream, study, load)
-    wrench = study.data.wrench
-    _write_load(stream, study, runs, study.ghost, wrench, wrench)
-    run, share = study.loading.run, study.loading.share
+    moving = drawing.moving()
+    write_shapes(stream, drawing.cell, moving)
+    write_places(stream, drawing.cell, runs, drawing.rigid, drawing.ghost, moving)
+    write_places(stream, drawing.cell, [load], drawing.loading.rigid, drawing.loading.ghost, moving)
+    _write_styles(stream, drawing)
+    _write_markers(stream, drawing, runs)
+    _write_loading(stream, drawing, load)
+    wrench = drawing.data.wrench
+    _write_load(stream, drawing, runs, drawing.ghost, wrench, wrench)
+    run, share = drawing.loading.run, drawing.loading.share
     whole = np.tile(wrench[run], (len(share), 1))
-    _write_load(stream, study, [load], study.loading.ghost, whole, share[:, None] * whole)
+    _write_load(stream, drawing, [load], drawing.loading.ghost, whole, share[:, None] * whole)
 
 
-def _write_styles(stream: rr.RecordingStream, study: Study) -> None:
+def _write_styles(stream: rr.RecordingStream, drawing: Drawing) -> None:
     """What does not change: colours and sizes."""
-    radius = 0.012 * study.reach
+    radius = 0.012 * drawing.reach
     points: dict[str, tuple[Colour, float]] = {
         "nominal": (NOMINAL, radius),
         "measured": (MEASURED, radius),
         "true": (MEASURED, radius),
     }
-    for k, (path, look) in enumerate(zip(study.paths, study.looks, strict=True)):
+    for k, (path, look) in enumerate(zip(drawing.paths, drawing.looks, strict=True)):
         points[f"predicted_{path}"] = (look.colour, 0.8 * radius)
-        slim = (0.5 if k == study.best else 0.8) * radius  # so that arrows on one line are both seen
+        slim = (0.5 if k == drawing.best else 0.8) * radius  # so that arrows on one line are both seen
         stream.log(
             _marker(f"residual_{path}"), rr.Arrows3D.from_fields(colors=look.colour, radii=slim), static=True
         )
@@ -67,9 +67,9 @@ def _write_styles(stream: rr.RecordingStream, study: Study) -> None:
         stream.log(_marker(name), rr.Points3D.from_fields(colors=colour, radii=size), static=True)
     thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
     stream.log(_marker("deflection"), thin, static=True)
-    label = rr.Points3D.from_fields(colors=study.looks[study.best].colour, radii=0.0, show_labels=True)
+    label = rr.Points3D.from_fields(colors=drawing.looks[drawing.best].colour, radii=0.0, show_labels=True)
     stream.log(_marker("worst_label"), label, static=True)
-    leader = rr.LineStrips3D.from_fields(colors=study.looks[study.best].colour, radii=0.1 * radius)
+    leader = rr.LineStrips3D.from_fields(colors=drawing.looks[drawing.best].colour, radii=0.1 * radius)
     stream.log(_marker("worst_leader"), leader, static=True)
 
 
@@ -77,33 +77,33 @@ def _marker(name: str) -> str:
     return f"world/markers/{name}"
 
 
-def _write_markers(stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn]) -> None:
+def _write_markers(stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn]) -> None:
     """Markers without load, as measured and as predicted; arrows from measured to predicted."""
-    data, M, scale = study.data, study.magnification, study.residual_scale
-    nominal = study.bodies(data.markers, study.rigid)
+    data, M, scale = drawing.data, drawing.magnification, drawing.residual_scale
+    nominal = drawing.bodies(data.markers, drawing.rigid)
     measured = nominal + M * data.deflection
     write_points(stream, "nominal", times, nominal)
     write_points(stream, "measured", times, measured)
     _arrows(stream, "deflection", times, nominal, M * data.deflection)
-    for path, errors in zip(study.paths, study.errors, strict=True):
+    for path, errors in zip(drawing.paths, drawing.errors, strict=True):
         write_points(stream, f"predicted_{path}", times, measured - M * errors)
         _arrows(stream, f"residual_{path}", times, measured, -scale * errors)
-    _write_worst(stream, study, times, measured)
+    _write_worst(stream, drawing, times, measured)
 
 
 def _write_worst(
-    stream: rr.RecordingStream, study: Study, times: Sequence[rr.TimeColumn], measured: Array
+    stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn], measured: Array
 ) -> None:
     """One label a run, off its marker: labels at every marker would cover each other."""
-    length = MM * np.linalg.norm(study.errors[study.best], axis=-1)
+    length = MM * np.linalg.norm(drawing.errors[drawing.best], axis=-1)
     worst, runs = length.argmax(axis=1), np.arange(len(length))
-    away = measured[runs, worst] - study.bodies([study.cell.arm.tool], study.ghost)[:, 0]
+    away = measured[runs, worst] - drawing.bodies([drawing.cell.arm.tool], drawing.ghost)[:, 0]
     size = np.linalg.norm(away, axis=1, keepdims=True)
-    away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * study.reach)
+    away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * drawing.reach)
     away[:, 2] += 0.5
-    at = measured[runs, worst] + 0.16 * study.reach * away
+    at = measured[runs, worst] + 0.16 * drawing.reach * away
     labels = [
-        f"{study.data.markers[k]}: {mm:.3f} mm" for k, mm in zip(worst, length[runs, worst], strict=True)
+        f"{drawing.data.markers[k]}: {mm:.3f} mm" for k, mm in zip(worst, length[runs, worst], strict=True)
     ]
     columns = rr.Points3D.columns(positions=at, labels=labels).partition([1] * len(at))
     stream.send_columns(_marker("worst_label"), times, columns)
@@ -111,15 +111,15 @@ def _write_worst(
     stream.send_columns(_marker("worst_leader"), times, rr.LineStrips3D.columns(strips=leaders))
 
 
-def _write_loading(stream: rr.RecordingStream, study: Study, time: rr.TimeColumn) -> None:
+def _write_loading(stream: rr.RecordingStream, drawing: Drawing, time: rr.TimeColumn) -> None:
     """The same markers while the load grows: true instead of measured, predicted by the shown models."""
-    loading, M = study.loading, study.magnification
-    nominal = study.bodies(study.data.markers, loading.rigid)
+    loading, M = drawing.loading, drawing.magnification
+    nominal = drawing.bodies(drawing.data.markers, loading.rigid)
     write_points(stream, "nominal", [time], nominal)
     write_points(stream, "true", [time], nominal + M * loading.deflection)
     _arrows(stream, "deflection", [time], nominal, M * loading.deflection)
-    for k in study.shown:
-        write_points(stream, f"predicted_{study.paths[k]}", [time], nominal + M * loading.predicted[k])
+    for k in drawing.shown:
+        write_points(stream, f"predicted_{drawing.paths[k]}", [time], nominal + M * loading.predicted[k])
 
 
 def write_points(
@@ -140,7 +140,7 @@ def _arrows(
 
 def _write_load(
     stream: rr.RecordingStream,
-    study: Study,
+    drawing: Drawing,
     times: Sequence[rr.TimeColumn],
     ghost: Frames,
     whole: Array,
@@ -150,47 +150,47 @@ def _write_load(
 
     Args:
         stream: Where to.
-        study: Gives the arm and its payload.
+        drawing: Gives the arm and its payload.
         times: Of the rows.
         ghost: Where the load point is.
         whole: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
         wrench: What acts, (rows, 6) [N, N m].
     """
-    hook = study.bodies([study.cell.arm.load], ghost)[:, 0]
-    payload = study.report.get("payload_kg")
+    hook = drawing.bodies([drawing.cell.arm.load], ghost)[:, 0]
+    payload = drawing.payload
     for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
         size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
         if not size.any():
             continue
-        look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * study.reach)
+        look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * drawing.reach)
         stream.log(f"world/load/{entity}", look, static=True)
         vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
-        columns = rr.Arrows3D.columns(origins=hook, vectors=ARROW * study.reach * vectors)
+        columns = rr.Arrows3D.columns(origins=hook, vectors=ARROW * drawing.reach * vectors)
         stream.send_columns(f"world/load/{entity}", times, columns)
     if payload is not None:
         share = np.linalg.norm(wrench[:, :3], axis=1) / np.linalg.norm(whole[:, :3], axis=1)
-        write_weight(stream, times, hook, np.full(len(hook), payload), share, study.reach)
+        write_weight(stream, times, hook, np.full(len(hook), payload), share, drawing.reach)
         return
     texts = [
         " and ".join(f"{x:.0f} {unit}" for x, unit in zip(sizes, ("N", "N m"), strict=True) if x > 0)
         or "no load"
         for sizes in np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
     ]
-    write_load_label(stream, times, hook - [0, 0, 0.5 * ARROW * study.reach], texts)
+    write_load_label(stream, times, hook - [0, 0, 0.5 * ARROW * drawing.reach], texts)
 
 
-def world_view(study: Study) -> rrb.Spatial3DView:
+def world_view(drawing: Drawing) -> rrb.Spatial3DView:
     """The arm; of the markers, only the best model of each method is visible at first."""
-    eye, target = _camera(study)
+    eye, target = _camera(drawing)
     hidden: dict[str | rr.datatypes.EntityPath, Any] = {
         f"/world/markers/{what}_{name}": rrb.EntityBehavior(visible=False)
-        for k, name in enumerate(study.paths)
-        if k not in study.shown
+        for k, name in enumerate(drawing.paths)
+        if k not in drawing.shown
         for what in ("predicted", "residual")
     }
     return rrb.Spatial3DView(
         origin="world",
-        name=f"Arm (m): deflection x {study.magnification:g}, residual arrows x {study.residual_scale:g}",
+        name=f"Arm (m): deflection x {drawing.magnification:g}, residual arrows x {drawing.residual_scale:g}",
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
         ),
@@ -198,13 +198,13 @@ def world_view(study: Study) -> rrb.Spatial3DView:
     )
 
 
-def _camera(study: Study) -> tuple[Array, Array]:
+def _camera(drawing: Drawing) -> tuple[Array, Array]:
     """Eye and target, each (3,) [m]: the worst run in view, and the others not much beyond it."""
-    hooks = study.bodies([study.cell.arm.load], study.ghost) - [0, 0, 0.3 * study.reach]
-    points = np.hstack([study.rigid.positions, study.ghost.positions, hooks])
-    tool = study.bodies([study.cell.arm.tool], study.rigid)[study.worst, 0, :2]
-    centres, radii = _spheres(study)
-    worst = np.vstack([points[study.worst], centres])
+    hooks = drawing.bodies([drawing.cell.arm.load], drawing.ghost) - [0, 0, 0.3 * drawing.reach]
+    points = np.hstack([drawing.rigid.positions, drawing.ghost.positions, hooks])
+    tool = drawing.bodies([drawing.cell.arm.tool], drawing.rigid)[drawing.worst, 0, :2]
+    centres, radii = _spheres(drawing)
+    worst = np.vstack([points[drawing.worst], centres])
     eye, target = frame(worst, np.append(np.zeros(points.shape[1]), radii), tool)
     every = points.reshape(-1, 3)
     far, middle = frame(every, np.zeros(len(every)), tool)
@@ -212,15 +212,15 @@ def _camera(study: Study) -> tuple[Array, Array]:
     return target + max(1.0, float(closer)) * (eye - target), target
 
 
-def _spheres(study: Study) -> tuple[Array, Array]:
+def _spheres(drawing: Drawing) -> tuple[Array, Array]:
     """Spheres around every shape of the worst run, rigid and deflected: centres (n, 3), radii (n,) [m]."""
-    shapes = visual_shapes(study.cell.room)
+    shapes = visual_shapes(drawing.cell.room)
     bodies = [shape.body for shape in shapes]
     at = np.array([shape.position for shape in shapes])
     centres = [
-        frames.positions[study.worst, bodies]
-        + np.einsum("kxy,ky->kx", frames.rotations[study.worst, bodies], at)
-        for frames in (study.rigid, study.ghost)
+        frames.positions[drawing.worst, bodies]
+        + np.einsum("kxy,ky->kx", frames.rotations[drawing.worst, bodies], at)
+        for frames in (drawing.rigid, drawing.ghost)
     ]
     corners = [s.size if s.mesh is None else s.mesh.vertices for s in shapes]
     radii = np.array([np.linalg.norm(x, axis=-1).max() for x in corners])

@@ -12,7 +12,7 @@ from testbench.errors import Array
 from testbench.views.recording.chart import Dot, chart_view, write_chart
 from testbench.views.recording.compliance import heatmap_view, matrix_tables, scaled, write_heatmap
 from testbench.views.recording.stream import Header, layout, recording, write_texts
-from testbench.views.recording.style import GREENS, Colour, looks
+from testbench.views.recording.style import GREENS, ORANGES, Colour
 from testbench.views.report import Report, middle, show, show_truth
 from testbench.views.tables import grid
 
@@ -64,8 +64,8 @@ def matrices(report: Report) -> dict[str, tuple[str, Array]]:
 
 def model_colours(report: Report) -> list[Colour]:
     """Least squares in oranges, GCO in green."""
-    rows = report["models"]
-    return [look.colour for look in looks(rows, (0, len(rows) - 1))]
+    families = [GREENS if m["conservative"] is True else ORANGES for m in report["models"]]
+    return [family[families[:k].count(family) % len(family)] for k, family in enumerate(families)]
 
 
 def error_dots(report: Report, number: str, unit: str) -> list[Dot]:

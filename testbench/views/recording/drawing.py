@@ -11,13 +11,15 @@ from scipy import stats
 from testbench.bench import campaign as bench
 from testbench.bench import full_pose
 from testbench.bench.campaign import Cell, Truth, settle_both
+from testbench.bench.rows import FitRow
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array
 from testbench.identify import Estimate
 from testbench.identify.evaluate import predict
 from testbench.plant.shapes import Frames, body_names, elastic_frames, rigid_frames
-from testbench.views.recording.style import Look, is_gco, looks
-from testbench.views.report import Report, middle
+from testbench.views.colours import look
+from testbench.views.recording.style import Drawn, drawn
+from testbench.views.schema import Table
 
 Campaign = bench.Campaign | full_pose.Campaign
 Result = bench.Result | full_pose.Result
@@ -51,53 +53,87 @@ class Loading:
 
 
 @dataclass(frozen=True)
-class Study:
+class Calibration:
+    """What a recording of a calibration is made of.
+
+    Attributes:
+        scenario: Name of the scenario.
+        parameters: The settings as JSON.
+        summary: Markdown: question, answer, table.
+        notes: Markdown: what is said beside it.
+        errors: Errors by model over all seeds, in millimetres, for the tab of errors.
+        models: One an estimate.
+        best: Index of the model that the runs are sorted by.
+        shown: Indices of the models that are visible at first.
+        magnification: Of the drawn deflection [1].
+    """
+
+    scenario: str
+    parameters: str
+    summary: str
+    notes: str
+    errors: Table
+    models: Sequence[FitRow]
+    best: int
+    shown: tuple[int, ...]
+    magnification: float
+
+
+@dataclass(frozen=True)
+class Drawing:
     """A campaign and its results, made ready for drawing.
 
     Attributes:
-        report: The numbers of all seeds; words are written from them.
+        about: Words and models.
         cell: The arm.
         data: What was measured, identification and check runs.
         seed: Root of what was measured.
-        truth: Kind of truth.
         noise: Whether readings are noisy.
-        estimates: One a model, in the order of the report's.
-        best: Index of the best model, which the runs are sorted by.
-        shown: Indices of the models that are visible at first: the best of each method.
+        payload: Hung mass [kg]; None where wrenches act.
+        estimates: One a model.
         errors: Measured minus predicted deflections, (models, runs, m, 3) [m].
         checked: Which runs are of the check poses, (runs,).
         rank: Place of each run in worst_first, (runs,); 0 has the largest residual of the best model.
         rigid: The arm without its load and without any sag.
         ghost: The arm under its load, the deflection magnified.
         loading: The worst run step by step.
-        magnification: Of the deflection [1].
         residual_scale: Magnification of the residual arrows [1].
-        parameters: The scenario as JSON.
     """
 
-    report: Report
+    about: Calibration
     cell: Cell
     data: Dataset
     seed: int
-    truth: Truth
     noise: bool
+    payload: float | None
     estimates: Sequence[Estimate]
-    best: int
-    shown: tuple[int, ...]
     errors: Array
     checked: Mask
     rank: Ids
     rigid: Frames
     ghost: Frames
     loading: Loading
-    magnification: float
     residual_scale: float
-    parameters: str
+
+    @property
+    def best(self) -> int:
+        """Index of the model that the runs are sorted by."""
+        return self.about.best
+
+    @property
+    def shown(self) -> tuple[int, ...]:
+        """Indices of the models that are visible at first."""
+        return self.about.shown
+
+    @property
+    def magnification(self) -> float:
+        """Of the deflection [1]."""
+        return self.about.magnification
 
     @property
     def names(self) -> list[str]:
         """Names of the models."""
-        return [model["name"] for model in self.report["models"]]
+        return [model.name for model in self.about.models]
 
     @property
     def paths(self) -> list[str]:
@@ -105,9 +141,12 @@ class Study:
         return [re.sub(r"\W+", "_", name.lower()) for name in self.names]
 
     @property
-    def looks(self) -> list[Look]:
-        """How each model is drawn."""
-        return looks(self.report["models"], (self.best, *self.shown))
+    def looks(self) -> list[Drawn]:
+        """How each model is drawn, the shown ones bold."""
+        models = self.about.models
+        return [
+            drawn(look(m.structure, m.constraint, m.prior), k in self.shown) for k, m in enumerate(models)
+        ]
 
     @property
     def residual(self) -> Array:
@@ -137,59 +176,40 @@ class Study:
         return np.flatnonzero(shift + 0.2 * self.reach * turn > 0.005 * self.reach).tolist()
 
 
-def best(rows: Sequence[Report], group: str) -> Report:
-    """The conservative model of least RMS error on a set; of all models where none is conservative."""
-    conservative = [m for m in rows if m["conservative"] is True]
-    return min(conservative or rows, key=lambda m: middle(m[group]["rms_mm"]))
-
-
-def by_method(rows: Sequence[Report]) -> tuple[list[Report], list[Report]]:
-    """The models of least squares, and those of GCO."""
-    return [m for m in rows if not is_gco(m)], [m for m in rows if is_gco(m)]
-
-
-def build_study(
-    report: Report, cell: Cell, campaign: Campaign, results: Sequence[Result], magnification: float
-) -> Study:
-    """Sort the runs, choose what is shown and place the arm.
+def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: Sequence[Result]) -> Drawing:
+    """Sort the runs and place the arm.
 
     Args:
-        report: The numbers of this campaign, or of several seeds of which it is the first.
+        about: Words and models.
         cell: The arm.
         campaign: What was measured: markers under gravity, or full poses under wrenches.
-        results: One a model, in the order of the report's.
-        magnification: Of the drawn deflection [1].
+        results: One a model.
     """
-    scenario, rows = campaign.scenario, report["models"]
+    scenario = campaign.scenario
     data, checked = _runs(campaign)
     estimates = [result.estimate for result in results]
-    first = rows.index(best(rows, "check"))
-    champions = [best(group, "check") for group in by_method(rows) if group]
     errors = np.array([data.deflection - predict(cell.vjm, e, data) for e in estimates])
-    residual = np.linalg.norm(errors[first], axis=-1).max(axis=1)
+    residual = np.linalg.norm(errors[about.best], axis=-1).max(axis=1)
     rank = np.empty(data.runs, dtype=int)
     rank[np.argsort(-residual, kind="stable")] = np.arange(data.runs)
     before, after = settle_both(cell.plant, scenario.truth, data.q, data.wrench, data.point)
     rigid = rigid_frames(cell.room, data.q)
-    return Study(
-        report=report,
+    M = about.magnification
+    return Drawing(
+        about=about,
         cell=cell,
         data=data,
         seed=campaign.seed,
-        truth=scenario.truth,
         noise=scenario.noise,
+        payload=scenario.payload if isinstance(scenario, bench.Scenario) else None,
         estimates=estimates,
-        best=first,
-        shown=tuple(k for k, row in enumerate(rows) if row in champions),
         errors=errors,
         checked=checked,
         rank=rank,
         rigid=rigid,
-        ghost=elastic_frames(cell.plant, data.q, magnification * (after.theta - before.theta)),
-        loading=_load_up(cell, data, int(np.argmin(rank)), scenario.truth, estimates, magnification),
-        magnification=magnification,
+        ghost=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
+        loading=_load_up(cell, data, int(np.argmin(rank)), scenario.truth, estimates, M),
         residual_scale=_round_scale(RESIDUAL_REACH * _reach(rigid), residual.max()),
-        parameters=scenario.model_dump_json(),
     )
 
 
@@ -233,7 +253,7 @@ def _round_scale(drawn: float, true: float) -> float:
     return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
 
 
-def noise_limit(study: Study) -> float:
+def noise_limit(drawing: Drawing) -> float:
     """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
-    share = 0.95 ** (1 / len(study.data.markers))
-    return float(study.data.sigma * np.sqrt(2 * stats.chi2.ppf(share, 3)))
+    share = 0.95 ** (1 / len(drawing.data.markers))
+    return float(drawing.data.sigma * np.sqrt(2 * stats.chi2.ppf(share, 3)))

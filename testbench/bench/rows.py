@@ -1,0 +1,126 @@
+"""What a fit leaves in a table: rows with units in their names, for Parquet, report.json and views."""
+
+from dataclasses import dataclass
+
+from testbench.identify import Constraint, Estimate
+from testbench.identify.certify import total_trace
+from testbench.identify.evaluate import Normality, Score
+from testbench.trials.spread import Number, Share
+
+MM, UM = 1e3, 1e6
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """Distance errors of predicted deflections; relative ones are shares of a point's own deflection."""
+
+    rms_mm: Number
+    p95_mm: Number
+    max_mm: Number
+    p95_relative_percent: Number
+    max_relative_percent: Number
+
+
+@dataclass(frozen=True)
+class NormalityRow:
+    """Residual components along one axis, and whether they look normal."""
+
+    mean_um: Number
+    std_um: Number
+    lilliefors_p: Number
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """What a method found, without its errors.
+
+    Attributes:
+        name: Of the model.
+        structure: Name of its structure.
+        method: How it was identified, in words.
+        constraint: What was asked of the blocks.
+        prior: Whether a prior fills what the data cannot see.
+        status: "solved", or why not.
+        parameters: Unknowns.
+        rank: Directions of them that the data see.
+        unique: Whether they see all.
+        conservative: Whether every block is symmetric and positive semi-definite.
+        min_eigenvalue: Smallest eigenvalue of a block [m/N, rad/(N m)].
+        f_m: Cost of Eq. (19).
+        f_m_floor: What noise alone leaves of it.
+        duality_gap: Bound on F_M minus its least value; None without a certificate.
+        trace_bounds_rad_per_Nm: Traces within which the bound holds.
+        held_by_trace_weight: Whether only the trace weight holds unseen compliance.
+        total_trace_rad_per_Nm: Of all blocks, in scaled units.
+        solve_seconds: Wall time of the estimator.
+        advice: What the estimate says of itself.
+    """
+
+    name: str
+    structure: str
+    method: str
+    constraint: Constraint
+    prior: bool
+    status: str
+    parameters: int
+    rank: Number
+    unique: Share
+    conservative: Share
+    min_eigenvalue: Number
+    f_m: Number
+    f_m_floor: Number
+    duality_gap: Number
+    trace_bounds_rad_per_Nm: tuple[Number, ...] | None
+    held_by_trace_weight: Share
+    total_trace_rad_per_Nm: Number
+    solve_seconds: Number
+    advice: tuple[str, ...] | str
+
+
+def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:
+    """What a method found.
+
+    Args:
+        name: Of the model.
+        estimate: What was found.
+        seconds: Wall time of the estimator.
+        prior: Whether it had a prior.
+    """
+    certificate = estimate.certificate
+    return FitRow(
+        name=name,
+        structure=estimate.structure.name,
+        method=estimate.method,
+        constraint=estimate.constraint,
+        prior=prior,
+        status=estimate.status,
+        parameters=estimate.structure.n,
+        rank=estimate.regression.rank,
+        unique=estimate.regression.rank == estimate.structure.n,
+        conservative=estimate.conservative,
+        min_eigenvalue=estimate.min_eigenvalue,
+        f_m=estimate.f_m,
+        f_m_floor=estimate.f_m_floor,
+        duality_gap=None if certificate is None else certificate.gap,
+        trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
+        held_by_trace_weight=estimate.held_by_trace_weight,
+        total_trace_rad_per_Nm=total_trace(estimate.structure, estimate.pi),
+        solve_seconds=seconds,
+        advice=estimate.advice,
+    )
+
+
+def error_row(score: Score) -> ErrorRow:
+    """Errors in millimetres and per cent."""
+    return ErrorRow(
+        rms_mm=MM * score.rms,
+        p95_mm=MM * score.p95,
+        max_mm=MM * score.max,
+        p95_relative_percent=None if score.p95_relative is None else 100 * score.p95_relative,
+        max_relative_percent=None if score.max_relative is None else 100 * score.max_relative,
+    )
+
+
+def normality_row(normality: Normality) -> NormalityRow:
+    """Mean and spread in micrometres."""
+    return NormalityRow(UM * normality.mean, UM * normality.std, normality.p_value)

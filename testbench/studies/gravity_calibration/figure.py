@@ -1,0 +1,86 @@
+"""Errors of every model, and the distributions of their residuals (Fig. 5 of the paper)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from testbench.bench.campaign import Campaign, Result
+from testbench.bench.rows import UM
+from testbench.data.dataset import Mask
+from testbench.identify.evaluate import Normality
+from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
+from testbench.views.colours import MEASURED, hexadecimal, look
+from testbench.views.figure import SOFT, dots, quiet
+
+PAPERS = ("MGCO68", "MLS32")
+"""The models of Fig. 5."""
+
+
+def models(report: GravityReport) -> Figure:
+    """Errors of every model at check poses and over the workspace, the paper's beside."""
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    name = COLUMNS[0]
+    looks = [look(m.structure, m.constraint, m.prior) for m in report.models]
+    sides = (("check.rms_mm", "check poses, against readings"), ("workspace.rms_mm", "against the truth"))
+    for axes, (key, words) in zip(figure.subplots(1, 2), sides, strict=True):
+        [column] = [c for c in COLUMNS if c.key == key]
+        dots(axes, report.models, name, column, looks)
+        axes.set_xscale("log")
+        axes.set_title(words, fontsize="medium")
+    seeds = report.seed
+    spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
+    figure.suptitle(
+        f"{report.scenario}: least squares orange, GCO green, filled with prior, paper grey diamonds{spread}",
+        fontsize="medium",
+    )
+    return figure
+
+
+def residuals(campaign: Campaign, results: Sequence[Result]) -> Figure:
+    """Distributions of residual components with their normal curve, as Fig. 5 of the paper.
+
+    The paper's two models, and the conservative one that does best on the check poses.
+    """
+    best = min((r for r in results if r.estimate.conservative), key=lambda r: r.check.rms, default=None)
+    chosen = [r for r in results if r.model.name in PAPERS or r is best]
+    figure = Figure(figsize=(5 * len(chosen), 4.6), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, len(chosen), sharex=True))
+    used = np.isin(campaign.measured.pose, campaign.identification.pose)
+    edge = max(4 * UM * max(r.fit_normality.std for r in chosen), 1e-6)
+    for ax, result in zip(axes, chosen, strict=True):
+        _distribution(ax, result, used, edge)
+    axes[0].set_ylabel("density [1/um]")
+    figure.suptitle(
+        f"Residuals of seed {campaign.seed}, all markers and axes pooled (Fig. 5); what lies beyond an axis "
+        "stands in its last bin",
+        fontsize="medium",
+    )
+    return figure
+
+
+def _distribution(ax: Axes, result: Result, used: Mask, edge: float) -> None:
+    fit, check = (UM * result.residuals[runs].ravel() for runs in (used, ~used))
+    normal = result.fit_normality
+    bins = np.linspace(-edge, edge, 25).tolist()
+    shade = look(result.estimate.structure.name, result.estimate.constraint).hex
+    ax.hist(np.clip(fit, -edge, edge), bins, density=True, color=shade, alpha=0.7, label="fit")
+    dark = hexadecimal(MEASURED)
+    outside = np.clip(check, -edge, edge)
+    ax.hist(outside, bins, density=True, histtype="step", color=dark, linewidth=2, label="check")
+    x = np.linspace(-edge, edge, 400)
+    curve = stats.norm.pdf(x, UM * normal.mean, max(UM * normal.std, 1e-9))
+    ax.plot(x, curve, color=SOFT, label="normal curve of the fit")
+    ax.set_title(
+        f"{result.model.name}\nfit: {_words(normal)}\ncheck: {_words(result.check_normality)}",
+        fontsize="small",
+    )
+    ax.set_xlabel("residual component [um]")
+    ax.legend(frameon=False, fontsize="small")
+    quiet(ax)
+
+
+def _words(n: Normality) -> str:
+    return f"mean {UM * n.mean:.1f} um, std {UM * n.std:.1f} um, Lilliefors p = {n.p_value:.3f}"

@@ -1,0 +1,47 @@
+"""What a calibration leaves beside its report: dataset, residual figure and recording of the first seed."""
+
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import build_cell, simulate
+from testbench.data.csvfile import write_csv
+from testbench.studies.gravity_calibration import figure, trial
+from testbench.studies.gravity_calibration.summary import GravityReport
+from testbench.studies.gravity_calibration.trial import Settings
+from testbench.studies.study import Run
+from testbench.views.markdown import grid
+from testbench.views.recording import write_calibration
+from testbench.views.recording.drawing import Calibration
+
+
+def write(run: Run[Settings, GravityReport]) -> None:
+    """dataset.csv, residuals.png and recording.rrd."""
+    cell = build_cell(find_arm(run.settings.arm))
+    campaign = simulate(cell, run.settings.scenario, run.seeds[0])
+    results = trial.results(cell, campaign)
+    write_csv(campaign.measured, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
+    figure.residuals(campaign, results).savefig(run.folder / "residuals.png", dpi=120)
+    write_calibration(run.folder / "recording.rrd", _about(run), cell, campaign, results)
+
+
+def _about(run: Run[Settings, GravityReport]) -> Calibration:
+    """Words and models; runs are sorted by the recommended model, the best without prior are shown too."""
+    report, words = run.report, run.words
+    names = [m.name for m in report.models]
+    best = names.index(report.recommended) if report.recommended else 0
+    first = [names.index(w.names[0]) for w in report.winners if not w.prior]
+    parts = [
+        f"### {words.block('question')}",
+        f"#### **{words.block('answer')}**",
+        grid(run.tables["recorded"]),
+        words.block("statements"),
+    ]
+    return Calibration(
+        scenario=report.scenario,
+        parameters=run.parameters,
+        summary="\n\n".join(parts),
+        notes=words.block("title"),
+        errors=run.tables["errors"],
+        models=report.models,
+        best=best,
+        shown=tuple(dict.fromkeys([*first, best])),
+        magnification=run.settings.magnification,
+    )

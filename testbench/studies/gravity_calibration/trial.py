@@ -1,0 +1,200 @@
+"""One campaign a seed: poses, loads, readings, and every model identified from them and judged."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+import typer
+
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import (
+    Campaign,
+    Cell,
+    Result,
+    Scenario,
+    build_cell,
+    identify,
+    named_models,
+    simulate,
+    stream,
+)
+from testbench.bench.rows import MM, UM, ErrorRow, FitRow, NormalityRow, error_row, fit_row, normality_row
+from testbench.data.dataset import Dataset
+from testbench.identify import Estimate, Estimator, least_squares, reduce
+from testbench.identify.prior import Prior, cad_prior, distorted, metric, rescaled
+from testbench.identify.regularised import Strength, gco_with, least_squares_with
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
+from testbench.trials.spread import Number
+
+NAME = "gravity_calibration"
+QUICK_WORKSPACE = 40
+SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
+"""How wrong the prior is, by a common factor and axis by axis, and how firmly it is believed."""
+WITH_PRIOR = ("MLS56", "MGCO47", "MGCO56", "MGCO68")
+"""Models that are fitted with the prior too; MLS32 is no structure of whole blocks."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the study."""
+
+    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3
+    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear"
+    noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True
+    magnification: Annotated[
+        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
+    ] = 50.0
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried.
+
+    Attributes:
+        arm: Folder or name of the arm.
+        scenario: The campaign.
+        magnification: Of the drawn deflections [1].
+    """
+
+    arm: str
+    scenario: Scenario
+    magnification: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured: counts, and the least and largest deflection of a marker."""
+
+    runs: int
+    points: int
+    poses: int
+    identification_runs: int
+    identification_points: int
+    check_runs: int
+    check_points: int
+    workspace_poses: int
+    deflection_min_mm: Number
+    deflection_max_mm: Number
+    sigma_um: float
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residual components of the runs that were fitted, and of those that were not."""
+
+    identification: NormalityRow
+    check: NormalityRow
+
+
+@dataclass(frozen=True)
+class Judged(FitRow):
+    """A model judged: against readings at fitted and check poses, against the truth over the workspace."""
+
+    identification: ErrorRow
+    check: ErrorRow
+    workspace: ErrorRow
+    residuals: Residuals
+
+
+@dataclass(frozen=True)
+class ModelRow(Judged):
+    """The same with what it was measured from."""
+
+    measured: Measured
+
+
+def settings(options: Options, quick: bool, _: range) -> Settings:
+    """What the flags ask for."""
+    scenario = Scenario(
+        arm=find_arm(options.arm).resolve().name,
+        payload=options.payload_kg,
+        sigma=options.sigma_um / 1e6,
+        truth=options.truth,
+        noise=options.noise,
+        workspace_poses=QUICK_WORKSPACE if quick else 200,
+    )
+    return Settings(options.arm, scenario, options.magnification)
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
+    """Rows of some seeds, one a model."""
+    cell = build_cell(find_arm(asked.arm))
+    found = []
+    for seed in seeds:
+        campaign = simulate(cell, asked.scenario, seed)
+        found.append([row(campaign, result) for result in results(cell, campaign)])
+    return found
+
+
+def results(cell: Cell, campaign: Campaign) -> list[Result]:
+    """The paper's models, then the same structures with a prior that is wrong."""
+    models = named_models(cell)
+    prior = wrong_prior(cell, campaign.seed)
+    with_prior = [
+        replace(model, name=f"{model.name} + prior", estimator=WithPrior(prior, model.estimator))
+        for model in models
+        if model.name in WITH_PRIOR
+    ]
+    return identify(cell, campaign, [*models, *with_prior], time.perf_counter)
+
+
+def wrong_prior(cell: Cell, seed: int) -> Prior:
+    """The CAD prior, SCALE times too soft and SHAPE wrong axis by axis; another one for every seed."""
+    return distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
+
+
+@dataclass(frozen=True)
+class WithPrior:
+    """An estimator with a prior beside the data.
+
+    Attributes:
+        prior: Expected compliances; their common scale is fitted to the data first.
+        plain: The method without it.
+    """
+
+    prior: Prior
+    plain: Estimator
+
+    def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        """Identify the structure's unknowns."""
+        regression = reduce(vjm, structure, data)
+        own = rescaled(metric(self.prior, vjm, structure), regression)
+        solve = least_squares_with if self.plain is least_squares else gco_with
+        return solve(regression, own, Strength(UNCERTAINTY))
+
+
+def row(campaign: Campaign, result: Result) -> ModelRow:
+    """One model of one campaign."""
+    prior = isinstance(result.model.estimator, WithPrior)
+    return ModelRow(
+        **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
+        identification=error_row(result.identification),
+        check=error_row(result.check),
+        workspace=error_row(result.workspace),
+        residuals=Residuals(normality_row(result.fit_normality), normality_row(result.check_normality)),
+        measured=measured(campaign),
+    )
+
+
+def measured(campaign: Campaign) -> Measured:
+    """Counts and deflections of a campaign."""
+    every, fitted, check = campaign.measured, campaign.identification, campaign.check
+    size = MM * np.linalg.norm(every.deflection, axis=-1)
+    return Measured(
+        runs=every.runs,
+        points=every.points,
+        poses=len(np.unique(every.pose)),
+        identification_runs=fitted.runs,
+        identification_points=fitted.points,
+        check_runs=check.runs,
+        check_points=check.points,
+        workspace_poses=campaign.workspace.runs,
+        deflection_min_mm=float(size.min()),
+        deflection_max_mm=float(size.max()),
+        sigma_um=UM * every.sigma,
+    )

@@ -1,0 +1,74 @@
+"""Colour is a role, the same in figures and recordings (Okabe-Ito), and never alone: shapes go with it.
+
+Least squares is orange, GCO green, measured vermillion, nominal sky blue, load purple, the arm grey. A model
+has one shade of its family by its structure's name, never by its rank; a prior fills its marker.
+"""
+
+from dataclasses import dataclass
+
+from testbench.identify import Constraint
+
+Colour = tuple[int, ...]
+
+NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
+"""Sky blue, vermillion, purple, grey."""
+ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105), (150, 105, 20))
+"""Least squares."""
+GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60), (150, 205, 180))
+"""GCO."""
+FAMILIES = {"none": ORANGES, "psd": GREENS}
+PLACES = {
+    "MLS56": 0,
+    "MLS32": 1,
+    "MGCO56": 0,
+    "MGCO68": 1,
+    "MGCO69": 1,
+    "MGCO47": 2,
+    "MGCO147": 3,
+}
+"""Shade of a structure in its family; others take one by their letters."""
+MARKS = "osD^vP"
+"""Marker of each shade, matplotlib's letters."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a model is drawn.
+
+    Attributes:
+        colour: Of its family, in the shade of its structure.
+        place: Of the shade in the family, for shapes.
+        prior: Whether a prior stands behind it: dashed lines, filled markers.
+    """
+
+    colour: Colour
+    place: int
+    prior: bool
+
+    @property
+    def hex(self) -> str:
+        """The colour as #RRGGBB."""
+        return hexadecimal(self.colour)
+
+    @property
+    def mark(self) -> str:
+        """Matplotlib's marker."""
+        return MARKS[self.place % len(MARKS)]
+
+
+def look(structure: str, constraint: Constraint, prior: bool = False) -> Look:
+    """The look of a model.
+
+    Args:
+        structure: Name of its structure.
+        constraint: What its method asks of the blocks.
+        prior: Whether it has a prior.
+    """
+    family = FAMILIES[constraint]
+    place = PLACES.get(structure, sum(map(ord, structure)) % len(family))
+    return Look(family[place % len(family)], place, prior)
+
+
+def hexadecimal(colour: Colour) -> str:
+    """A colour as #RRGGBB."""
+    return "#" + "".join(f"{part:02X}" for part in colour[:3])

@@ -1,0 +1,68 @@
+"""What figures share: dots with their spread, lines over a swept quantity, quiet axes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from testbench.trials.spread import ends, middle
+from testbench.views.colours import GREY, Look, hexadecimal
+from testbench.views.schema import Column
+
+SOFT = hexadecimal(GREY)
+
+
+def dots(axes: Axes, rows: Sequence[object], name: Column, value: Column, looks: Sequence[Look]) -> None:
+    """One dot a row from top to bottom, its spread as a line, the paper's number as a grey diamond.
+
+    Args:
+        axes: Where to.
+        rows: Of a table.
+        name: Names the rows.
+        value: What is drawn; it labels the axis.
+        looks: One a row.
+    """
+    for y, (row, look) in enumerate(zip(rows, looks, strict=True)):
+        number = value.value(row)
+        axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
+        face = look.hex if look.prior else "white"
+        axes.plot(middle(number), y, look.mark, color=look.hex, markerfacecolor=face, markersize=8)
+        known = value.known(row)
+        if known:
+            axes.plot(float(known), y, "D", color=SOFT, markersize=5)
+    axes.set_yticks(
+        range(len(rows)), [f"{name.cell(r)}  {middle(value.value(r)):{value.form}}" for r in rows]
+    )
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.set_xlabel(f"{value.heading} [{value.unit}]")
+    quiet(axes)
+
+
+def lines(
+    axes: Axes, rows: Sequence[object], x: Column, y: Column, look: Look, label: str, *, band: bool = True
+) -> None:
+    """One line over a swept quantity, with its spread as a band.
+
+    Args:
+        axes: Where to.
+        rows: Of one model.
+        x: What is swept.
+        y: What is drawn.
+        look: Of the model.
+        label: In the legend.
+        band: Whether the spread is drawn.
+    """
+    own = sorted(rows, key=lambda row: middle(x.value(row)))
+    at = [middle(x.value(row)) for row in own]
+    style = "--" if look.prior else "-"
+    axes.plot(
+        at, [middle(y.value(r)) for r in own], look.mark + style, color=look.hex, label=label, markersize=5
+    )
+    if band:
+        low, high = np.array([ends(y.value(row)) for row in own]).T
+        axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
+
+
+def quiet(axes: Axes) -> None:
+    """Without the frame above and on the right."""
+    axes.spines[["top", "right"]].set_visible(False)
