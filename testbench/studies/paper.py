@@ -1,4 +1,43 @@
-"""Numbers that the paper gives, to stand beside ours: sections 5 and 6, their tables and text."""
+"""What the paper says, to stand beside ours: its numbers of sections 5 and 6, and its statements judged."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from testbench.views.schema import Column
+
+Verdict = Literal["confirmed", "not confirmed", "not confirmed on this arm"]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper, and what our numbers say of it.
+
+    Attributes:
+        claim: What the paper says, or our own thesis about it.
+        verdict: Whether our numbers agree.
+        why: Our numbers.
+    """
+
+    claim: str
+    verdict: Verdict
+    why: str
+
+
+def judged(claim: str, holds: bool, why: str, otherwise: Verdict = "not confirmed") -> Claim:
+    """A statement that holds, or not.
+
+    Args:
+        claim: What the paper says.
+        holds: Whether our numbers agree.
+        why: Our numbers.
+        otherwise: The verdict where they do not.
+    """
+    return Claim(claim, "confirmed" if holds else otherwise, why)
+
+
+CLAIMS = (Column("claim", "statement"), Column("verdict", "verdict"), Column("why", "why"))
+"""The table of statements."""
+
 
 SECTION_6: dict[str, dict[str, float]] = {
     "MLS32": {"identification_rms_mm": 0.107},
