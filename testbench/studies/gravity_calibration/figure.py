@@ -13,7 +13,7 @@ from testbench.data.dataset import Mask
 from testbench.identify.evaluate import Normality
 from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
 from testbench.views.colours import MEASURED, hexadecimal, look
-from testbench.views.figure import SOFT, dots, quiet
+from testbench.views.figure import SOFT, dots, log_ticks, quiet
 
 PAPERS = ("MGCO68", "MLS32")
 """The models of Fig. 5."""
@@ -24,16 +24,19 @@ def models(report: GravityReport) -> Figure:
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     name = COLUMNS[0]
     looks = [look(m.structure, m.constraint, m.prior) for m in report.models]
-    sides = (("check.rms_mm", "check poses, against readings"), ("workspace.rms_mm", "against the truth"))
+    sides = (
+        ("check.rms_mm", "check poses, against readings"),
+        ("workspace.rms_mm", "whole workspace, against the truth"),
+    )
     for axes, (key, words) in zip(figure.subplots(1, 2), sides, strict=True):
         [column] = [c for c in COLUMNS if c.key == key]
         dots(axes, report.models, name, column, looks)
-        axes.set_xscale("log")
+        log_ticks(axes.xaxis, *axes.dataLim.intervalx)
         axes.set_title(words, fontsize="medium")
     seeds = report.seed
     spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
     figure.suptitle(
-        f"{report.scenario}: least squares orange, GCO green, filled with prior, paper grey diamonds{spread}",
+        f"Least squares orange, GCO green, filled with prior; grey diamonds: the paper{spread}",
         fontsize="medium",
     )
     return figure

@@ -19,10 +19,10 @@ def write(run: Run[Settings, GravityReport]) -> None:
     results = trial.results(cell, campaign)
     write_csv(campaign.measured, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
     figure.residuals(campaign, results).savefig(run.folder / "residuals.png", dpi=120)
-    write_calibration(run.folder / "recording.rrd", _about(run), cell, campaign, results)
+    write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
 
 
-def _about(run: Run[Settings, GravityReport]) -> Calibration:
+def about(run: Run[Settings, GravityReport]) -> Calibration:
     """Words and models; runs are sorted by the recommended model, the best without prior are shown too."""
     report, words = run.report, run.words
     names = [m.name for m in report.models]

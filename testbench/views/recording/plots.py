@@ -67,6 +67,7 @@ def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
     beyond = f"; {', '.join(names)} beyond, up to {largest.max():.3g} mm" if names else ""
     return rrb.TimeSeriesView(
         origin="residual_mm",
+        contents=[f"$origin/{path}" for path in (*(drawing.paths[k] for k in drawing.shown), "noise_p95")],
         name=f"Worst marker residual of each run (mm), dots: check runs{beyond}{twins}",
         axis_y=rrb.ScalarAxis(range=(0.0, float(top))),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
