@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 
 from testbench.trials.spread import ends, middle
 from testbench.views.colours import GREY, Look, hexadecimal
@@ -65,20 +65,22 @@ def lines(
         axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
 
 
-def log_ticks(axis: Axis, low: float, high: float) -> None:
+def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> None:
     """A logarithmic axis with plain numbers: 1, 2, 5 times powers of ten, or powers of ten over many decades.
 
     Args:
-        axis: Of a figure.
+        axes: Of a figure.
+        side: Which axis.
         low: Least value drawn, above 0.
         high: Largest value drawn.
     """
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
     steps = (1, 2, 5) if high < 300 * low else (1,)
-    ticks = [step * 10.0**k for k in decades for step in steps]
-    axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low / 1.3, high * 1.3)})
-    axis.set_ticks([t for t in ticks if low / 1.3 <= t <= high * 1.3])
-    axis.set_major_formatter("{x:g}")
+    low, high = low / 1.3, high * 1.3
+    ticks = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
+    axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
+    axis = axes.xaxis if side == "x" else axes.yaxis
+    axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.set_ticks([], minor=True)
 
 

@@ -31,7 +31,7 @@ def models(report: GravityReport) -> Figure:
     for axes, (key, words) in zip(figure.subplots(1, 2), sides, strict=True):
         [column] = [c for c in COLUMNS if c.key == key]
         dots(axes, report.models, name, column, looks)
-        log_ticks(axes.xaxis, *axes.dataLim.intervalx)
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
         axes.set_title(words, fontsize="medium")
     seeds = report.seed
     spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
