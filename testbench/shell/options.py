@@ -67,7 +67,10 @@ class Common:
 
     seed: Annotated[int, typer.Option(min=0, max=2**62, help="Root of all randomness.")] = 1
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Trials, each with a seed of its own: medians and spreads.")
+        int | None,
+        typer.Option(
+            "--seeds", "--draws", min=1, help="Trials, each with a seed of its own: medians and spreads."
+        ),
     ] = None
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
     quick: Annotated[bool, typer.Option("--quick", help="Few trials, small sizes.")] = False

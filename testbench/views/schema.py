@@ -19,6 +19,8 @@ class Column:
         paper: Key of the paper's number in the row's `paper`, if it gives one.
         exact: Nothing to spread: only the median is shown.
         short: Heading and unit for a terminal, line by line; each word on a line if empty.
+        scale: What is shown is so many times the report's number, for a unit that is not the key's.
+        rounding: Numbers below, in the shown unit, are rounding and shown as "exact".
     """
 
     key: str
@@ -28,6 +30,8 @@ class Column:
     paper: str = ""
     exact: bool = False
     short: str = ""
+    scale: float = 1.0
+    rounding: float = 0.0
 
     @property
     def title(self) -> str:
@@ -35,23 +39,43 @@ class Column:
         return f"{self.heading}, {self.unit}" if self.unit else self.heading
 
     def value(self, row: object) -> Any:
-        """The quantity in a row of dataclasses and mappings; None where a part of the path is None."""
-        for part in self.key.split("."):
-            row = row.get(part) if isinstance(row, Mapping) else getattr(row, part)
-            if row is None:
-                return None
-        return row
+        """The quantity in a row of dataclasses and mappings, in its unit; None where a part is None."""
+        found = _at(row, self.key)
+        return found if self.scale == 1 else _times(self.scale, found)
+
+    def text(self, value: object) -> str:
+        """A value of this quantity for people."""
+        if self.rounding and value is not None and abs(middle(value)) < self.rounding:  # type: ignore[arg-type]
+            return "exact"
+        return show(value, self.form)
 
     def cell(self, row: object) -> str:
         """What is shown of a row: the median with its spread, or the word."""
         value = self.value(row)
-        return show(_median(value) if self.exact else value, self.form)
+        return self.text(_median(value) if self.exact else value)
 
     def known(self, row: object) -> str:
         """The paper's number for a row, empty where it gives none."""
-        cells = getattr(row, "paper", None) if self.paper else None
-        value = cells.get(self.paper) if isinstance(cells, Mapping) else None
-        return "" if value is None else f"{value:.3g}"
+        cells = _at(row, "paper") if self.paper and hasattr(row, "paper") else None
+        value = None if cells is None else _at(cells, self.paper)
+        if value is None or self.form == "yes":
+            return "" if value is None else show_truth(value)
+        return f"{_times(self.scale, value):.3g}"
+
+
+def _at(row: object, key: str) -> Any:
+    """What is at the end of a path of fields and keys; None where a part is None or a key is not there."""
+    for part in key.split("."):
+        row = row.get(part) if isinstance(row, Mapping) else getattr(row, part)
+        if row is None:
+            return None
+    return row
+
+
+def _times(scale: float, value: Any) -> Any:
+    if isinstance(value, Spread):
+        return Spread(scale * value.median, scale * value.p05, scale * value.p95)
+    return None if value is None else scale * value
 
 
 @dataclass(frozen=True)
@@ -86,7 +110,8 @@ def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
         own = rows.setdefault(down.cell(row), {"name": down.cell(row)})
         own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
     columns = [
-        Column(f"c{k}", head, across.unit, cell.form, exact=cell.exact) for k, head in enumerate(heads)
+        Column(f"c{k}", head, across.unit, cell.form, exact=cell.exact, rounding=cell.rounding)
+        for k, head in enumerate(heads)
     ]
     return Table((Column("name", down.heading), *columns), list(rows.values()), table.title, table.bold)
 

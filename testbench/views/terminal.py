@@ -9,7 +9,7 @@ from rich.table import Table as RichTable
 
 from testbench.trials.spread import Spread
 from testbench.views.markdown import Words
-from testbench.views.schema import Column, Table, show
+from testbench.views.schema import Column, Table
 
 
 def grid(table: Table) -> RichTable:
@@ -34,7 +34,7 @@ def grid(table: Table) -> RichTable:
 
 def _end(column: Column, row: object, end: str) -> str:
     value = column.value(row)
-    return show(getattr(value, end) if isinstance(value, Spread) else value, column.form)
+    return column.text(getattr(value, end) if isinstance(value, Spread) else value)
 
 
 def print_words(console: Console, words: Words, tables: list[Table]) -> None:
