@@ -4,6 +4,7 @@ import math
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +20,15 @@ SEEDS = range(1, 201)
 CHUNK = 10
 REPEATS = 3
 BAR = 0.85
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A draw of noise, identified; seconds are its share of the chunk's time."""
+
+    f_m: float
+    min_eigenvalue: float
+    seconds: float
 
 
 def parallel_efficiency() -> list[Row]:
@@ -42,15 +52,15 @@ def study(workers: int, shares: list[float]) -> None:
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
         asked = trials.Experiment("many_trials", {}, SEEDS)
-        with trials.open_store(Path(name), asked, resume=False) as store:
+        with trials.open_store(Path(name), asked, row=Draw, resume=False) as store:
             for _ in trials.run_study(draws, store, partial(trials.on_cores, workers=workers), size=CHUNK):
                 pass
             trials.write_parquet(store, Path(name))
-            inside = math.fsum(float(row["seconds"] or 0) for _, rows in store.trials() for row in rows)
+            inside = math.fsum(row.seconds for _, rows in store.trials() for row in rows)
     shares.append(inside / (workers * (time.perf_counter() - start)))
 
 
-def draws(seeds: Sequence[int]) -> list[trials.Rows]:
+def draws(seeds: Sequence[int]) -> list[list[Draw]]:
     """Draws of noise on the single link, identified by certified GCO; each with its share of the time."""
     start = time.perf_counter()
     cell = build_cell(MODELS / single_link.NAME)
@@ -58,4 +68,4 @@ def draws(seeds: Sequence[int]) -> list[trials.Rows]:
     structure = single_link.models(cell)[-1].structure
     found = [gco(cell.vjm, structure, single_link.measure(cell, asked, s).identification) for s in seeds]
     each = (time.perf_counter() - start) / len(seeds)
-    return [[{"f_m": e.f_m, "min_eigenvalue": e.min_eigenvalue, "seconds": each}] for e in found]
+    return [[Draw(e.f_m, e.min_eigenvalue, each)] for e in found]

@@ -63,9 +63,12 @@ def main(
     plain: dict[str, Any] = {**asdict(settings), "cases": model_error.sizes(scale, settings.only)}
     study = Experiment(model_error.NAME, {"settings": plain, "models": files.digests(arm)}, roots)
     work = partial(model_error.trials, arm, settings)
-    with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:
+    with (
+        open_store(out, study, row=model_error.Row, resume=resume) as store,
+        files.whole_folder(out) as folder,
+    ):
         show_progress(run_study(work, store, backend), len(roots), "trials", console)
-        rows = (row for _, own in store.trials() for row in own)
+        rows = (asdict(row) for _, own in store.trials() for row in own)
         report = model_error_report.summary(rows, settings, cell.arm.name, seed, len(roots))
         write_parquet(store, folder)
         campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)

@@ -62,9 +62,9 @@ def main(
     models = {arm.name: files.digests(arm) for arm in (SIX_DOF, HEAVY)}
     study = Experiment(noise.NAME, {"settings": plain, "models": models}, roots)
     work = partial(noise.trials, SIX_DOF, HEAVY, settings, seed)
-    with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:
+    with open_store(out, study, row=noise.Row, resume=resume) as store, files.whole_folder(out) as folder:
         show_progress(run_study(work, store, backend), len(roots), "trials", console)
-        rows = (row for _, own in store.trials() for row in own)
+        rows = (asdict(row) for _, own in store.trials() for row in own)
         report = noise_report.summary(rows, settings, seed, len(roots))
         write_parquet(store, folder)
         cell = build_cell(HEAVY)

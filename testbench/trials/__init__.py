@@ -3,15 +3,13 @@
 from testbench.trials.chunk import Backend, Work
 from testbench.trials.cluster import on_cluster
 from testbench.trials.engine import run_study
-from testbench.trials.lines import Experiment, Rows
+from testbench.trials.experiment import Experiment
 from testbench.trials.local import on_cores, run_trials
-from testbench.trials.parquet import write_parquet
-from testbench.trials.store import TrialStore, open_store
+from testbench.trials.store import TrialStore, open_store, write_parquet
 
 __all__ = [
     "Backend",
     "Experiment",
-    "Rows",
     "TrialStore",
     "Work",
     "on_cluster",

@@ -1,13 +1,13 @@
 """A chunk of trials, as it goes to a worker and comes back; the same on every backend."""
 
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 
 import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be limited
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.trials.lines import SEED, plain_rows, write_line
+from testbench.trials.rows import Value, flatten
 
 Found = Sequence[object]
 Work = Callable[[Sequence[int]], Sequence[Found]]
@@ -26,12 +26,12 @@ class Chunk:
 
     Attributes:
         seeds: Of the trials.
-        lines: Their lines of the store.
+        found: Their rows, flat.
         problem: Why there are none; empty if all is well.
     """
 
     seeds: Sequence[int]
-    lines: Sequence[bytes]
+    found: Sequence[Sequence[dict[str, Value]]]
     problem: str = ""
 
 
@@ -52,18 +52,15 @@ def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
     try:
         with threadpool_limits(1):
             results = work(seeds)
-        return Chunk(seeds, _lines(seeds, results))
+        return Chunk(seeds, _flat(seeds, results))
     except (BenchError, ImportError, OSError) as err:
         return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
 
 
-def _lines(seeds: Sequence[int], results: Sequence[Found]) -> list[bytes]:
+def _flat(seeds: Sequence[int], results: Sequence[Found]) -> list[list[dict[str, Value]]]:
     if len(results) != len(seeds):
         raise BenchError(f"expected rows for {len(seeds)} trials, got {len(results)}")
-    try:
-        return [
-            write_line({SEED: seed, "rows": plain_rows(rows)})
-            for seed, rows in zip(seeds, results, strict=True)
-        ]
-    except ValueError as err:
-        raise BenchError(str(err)) from err
+    wrong = {type(row).__name__ for rows in results for row in rows if not is_dataclass(row)}
+    if wrong:
+        raise BenchError(f"rows: expected dataclasses, got {', '.join(sorted(wrong))}")
+    return [[flatten(row) for row in rows] for rows in results]

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from testbench import files
 from testbench.errors import BenchError
 from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
-from testbench.trials.lines import numeric_versions, python_release
+from testbench.trials.experiment import numeric_versions, python_release
 
 PATIENCE = 10.0
 """Time that scheduler and workers have to answer [s]."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from itertools import islice
+from typing import Any
 
 from testbench.errors import BenchError
 from testbench.trials.chunk import Backend, Work, WorkersLost
@@ -12,7 +13,7 @@ RETRIES = 3
 """Times in a row that workers may be lost without a single new result."""
 
 
-def run_study(work: Work, store: TrialStore, backend: Backend, *, size: int = 1) -> Iterator[int]:
+def run_study(work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1) -> Iterator[int]:
     """Do all trials that are not stored yet.
 
     Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
@@ -34,7 +35,7 @@ def run_study(work: Work, store: TrialStore, backend: Backend, *, size: int = 1)
         raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
     done, lost = store.count, 0
     yield done
-    while done < len(store.study.seeds):
+    while done < len(store.experiment.seeds):
         before = done
         try:
             for done in _attempt(work, store, backend, size):
@@ -47,15 +48,16 @@ def run_study(work: Work, store: TrialStore, backend: Backend, *, size: int = 1)
             raise _resumable(str(err), store) from err
 
 
-def _attempt(work: Work, store: TrialStore, backend: Backend, size: int) -> Iterator[int]:
+def _attempt(work: Work, store: TrialStore[Any], backend: Backend, size: int) -> Iterator[int]:
     done = store.count
     with closing(backend(work, _chunks(store.missing(), size))) as chunks:
         for chunk in chunks:
             if chunk.problem:
                 raise BenchError(chunk.problem)
-            store.append(chunk.seeds, chunk.lines)
+            store.append(chunk.seeds, chunk.found)
             done += len(chunk.seeds)
             yield done
+    store.flush()
 
 
 def _chunks(seeds: Iterator[int], size: int) -> Iterator[Sequence[int]]:
@@ -63,9 +65,8 @@ def _chunks(seeds: Iterator[int], size: int) -> Iterator[Sequence[int]]:
         yield chunk
 
 
-def _resumable(problem: str, store: TrialStore) -> BenchError:
+def _resumable(problem: str, store: TrialStore[Any]) -> BenchError:
     if not store.count:
         return BenchError(problem)
-    return BenchError(
-        f"{problem}; {store.count} of {len(store.study.seeds)} trials are stored, --resume goes on with them"
-    )
+    held = f"{store.count} of {len(store.experiment.seeds)} trials are stored"
+    return BenchError(f"{problem}; {held}, --resume goes on with them")

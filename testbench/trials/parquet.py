@@ -1,102 +1,211 @@
-"""Stored trials as one Parquet file, the same bytes whatever the order in which they came."""
+"""A Parquet file of trials: typed rows in the order of their seeds, and whose they are in its metadata.
 
+It is written under another name and on the disk before it gets its own: there is no torn one. Every page has
+a checksum.
+"""
+
+import contextlib
 import json
-from collections.abc import Iterable, Iterator
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain, groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from testbench.errors import BenchError, InputError
-from testbench.trials.lines import SEED, Rows
-from testbench.trials.store import TrialStore
+import pyarrow as pa
+from pyarrow import parquet
 
-FILE = "trials.parquet"
+from testbench.errors import BenchError, InputError
+from testbench.trials.rows import Column, Value, columns
+
+SEED = "seed"
 GROUP = 2048
 """Rows of a row group: what is in memory at a time."""
-NAMES = {bool: "bool", int: "int64", float: "float64", str: "string"}
+BATCH = 64
+"""Rows that are read at a time, of each file."""
+TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
+
+Trial = tuple[int, list[dict[str, Value]]]
+"""Seed and flat rows."""
 
 
-def write_parquet(store: TrialStore, folder: Path) -> Path:
-    """Write `trials.parquet`: rows in the order of their seeds, the store's header as metadata "testbench".
+@dataclass(frozen=True)
+class Table:
+    """What the files of a run hold.
 
-    Integers and floats in one column become floats; None, and what a row lacks, become null; NaN stays NaN.
+    Attributes:
+        header: Of the experiment.
+        columns: Of a row, without the seed.
+    """
 
-    Args:
-        store: The trials.
-        folder: Where to.
+    header: Mapping[str, Any]
+    columns: Mapping[str, Column]
 
-    Returns:
-        The file.
+    @classmethod
+    def of(cls, header: Mapping[str, Any], row: type) -> "Table":
+        """That of a dataclass."""
+        return cls(header, columns(row))
+
+    def schema(self, spans: Iterable[range], level: int) -> pa.Schema:
+        """Columns and metadata: header, seeds as [first, count], how often the trials were put together."""
+        fields = [(SEED, pa.int64())]
+        for name, column in self.columns.items():
+            fields.append((name, pa.list_(TYPES[column.kind]) if column.several else TYPES[column.kind]))
+        about = {"testbench": self.header, "seeds": [[s[0], len(s)] for s in spans], "level": level}
+        return pa.schema(fields, {key: json.dumps(value, sort_keys=True) for key, value in about.items()})
+
+    def arrow(self, group: list[Trial], schema: pa.Schema) -> pa.Table:
+        """Rows as Arrow's columns.
+
+        Raises:
+            BenchError: When a row has other columns, or a value is not of its column's type.
+        """
+        rows = [row for _, own in group for row in own]
+        for row in rows:
+            if row.keys() != self.columns.keys():
+                differ = ", ".join(sorted(row.keys() ^ self.columns.keys()))
+                raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
+        data = {SEED: pa.array([seed for seed, own in group for _ in own], pa.int64())}
+        for name, column in self.columns.items():
+            data[name] = _array(name, column, [row[name] for row in rows])
+        return pa.table(data, schema=schema)
+
+
+def _array(name: str, column: Column, values: list[Any]) -> pa.Array:
+    plain = chain.from_iterable(v for v in values if v is not None) if column.several else values
+    fits = {float, int} if column.kind is float else {column.kind}
+    wrong = {type(v).__name__ for v in plain if v is not None and type(v) not in fits}
+    if wrong:  # Arrow would take 1.5 as an integer
+        raise BenchError(f"rows: {name}: expected {column.kind.__name__}, got {', '.join(sorted(wrong))}")
+    kind = TYPES[column.kind]
+    try:
+        return pa.array(values, pa.list_(kind) if column.several else kind)
+    except (ValueError, TypeError, OverflowError) as err:
+        raise BenchError(f"rows: {name}: expected {column.kind.__name__}: {err}") from err
+
+
+@dataclass(frozen=True)
+class Part:
+    """A file of trials.
+
+    Attributes:
+        path: The file.
+        header: Of their experiment.
+        spans: Their seeds, also of trials without rows.
+        level: How often trials were put together in it.
+    """
+
+    path: Path
+    header: Mapping[str, Any]
+    spans: tuple[range, ...]
+    level: int
+
+    @property
+    def count(self) -> int:
+        """Trials in it."""
+        return sum(map(len, self.spans))
+
+    def trials(self) -> Iterator[Trial]:
+        """They, in the order of their seeds, a few rows at a time in memory.
+
+        Raises:
+            InputError: When the file is damaged.
+        """
+        with _damage(self.path), _opened(self.path) as file:
+            rows = chain.from_iterable(batch.to_pylist() for batch in file.iter_batches(BATCH))
+            groups = ((seed, list(own)) for seed, own in groupby(rows, itemgetter(SEED)))
+            ahead = next(groups, None)
+            for seed in chain.from_iterable(self.spans):
+                own: list[dict[str, Value]] = []
+                if ahead is not None and ahead[0] == seed:
+                    own = [{key: value for key, value in row.items() if key != SEED} for row in ahead[1]]
+                    ahead = next(groups, None)
+                yield seed, own
+            if ahead is not None:
+                raise ValueError(f"it holds rows of seed {ahead[0]}, which it does not name")
+
+
+def read_part(path: Path) -> Part:
+    """What a file of trials holds.
 
     Raises:
-        BenchError: When a column holds both words and numbers.
-        InputError: When the file cannot be written; an earlier one then stands.
+        InputError: When it is damaged, or holds something else.
     """
-    import pyarrow as pa  # 0.2 s that no worker should spend
-    from pyarrow import parquet
+    with _damage(path), _opened(path) as file:
+        for _ in file.iter_batches():  # every page against its checksum
+            pass
+        about = {key.decode(): value for key, value in file.schema_arrow.metadata.items()}
+        header, seeds, level = (json.loads(about[key]) for key in ("testbench", "seeds", "level"))
+        return Part(path, dict(header), tuple(range(first, first + n) for first, n in seeds), int(level))
 
-    columns = _columns(store.flat())
-    schema = pa.schema(
-        [(name, _type(kind)) for name, kind in columns.items()],
-        metadata={"testbench": json.dumps(store.study.header, sort_keys=True)},
-    )
-    file = folder / FILE
-    part = file.with_name(f"{FILE}.part")
+
+def write_part(path: Path, table: Table, spans: Iterable[range], trials: Iterable[Trial], level: int) -> Part:
+    """Write trials in the order in which they come, all or none.
+
+    Args:
+        path: The file; an earlier one is replaced.
+        table: What it holds.
+        spans: Seeds of the trials.
+        trials: They.
+        level: How often they were put together.
+
+    Raises:
+        BenchError: When a row is not of the table's type.
+        InputError: When the file cannot be written.
+    """
+    spans = tuple(spans)
+    schema = table.schema(spans, level)
+    ahead = path.with_name(f".{path.name}.new")
     try:
-        with parquet.ParquetWriter(part, schema) as writer:
-            for group in _groups(store.flat()):
-                table = {n: [_cast(row.get(n), kind) for row in group] for n, kind in columns.items()}
-                writer.write_table(pa.table(table, schema=schema))
-        part.replace(file)
+        with ahead.open("wb") as file:
+            with parquet.ParquetWriter(file, schema, write_page_checksum=True) as writer:
+                for group in _groups(trials):
+                    writer.write_table(table.arrow(group, schema))
+            file.flush()
+            os.fsync(file.fileno())
+        ahead.replace(path)
+        _sync(path.parent)
     except OSError as err:
-        raise InputError(file, "", f"cannot be written: {err.strerror or err}") from err
+        raise InputError(path, "", f"cannot be written: {err.strerror or err}") from err
     finally:
-        part.unlink(missing_ok=True)
-    return file
+        ahead.unlink(missing_ok=True)
+    return Part(path, table.header, spans, level)
 
 
-def _columns(trials: Iterable[tuple[int, Rows]]) -> dict[str, str]:
-    """Type of every column, in the order in which the seeds bring them up."""
-    kinds: dict[str, set[str]] = {SEED: {"int64"}}
-    for _, rows in trials:
-        for row in rows:
-            for name, value in row.items():
-                kinds.setdefault(name, set()).update([] if value is None else [_kind(value)])
-    return {name: _common(name, found) for name, found in kinds.items()}
-
-
-def _kind(value: Any) -> str:
-    if isinstance(value, list):
-        return f"{NAMES[type(value[0])]} list" if value else "string list"
-    return NAMES[type(value)]
-
-
-def _type(kind: str) -> Any:
-    import pyarrow as pa
-
-    plain = pa.type_for_alias(kind.removesuffix(" list"))
-    return pa.list_(plain) if kind.endswith(" list") else plain
-
-
-def _common(name: str, kinds: set[str]) -> str:
-    if len(kinds) <= 1:
-        return next(iter(kinds), "float64")
-    if kinds == {"int64", "float64"}:
-        return "float64"
-    raise BenchError(f"column {name!r}: expected one type in all trials, got {', '.join(sorted(kinds))}")
-
-
-def _cast(value: Any, kind: str) -> Any:
-    return float(value) if kind == "float64" and value is not None else value
-
-
-def _groups(trials: Iterable[tuple[int, Rows]]) -> Iterator[list[dict[str, Any]]]:
-    """Rows with their seeds; a trial's rows may lie in two groups."""
-    group: list[dict[str, Any]] = []
+def _groups(trials: Iterable[Trial]) -> Iterator[list[Trial]]:
+    """Trials of GROUP rows; those of one may lie in two groups."""
+    group: list[Trial] = []
+    room = GROUP
     for seed, rows in trials:
-        for row in rows:
-            group.append({SEED: seed, **row})
-            if len(group) == GROUP:
-                yield group
-                group = []
-    if group:
+        while len(rows) >= room:
+            yield [*group, (seed, rows[:room])]
+            rows, group, room = rows[room:], [], GROUP
+        group.append((seed, rows))
+        room -= len(rows)
+    if room < GROUP:
         yield group
+
+
+def _sync(folder: Path) -> None:
+    """The name of a new file, too, has to be on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _opened(path: Path) -> parquet.ParquetFile:
+    return parquet.ParquetFile(path, page_checksum_verification=True)
+
+
+@contextlib.contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, pa.ArrowException) as err:
+        raise InputError(
+            path, "", f"expected a whole file of trials: {err}; move it away, --resume does its trials again"
+        ) from err

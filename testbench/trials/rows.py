@@ -1,8 +1,10 @@
 """A trial's rows as tables hold them: frozen dataclasses, nested ones as dotted columns, and back."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
-from typing import Any, TypeVar
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -14,21 +16,94 @@ Plain = float | int | str | bool | None
 Value = Plain | tuple[Plain, ...]
 
 
+@dataclass(frozen=True)
+class Column:
+    """Type of a column; each may hold None too.
+
+    Attributes:
+        kind: float, int, str or bool.
+        several: Whether a cell holds a tuple of them.
+    """
+
+    kind: type
+    several: bool = False
+
+
+def columns(row: type, prefix: str = "") -> dict[str, Column]:
+    """Columns of a dataclass of rows, from the types of its fields.
+
+    A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
+    a truth value or a float, is a truth value in the rows of a trial.
+
+    Args:
+        row: The dataclass, as `flatten` describes it; its fields have types such as float | None or Literal.
+        prefix: Of the columns' names.
+
+    Raises:
+        BenchError: When a field has another type, or the name of the seed's column.
+    """
+    found: dict[str, Column] = {}
+    for field, kinds in _kinds(row).items():
+        nested = _nested(kinds)
+        name = prefix + field
+        found |= columns(nested, f"{name}.") if nested else {name: _column(name, kinds)}
+    if "seed" in found:
+        raise BenchError(f"{row.__name__}: expected columns with names other than 'seed'")
+    return found
+
+
+@cache
+def _kinds(row: Hashable) -> dict[str, set[Any]]:
+    """Types that each field may have."""
+    hints = get_type_hints(row)
+    return {field.name: _alternatives(hints[field.name]) for field in fields(row)}  # type: ignore[arg-type]
+
+
+def _alternatives(annotation: Any) -> set[Any]:
+    """Of float | None both; of a Literal the types of its values."""
+    if get_origin(annotation) in (Union, UnionType):
+        return {own for part in get_args(annotation) for own in _alternatives(part)}
+    return (
+        {type(value) for value in get_args(annotation)} if get_origin(annotation) is Literal else {annotation}
+    )
+
+
+def _nested(kinds: set[Any]) -> type | None:
+    """The dataclass that a field holds, perhaps beside None."""
+    plain = kinds - {NoneType}
+    return next(iter(plain)) if len(plain) == 1 and all(map(is_dataclass, plain)) else None
+
+
+def _column(name: str, kinds: set[Any]) -> Column:
+    several = [own for own in kinds if get_origin(own) is tuple]
+    if several:
+        kinds = {own for part in get_args(several[0]) if part is not ... for own in _alternatives(part)}
+    plain = {own for own in kinds if own is not NoneType and not is_dataclass(own)}
+    for wide, both in ((float, {float, int}), (bool, {float, bool})):
+        plain = {wide} if plain == both else plain
+    if len(plain) != 1 or not plain <= {float, int, str, bool}:
+        raise BenchError(f"rows: {name}: expected a type of numbers or words, got {kinds}")
+    return Column(plain.pop(), bool(several))
+
+
 def flatten(row: object, prefix: str = "") -> dict[str, Value]:
     """Columns of a row: `check.rms_mm` is the field rms_mm of the field check.
 
     Args:
-        row: A dataclass of numbers, words, truth values, None, tuples of those, and such dataclasses.
+        row: A dataclass of numbers, words, truth values, None, tuples of those, and such dataclasses or None.
         prefix: Of the columns' names.
 
     Raises:
         BenchError: When a field holds something else.
     """
     found: dict[str, Value] = {}
-    for field in fields(row):  # type: ignore[arg-type]
-        name, value = prefix + field.name, getattr(row, field.name)
+    kind: type = type(row)
+    for field, kinds in _kinds(kind).items():
+        name, value = prefix + field, getattr(row, field)
         if is_dataclass(value):
             found |= flatten(value, f"{name}.")
+        elif value is None and (nested := _nested(kinds)):
+            found |= dict.fromkeys(columns(nested, f"{name}."))
         elif isinstance(value, tuple):
             found[name] = tuple(_plain(name, v) for v in value)
         else:
@@ -54,18 +129,24 @@ def restorer(kind: type[R]) -> Callable[[Mapping[str, Any]], R]:
     """
     adapter = TypeAdapter(kind)
 
-    def restore(columns: Mapping[str, Any]) -> R:
-        nested: dict[str, Any] = {}
-        for name, value in columns.items():
-            *path, last = name.split(".")
-            place = nested
-            for part in path:
-                place = place.setdefault(part, {})
-            place[last] = value
+    def restore(flat: Mapping[str, Any]) -> R:
         try:
-            return adapter.validate_python(nested)
+            return adapter.validate_python(_nest(kind, flat, ""))
         except ValidationError as err:
             first = err.errors(include_url=False)[0]
             raise BenchError(f"rows: {'.'.join(map(str, first['loc']))}: {first['msg']}") from err
 
     return restore
+
+
+def _nest(kind: type, flat: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """Fields of a dataclass; a nested one that may be None is None where all its columns are."""
+    found: dict[str, Any] = {}
+    for field, kinds in _kinds(kind).items():
+        if nested := _nested(kinds):
+            own = _nest(nested, flat, f"{prefix}{field}.")
+            empty = NoneType in kinds and all(v is None for v in own.values())
+            found[field] = None if empty else own
+        elif prefix + field in flat:
+            found[field] = flat[prefix + field]
+    return found

@@ -1,213 +1,209 @@
-"""The trial store: finished trials in `trials.jsonl`, appended as they come, whatever stops the run."""
+"""The trial store: finished trials in `trials.parts` beside a run's results, whatever stops the run."""
 
 import contextlib
 import fcntl
-import json
 import os
-import stat
-from array import array
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Generic, TypeVar
 
-from testbench.errors import InputError
-from testbench.trials.lines import (
-    Experiment,
-    Row,
-    Rows,
-    check_header,
-    check_trial,
-    corrupt,
-    read_lines,
-    write_line,
-)
-from testbench.trials.rows import restorer
+from testbench.errors import BenchError, InputError
+from testbench.trials.experiment import Experiment
+from testbench.trials.rows import Value, restorer
 
-FILE = "trials.jsonl"
-FINISHED = "finished"
-"""Key of the line behind the last trial of a study that came to its end."""
+if TYPE_CHECKING:  # Arrow takes 0.2 s to import, which no worker should spend
+    from testbench.trials.parts import Parts
+
+FOLDER, LOCK = "trials.parts", "lock"
+LATEST = 1.0
+"""Time after which a finished trial is on the disk, when trials come fast [s]."""
+SHARE = 20
+"""A part is written once that many times the time passed that the last one took."""
+
+R = TypeVar("R")
+Flat = Sequence[dict[str, Value]]
 
 
-class TrialStore:
-    """The stored trials of a study: where in the file each is, 8 bytes a trial in memory.
+class TrialStore(Generic[R]):
+    """The stored trials of an experiment: a byte a trial in memory, and a second of new ones.
 
     Open one with `open_store`.
 
     Args:
-        path: The file.
-        study: What is tried.
-        descriptor: Of the open file, locked.
-        row: Type of the rows, None for flat dictionaries.
+        experiment: What is tried.
+        row: Dataclass of the rows.
+        parts: What is on the disk.
     """
 
-    def __init__(self, path: Path, study: Experiment, descriptor: int, row: type | None = None) -> None:
-        self.path = path
+    def __init__(self, experiment: Experiment, row: type[R], parts: "Parts") -> None:
+        self.experiment = experiment
         self.row = row
-        self.study = study
-        self._descriptor = descriptor
-        self._starts = array("q", bytes(8 * len(study.seeds)))  # 0, where the header is: not stored
-        self._end = 0
+        self.parts = parts
+        self._fresh: list[tuple[int, list[dict[str, Value]]]] = []
+        self._due = -float("inf")
+        self._done = bytearray(len(experiment.seeds))
+        self._mark(parts.seeds(), True)
 
     @property
     def count(self) -> int:
-        """Trials of the study that are stored."""
-        return len(self._starts) - self._starts.count(0)
+        """Trials of the experiment that are stored."""
+        return self._done.count(1)
 
     def missing(self) -> Iterator[int]:
         """Seeds that are not stored, in order."""
-        return (seed for seed, start in zip(self.study.seeds, self._starts, strict=True) if not start)
+        return (seed for seed, done in zip(self.experiment.seeds, self._done, strict=True) if not done)
 
-    def trials(self) -> Iterator[tuple[int, list[Any]]]:
+    def trials(self) -> Iterator[tuple[int, tuple[R, ...]]]:
         """Stored trials in the order of the seeds: seed, and its rows as they were returned."""
-        restore: Callable[[Row], Any] = restorer(self.row) if self.row else dict
-        for seed, rows in self.flat():
-            yield seed, [restore(row) for row in rows]
+        self.flush()
+        restore = restorer(self.row)
+        for seed, rows in self.parts.trials():
+            if seed in self.experiment.seeds:
+                yield seed, tuple(map(restore, rows))
 
-    def flat(self) -> Iterator[tuple[int, Rows]]:
-        """Stored trials of the study in the order of the seeds, one at a time in memory.
-
-        Yields:
-            Seed and rows.
-        """
-        with self.path.open("rb") as file:
-            for seed, start in zip(self.study.seeds, self._starts, strict=True):
-                if start:
-                    file.seek(start)
-                    yield seed, json.loads(file.readline())["rows"]
-
-    def append(self, seeds: Sequence[int], lines: Sequence[bytes]) -> None:
-        """Add finished trials; they are on the disk when this returns.
+    def append(self, seeds: Sequence[int], found: Sequence[Flat]) -> None:
+        """Add finished trials; within about a second they are on the disk.
 
         Args:
             seeds: Of the trials, not stored yet.
-            lines: A line each, from `chunk.do_chunk`.
+            found: Their flat rows, from `chunk.do_chunk`.
 
         Raises:
-            InputError: When the file cannot be written; it then holds what it held before.
+            BenchError: When rows are not of the store's type.
+            InputError: When they cannot be written; what was on the disk stays.
         """
-        if not self._end:  # nothing is touched before there is a result
-            self._write(write_line(self.study.header))
-        start = self._end
-        self._write(b"".join(lines))
-        for seed, line in zip(seeds, lines, strict=True):
-            self._starts[seed - self.study.seeds[0]] = start
-            start += len(line)
+        self._fresh += [(seed, list(rows)) for seed, rows in zip(seeds, found, strict=True)]
+        self._mark(seeds, True)
+        if time.monotonic() >= self._due:
+            self.flush()
 
-    def load(self) -> None:
-        """Find the trials that are stored, and cut a torn last line.
+    def flush(self) -> None:
+        """Put on the disk what is not there yet; `append` says what it raises."""
+        if not self._fresh:
+            return
+        start = time.monotonic()
+        try:
+            self.parts.add(self._fresh)
+        except BenchError:
+            self._mark((seed for seed, _ in self._fresh), False)
+            self._fresh = []
+            raise
+        self._fresh = []
+        end = time.monotonic()
+        self._due = end + min(LATEST, SHARE * (end - start))
 
-        Raises:
-            InputError: When they are of another study, or the file is damaged.
-        """
-        root, size = self.study.seeds[0], len(self._starts)
-        with self.path.open("rb") as file:
-            for line in read_lines(self.path, file):
-                self._end = line.end
-                if line.number == 1:
-                    check_header(self.path, line.entry, self.study)
-                elif FINISHED not in line.entry:
-                    place = check_trial(self.path, line, root) - root
-                    if place < size and self._starts[place]:
-                        raise corrupt(self.path, line.number, f"seed {root + place} for the second time")
-                    if place < size:
-                        self._starts[place] = line.start
-        with _writing(self.path):
-            os.ftruncate(self._descriptor, self._end)
+    def _mark(self, seeds: Iterable[int], done: bool) -> None:
+        for seed in seeds:
+            if seed in self.experiment.seeds:
+                self._done[seed - self.experiment.seeds[0]] = done
 
-    def refuse_unfinished(self) -> None:
-        """Keep a fresh run from replacing the trials of one that was stopped.
 
-        Raises:
-            InputError: When there are such trials.
-        """
-        held, finished = -1, True
-        with self.path.open("rb") as file:
-            for line in read_lines(self.path, file):
-                finished = FINISHED in line.entry
-                held += not finished
-        if held > 0 and not finished:
-            raise InputError(
-                self.path,
-                "",
-                f"holds {held} trials of a run that was stopped: --resume goes on with it; choose another "
-                "folder, or remove the file, to start afresh",
-            )
+def write_parquet(store: TrialStore[R], folder: Path) -> Path:
+    """Write `trials.parquet`: rows in the order of their seeds, the same bytes in whatever order they came.
 
-    def finish(self) -> None:
-        """Note that all is done: a later run without --resume may replace the file."""
-        self._write(write_line({FINISHED: self.count}))
+    None becomes null; NaN stays NaN. The header of the experiment is the metadata "testbench".
 
-    def _write(self, data: bytes) -> None:
-        with _writing(self.path):
-            try:
-                os.ftruncate(self._descriptor, self._end)
-                _write_all(self._descriptor, data, self._end)
-                os.fsync(self._descriptor)
-            except OSError:
-                os.ftruncate(self._descriptor, self._end)
-                raise
-        self._end += len(data)
+    Args:
+        store: The trials, all of them.
+        folder: Where to.
+
+    Returns:
+        The file.
+
+    Raises:
+        BenchError: When trials are missing.
+        InputError: When the file cannot be written; an earlier one then stands.
+    """
+    store.flush()
+    if store.count < len(store.experiment.seeds):
+        raise BenchError(f"trials: expected all {len(store.experiment.seeds)} stored, got {store.count}")
+    return store.parts.write_whole(folder, store.experiment.seeds)
 
 
 @contextlib.contextmanager
 def open_store(
-    folder: Path, study: Experiment, *, resume: bool, row: type | None = None
-) -> Iterator[TrialStore]:
-    """The trial store of a run's folder; marked as finished when the block ends well with all trials.
-
-    Around `files.whole_folder`, the mark means that the report is there too.
+    folder: Path, experiment: Experiment, *, row: type[R], resume: bool
+) -> Iterator[TrialStore[R]]:
+    """The trial store of a run's folder; its parts go once the block has ended well and left the whole file.
 
     Args:
         folder: The run's; made where it does not exist.
-        study: What is tried.
-        row: Type of the rows, None for flat dictionaries.
+        experiment: What is tried.
+        row: Dataclass of the rows; see `rows.columns`.
         resume: Whether to go on with the stored trials; without any it starts afresh.
 
     Raises:
         InputError: When another run writes it; when it cannot be written or is damaged; when it holds
-            trials of another study (resume), or of a run that was stopped (no resume).
+            trials of something else (resume), or of a run that was stopped (no resume).
     """
-    path, fresh = folder / FILE, not folder.exists()
-    with _writing(path):
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    try:
-        _claim(path, descriptor)
-        store = TrialStore(path, study, descriptor, row)
+    from testbench.trials.parquet import Table
+    from testbench.trials.parts import Parts
+
+    parts = Parts(folder / FOLDER, Table.of(experiment.header, row))
+    with _locked(folder):
         if resume:
-            store.load()
+            parts.load()
         else:
-            store.refuse_unfinished()
-        yield store
-        if store.count == len(study.seeds):
-            store.finish()
+            _refuse_unfinished(parts.folder)
+        store = TrialStore(experiment, row, parts)
+        try:
+            yield store
+        finally:
+            store.flush()
+        if store.count == len(experiment.seeds):
+            parts.clear(experiment.seeds)
+
+
+def _refuse_unfinished(folder: Path) -> None:
+    from testbench.trials.parquet import read_part
+
+    if held := sum(read_part(path).count for path in folder.glob("*.parquet")):
+        raise InputError(
+            folder,
+            "",
+            f"holds {held} trials of a run that was stopped: --resume goes on with it; choose another "
+            "folder, or remove this one, to start afresh",
+        )
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """One run at a time; without a part it leaves nothing behind."""
+    fresh, parts = not folder.exists(), folder / FOLDER
+    lock = parts / LOCK
+    try:
+        parts.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError as err:
+        raise InputError(parts, "", f"cannot be written: {err.strerror}") from err
+    try:
+        _claim(lock, descriptor)
+        try:
+            yield
+        finally:
+            _tidy(parts)
     finally:
-        if not os.fstat(descriptor).st_size:
-            path.unlink(missing_ok=True)
         os.close(descriptor)
         if fresh and not any(folder.iterdir()):
             folder.rmdir()
 
 
-def _claim(path: Path, descriptor: int) -> None:
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        raise InputError(path, "", "expected a file, got a folder or a device")
+def _claim(lock: Path, descriptor: int) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as err:
-        raise InputError(path, "", "another run is writing it: wait for it or choose another folder") from err
+        ours = lock.exists() and os.path.samestat(lock.stat(), os.fstat(descriptor))
+    except BlockingIOError:
+        ours = False
+    if not ours:  # locked, or removed by the one that had locked it
+        raise InputError(lock.parent, "", "another run is writing it: wait for it or choose another folder")
 
 
-def _write_all(descriptor: int, data: bytes, offset: int) -> None:
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(descriptor, view, offset)
-        view, offset = view[written:], offset + written
-
-
-@contextlib.contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as err:
-        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+def _tidy(parts: Path) -> None:
+    """Without a part nothing is left behind, unless it is not ours."""
+    for torn in parts.glob(".*.parquet.new"):  # of a run that was killed
+        torn.unlink()
+    if not any(parts.glob("*.parquet")):
+        (parts / LOCK).unlink()
+        with contextlib.suppress(OSError):
+            parts.rmdir()

@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "model_error.py")
 FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "model_error.png", "recording.rrd",
-    "trials.parquet", "trials.jsonl",
+    "trials.parquet",
 }  # fmt: skip
 
 
@@ -39,7 +39,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
     assert {p.name for p in out.iterdir()} == FILES
     assert done.stderr == ""
-    for name in FILES - {"manifest.json", "trials.jsonl"}:
+    for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout
 
 

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "noise_sensitivity.py")
 FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "noise_sensitivity.png", "recording.rrd",
-    "trials.parquet", "trials.jsonl",
+    "trials.parquet",
 }  # fmt: skip
 
 
@@ -41,7 +41,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
     assert {p.name for p in out.iterdir()} == FILES
     assert done.stderr == ""
-    for name in FILES - {"manifest.json", "trials.jsonl"}:
+    for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout
 
 
@@ -100,5 +100,5 @@ def test_resume_into_the_folder_of_other_settings_is_refused(quick):
     out, _ = quick
     done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
     assert done.returncode == 2
-    assert "trials.jsonl" in done.stderr
+    assert "trials.parquet" in done.stderr
     assert "Traceback" not in done.stderr

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from testbench import files
-from testbench.cli import trial_options as options
+from testbench.shell import backend as options
 from testbench.shell import command
 from testbench.shell.progress import show_progress
 from testbench.trials import Experiment, open_store, run_study, write_parquet
@@ -38,9 +38,12 @@ def main(
     console = Console(highlight=False)
     study = Experiment(name, {"size": trial_work.SIZE}, range(seed, seed + trials))
     work = partial(trial_work.trials, pause, str(pids) if pids else "")
-    backend = options.choose_backend(workers, cluster, insecure)
-    with open_store(out, study, resume=resume) as store, files.whole_folder(out) as folder:
-        counts = run_study(work, store, backend, size=2)
+    chosen = options.choose_backend(workers, cluster, insecure)
+    with (
+        open_store(out, study, row=trial_work.Toy, resume=resume) as store,
+        files.whole_folder(out) as folder,
+    ):
+        counts = run_study(work, store, chosen, size=2)
         show_progress(counts, trials, "trials", console)
         write_parquet(store, folder)
 

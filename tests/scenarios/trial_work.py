@@ -2,6 +2,7 @@
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,23 @@ import numpy as np
 from testbench.errors import InputError
 
 SIZE = 60
+
+
+@dataclass(frozen=True)
+class Toy:
+    """A row; blob is long for late seeds, so that a small disk is full in mid-study."""
+
+    kind: str
+    norm: float
+    rank: int | None
+    gap: float | None = None
+    whole: bool | None = None
+    blob: str = ""
+
+
+@dataclass(frozen=True)
+class Cheap:
+    number: float
 
 
 def trials(pause, pids, seeds):
@@ -22,10 +40,12 @@ def trials(pause, pids, seeds):
         a = rng.normal(size=(SIZE, SIZE))
         solved = np.linalg.solve(a @ a.T + np.eye(SIZE), a[0])
         values = np.linalg.svd(a, compute_uv=False)
+        blob = rng.bytes(200 * seed).hex() if seed >= 20 else ""
+        rank = np.int64(seed % 3)
         found.append(
             [
-                {"kind": "solve", "norm": np.linalg.norm(solved), "rank": np.int64(seed % 3), "gap": np.nan},
-                {"kind": "svd", "norm": values.sum(), "rank": None, "whole": bool(seed % 2)},
+                Toy("solve", np.linalg.norm(solved), rank, gap=np.nan, blob=blob),
+                Toy("svd", values.sum(), None, whole=bool(seed % 2)),
             ]
         )
     return found
@@ -33,7 +53,7 @@ def trials(pause, pids, seeds):
 
 def cheap_trials(seeds):
     """Nothing but one number."""
-    return [[{"number": float(seed) / 7}] for seed in seeds]
+    return [[Cheap(float(seed) / 7)] for seed in seeds]
 
 
 def bad_trials(seeds):

@@ -1,190 +1,291 @@
-"""The trial store and its Parquet file: what is stored comes back, what is damaged or foreign is refused."""
+"""The trial store and its Parquet files: what is stored comes back, what is damaged or foreign is refused."""
 
+import errno
 import json
 import math
+import os
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from testbench.errors import BenchError, InputError
-from testbench.trials import Experiment, open_store, write_parquet
+from testbench.trials import Experiment, open_store, parts, write_parquet
 from testbench.trials.chunk import do_chunk
-from testbench.trials.store import FILE
+from testbench.trials.parquet import Table, read_part, write_part
+from testbench.trials.parts import spans
+from testbench.trials.spread import Number, Share
+from testbench.trials.store import FOLDER
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
 
+@dataclass(frozen=True)
+class X:
+    x: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    rms_mm: float
+    rank: int | None
+
+
+@dataclass(frozen=True)
+class Full:
+    pi: float
+    least: float
+    minus: float
+    nan: float | None
+    inf: float | int
+    count: int
+    yes: bool
+    word: str
+    none: float | None
+    part: Literal["check", "workspace"]
+    several: tuple[float, ...]
+    names: tuple[str, ...] | None
+    check: Fit
+    workspace: Fit | None
+    trials: Number
+    holds: Share
+    bounds: tuple[Number, ...] | None
+
+
+FULL = Full(
+    pi=math.pi, least=5e-324, minus=-0.0, nan=math.nan, inf=-math.inf, count=np.int64(-(2**63)),
+    yes=np.bool_(True), word="a\nb, \u00b5m", none=None, part="check", several=(1.5, math.nan), names=None,
+    check=Fit(0.1, None), workspace=None, trials=0.5, holds=True, bounds=(1.0, None),
+)  # fmt: skip
+
+
 def put(store, found):
-    """Store rows by seed, as a chunk does."""
+    """Store rows by seed, as a chunk does; every chunk is on the disk at once."""
     chunk = do_chunk(lambda seeds: [found[s] for s in seeds], tuple(found))
     assert not chunk.problem, chunk.problem
-    store.append(chunk.seeds, chunk.lines)
+    store.append(chunk.seeds, chunk.found)
+    store.flush()
 
 
-def fill(folder, seeds, study=TOY, resume=False):
-    with open_store(folder, study, resume=resume) as store:
-        put(store, {seed: [{"x": seed / 3}] for seed in seeds})
+def fill(folder, seeds, experiment=TOY, resume=False):
+    """A run of some seeds; one that is whole leaves the whole file."""
+    with open_store(folder, experiment, row=X, resume=resume) as store:
+        for seed in seeds:
+            put(store, {seed: [X(seed / 3)]})
+        if store.count == len(experiment.seeds):
+            write_parquet(store, folder)
 
 
-def missing(folder, study=TOY):
-    with open_store(folder, study, resume=True) as store:
+def missing(folder, experiment=TOY):
+    with open_store(folder, experiment, row=X, resume=True) as store:
         return list(store.missing())
 
 
+def files(folder):
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
 def test_every_kind_of_value_comes_back_bit_by_bit(tmp_path):
-    row = {
-        "pi": math.pi, "least": 5e-324, "minus": -0.0, "nan": math.nan, "inf": -math.inf,
-        "count": np.int64(-(2**63)), "yes": np.bool_(True), "word": "a\nb, \u00b5m", "none": None,
-    }  # fmt: skip
-    with open_store(tmp_path, TOY, resume=False) as store:
-        put(store, {9: [row], 7: []})
-    with open_store(tmp_path, TOY, resume=True) as store:
+    with open_store(tmp_path, TOY, row=Full, resume=False) as store:
+        put(store, {9: [FULL], 7: []})
+    with open_store(tmp_path, TOY, row=Full, resume=True) as store:
         assert list(store.missing()) == [8, 10, 11]
-        (seed, rows), (last, [back]) = store.trials()
-    assert (seed, rows, last) == (7, [], 9)
-    for name, value in row.items():
-        assert repr(back[name]) == repr(value.item() if isinstance(value, np.generic) else value), name
+        assert repr(list(store.trials())) == repr([(7, ()), (9, (replace(FULL, count=-(2**63), yes=True),))])
 
 
-def test_parquet_does_not_depend_on_the_order_of_trials(tmp_path):
-    found = {s: [{"x": s if s % 2 else s / 3, "y": None}, {"z": math.nan}] for s in TOY.seeds}
+def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):
+    with open_store(tmp_path, Experiment("toy", {}, range(1)), row=Full, resume=False) as store:
+        put(store, {0: []})
+        schema = pq.read_schema(write_parquet(store, tmp_path))
+    kinds = {f.name: str(f.type).replace("element", "item") for f in schema}
+    assert kinds == {
+        "seed": "int64", "pi": "double", "least": "double", "minus": "double", "nan": "double",
+        "inf": "double", "count": "int64", "yes": "bool", "word": "string", "none": "double",
+        "part": "string", "several": "list<item: double>", "names": "list<item: string>",
+        "check.rms_mm": "double", "check.rank": "int64",
+        "workspace.rms_mm": "double", "workspace.rank": "int64", "trials": "double", "holds": "bool",
+        "bounds": "list<item: double>",
+    }  # fmt: skip
+
+
+def test_parquet_does_not_depend_on_order_or_parts_or_where_it_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(parts, "FAN", 2)
+    found = {s: [X(s / 3), X(math.nan)] for s in TOY.seeds}
     written = []
     for name, order in (("a", [7, 8, 9, 10, 11]), ("b", [10, 7, 11, 9, 8])):
-        with open_store(tmp_path / name, TOY, resume=False) as store:
-            for seed in order:
-                put(store, {seed: found[seed]})
-            written.append(write_parquet(store, tmp_path / name))
+        for own in (order[:3], order[3:]):
+            with open_store(tmp_path / name, TOY, row=X, resume=own == order[3:]) as store:
+                for seed in own:
+                    put(store, {seed: found[seed]})
+                if own == order[3:]:
+                    written.append(write_parquet(store, tmp_path / name))
     assert written[0].read_bytes() == written[1].read_bytes()
     table = pq.read_table(written[0])
-    assert {f.name: str(f.type) for f in table.schema} == {
-        "seed": "int64", "x": "double", "y": "double", "z": "double",
-    }  # fmt: skip
-    rows = table.to_pylist()
-    assert [row["seed"] for row in rows] == [7, 7, 8, 8, 9, 9, 10, 10, 11, 11]
-    assert [row["x"] for row in rows[:3]] == [7.0, None, 8 / 3]
-    assert all(math.isnan(row["z"]) for row in rows[1::2])
+    assert table["seed"].to_pylist() == [s for s in TOY.seeds for _ in range(2)]
+    assert [x for x in table["x"].to_pylist() if not math.isnan(x)] == [s / 3 for s in TOY.seeds]
     assert json.loads(table.schema.metadata[b"testbench"])["settings"] == TOY.scenario
 
 
+def test_the_parts_go_once_the_whole_file_is_there_and_foreign_files_stay(tmp_path):
+    fill(tmp_path, [7, 8])
+    (tmp_path / FOLDER / "notes.txt").write_text("mine")
+    assert set(files(tmp_path)) == {
+        f"{FOLDER}/{name}" for name in ("00000001.parquet", "00000002.parquet", "lock", "notes.txt")
+    }
+    fill(tmp_path, [9, 10, 11], resume=True)
+    assert set(files(tmp_path)) == {"trials.parquet", f"{FOLDER}/notes.txt"}
+
+
+def test_parts_stay_without_the_whole_file(tmp_path):
+    with open_store(tmp_path, TOY, row=X, resume=False) as store:
+        put(store, {seed: [] for seed in TOY.seeds})
+        write_parquet(store, tmp_path).unlink()
+    assert missing(tmp_path) == []
+
+
+def test_many_parts_are_put_together_and_nothing_is_lost(tmp_path, monkeypatch):
+    monkeypatch.setattr(parts, "FAN", 3)
+    seeds = list(np.random.default_rng(1).permutation(100))
+    many = Experiment("toy", {}, range(100))
+    with open_store(tmp_path, many, row=X, resume=False) as store:
+        for seed in map(int, seeds):
+            put(store, {seed: [X(seed)] * (seed % 3)})
+            assert len(list((tmp_path / FOLDER).glob("*.parquet"))) <= 2 * 5  # two of each level, 3^4 < 100
+    with open_store(tmp_path, many, row=X, resume=True) as store:
+        assert list(store.trials()) == [(s, (X(float(s)),) * (s % 3)) for s in range(100)]
+
+
+def test_trials_that_stand_twice_after_a_kill_between_two_steps_count_once(tmp_path):
+    fill(tmp_path, [7, 8])
+    folder = tmp_path / FOLDER
+    (folder / "00000003.parquet").write_bytes((folder / "00000001.parquet").read_bytes())
+    (folder / ".00000004.parquet.new").write_bytes(b"PAR1 torn")
+    assert missing(tmp_path) == [9, 10, 11]
+    with open_store(tmp_path, TOY, row=X, resume=True) as store:
+        assert [seed for seed, _ in store.trials()] == [7, 8]
+    assert not list(folder.glob(".*"))
+
+
 def test_many_rows_go_through_several_row_groups(tmp_path):
-    with open_store(tmp_path, TOY, resume=False) as store:
-        put(store, {s: [{"x": 1000 * s + k} for k in range(900)] for s in TOY.seeds})
+    with open_store(tmp_path, TOY, row=X, resume=False) as store:
+        put(store, {s: [X(1000 * s + k) for k in range(900)] for s in TOY.seeds})
         file = pq.ParquetFile(write_parquet(store, tmp_path))
-    assert file.num_row_groups == 3
+        assert [len(rows) for _, rows in store.trials()] == [900] * 5
+    assert [file.metadata.row_group(k).num_rows for k in range(3)] == [2048, 2048, 404]
     assert file.read()["x"].to_pylist() == [1000 * s + k for s in TOY.seeds for k in range(900)]
 
 
-def test_a_column_of_words_and_numbers_is_refused_and_an_earlier_file_stands(tmp_path):
-    (tmp_path / "trials.parquet").write_text("earlier")
-    with open_store(tmp_path, TOY, resume=False) as store:
-        put(store, {7: [{"x": 1.0}], 8: [{"x": "one"}]})
-        with pytest.raises(BenchError, match="column 'x': expected one type in all trials, got float64, str"):
-            write_parquet(store, tmp_path)
-    assert (tmp_path / "trials.parquet").read_text() == "earlier"
-    assert {p.name for p in tmp_path.iterdir()} == {FILE, "trials.parquet"}
+def test_ranges_of_seeds():
+    assert spans([]) == []
+    assert spans([3, 4, 4, 5, 8, 10, 11]) == [range(3, 6), range(8, 9), range(10, 12)]
 
 
 @pytest.mark.parametrize(
     ("rows", "problem"),
     [
-        ([{"x": np.zeros(2)}], "got ndarray"),
-        ([{"x": 2**63}], "x: expected integers of 64 bits, got one of 64"),
-        ([{"seed": 1}], "names other than 'seed'"),
-        ([{3: 1}], "got 3"),
-        ([{"x": "\ud800"}], "surrogates"),
-        ({"x": 1}, "expected a list of dicts"),
+        ([X(np.zeros(2))], "rows: x: expected a number, a word or None, got ndarray"),
+        ([{"x": 1}], "rows: expected dataclasses, got dict"),
     ],
 )
-def test_rows_that_cannot_be_stored_are_told(rows, problem):
+def test_rows_that_are_none_are_told_by_the_worker(rows, problem):
     chunk = do_chunk(lambda seeds: [rows for _ in seeds], (7,))
-    assert not chunk.lines
-    assert chunk.problem.startswith("seeds 7 to 7: ")
-    assert problem in chunk.problem
+    assert chunk.problem == f"seeds 7 to 7: {problem}"
 
 
 def test_work_that_forgets_a_seed_is_told():
     assert "expected rows for 2 trials, got 1" in do_chunk(lambda _: [[]], (7, 8)).problem
 
 
-@pytest.mark.parametrize("cut", [1, 5, 20])
-def test_a_torn_last_line_is_cut_and_its_trial_done_again(tmp_path, cut):
-    fill(tmp_path, [9, 7, 8])
-    path = tmp_path / FILE
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-cut])
-    assert missing(tmp_path) == [8, 10, 11]
-    fill(tmp_path, [8], resume=True)
-    assert path.read_bytes() == whole
-
-
-def test_a_torn_header_is_no_store(tmp_path):
-    fill(tmp_path, [7])
-    whole = (tmp_path / FILE).read_bytes()
-    (tmp_path / FILE).write_bytes(whole[:40])
-    assert missing(tmp_path) == list(TOY.seeds)
-    assert not (tmp_path / FILE).exists()
-
-
 @pytest.mark.parametrize(
-    ("number", "line", "problem"),
+    ("row", "problem"),
     [
-        (3, b"{", "line 3: no JSON object"),
-        (2, b"\x00\xff", "line 2: no JSON object"),
-        (2, b"[" * 100_000, "line 2: no JSON object"),
-        (2, b"[1]", "line 2: no JSON object"),
-        (1, b"{}", "line 1: expected format 'testbench trials 1', got None"),
-        (2, b'{"seed":"7","rows":[]}', "line 2: seed: expected an integer from 7 on, got 7"),
-        (2, b'{"seed":true,"rows":[]}', "line 2: seed: expected an integer from 7 on, got True"),
-        (2, b'{"seed":6,"rows":[]}', "line 2: seed: expected an integer from 7 on, got 6"),
-        (3, b'{"seed":7,"rows":[]}', "line 3: seed 7 for the second time"),
-        (2, b'{"seed":7}', "line 2: rows: expected a list of dicts"),
-        (2, b'{"seed":7,"rows":[{"x":{}}]}', "line 2: rows: x: expected a number"),
-        (2, b'{"seed":7,"rows":[{"x":' + b"9" * 5000 + b"}]}", "line 2: no JSON object"),
+        (replace(FULL, count=1.5), "rows: count: expected int, got float"),
+        (replace(FULL, pi=True), "rows: pi: expected float, got bool"),
+        (replace(FULL, several=(1.0, "b")), "rows: several: expected float, got str"),
+        (replace(FULL, count=2**63), "rows: count: expected int: Python int too large"),
+        (replace(FULL, word="\ud800"), "rows: word: expected str: 'utf-8' codec"),
+        (X(1.0), "rows: expected the columns of one dataclass, they differ in bounds, check.rank"),
     ],
 )
-def test_a_damaged_store_is_refused_by_line_and_left_alone(tmp_path, number, line, problem):
+def test_rows_of_another_type_are_refused_and_what_is_stored_stays(tmp_path, row, problem):
+    with open_store(tmp_path, TOY, row=Full, resume=False) as store:
+        put(store, {7: [FULL]})
+        with pytest.raises(BenchError, match=problem):
+            put(store, {8: [row]})
+        assert list(store.missing()) == [8, 9, 10, 11]
+    assert set(files(tmp_path / FOLDER)) == {"00000001.parquet", "lock"}
+
+
+@dataclass(frozen=True)
+class Listed:
+    x: list
+
+
+@dataclass(frozen=True)
+class Mixed:
+    x: float | str
+
+
+@dataclass(frozen=True)
+class Seeded:
+    seed: int
+
+
+@pytest.mark.parametrize("row", [Listed, Mixed, Seeded])
+def test_dataclasses_that_are_no_table_are_refused(tmp_path, row):
+    with pytest.raises(BenchError, match="expected"), open_store(tmp_path / "a", TOY, row=row, resume=False):
+        pass
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("where", ["page", "footer", "end"])
+def test_a_damaged_part_is_one_line_and_left_alone(tmp_path, where):
     fill(tmp_path, [7, 8])
-    path = tmp_path / FILE
-    lines = path.read_bytes().splitlines()
-    lines[number - 1] = line
-    damaged = b"\n".join(lines) + b"\n"
-    path.write_bytes(damaged)
-    with pytest.raises(InputError) as caught:
+    path = tmp_path / FOLDER / "00000002.parquet"
+    data = bytearray(path.read_bytes())
+    if where == "end":
+        del data[-1:]
+    else:
+        data[data.index(np.float64(8 / 3).tobytes()) if where == "page" else -6] ^= 1
+    path.write_bytes(data)
+    before = files(tmp_path)
+    with pytest.raises(InputError, match=r"00000002\.parquet: expected a whole file of trials") as caught:
         missing(tmp_path)
-    assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
-    assert path.read_bytes() == damaged
+    assert files(tmp_path) == before
+
+
+def test_rows_of_seeds_that_a_part_does_not_name_are_damage(tmp_path):
+    part = write_part(tmp_path / "p", Table.of({}, X), [range(8, 9)], [(7, [{"x": 1.0}])], level=0)
+    with pytest.raises(InputError, match="rows of seed 7, which it does not name"):
+        list(part.trials())
 
 
 @pytest.mark.parametrize(
-    ("study", "problem"),
+    ("experiment", "problem"),
     [
         (Experiment("other", TOY.scenario, TOY.seeds), "scenario: the trials in this folder have 'toy'"),
-        (
-            Experiment("toy", {**TOY.scenario, "poses": [1]}, TOY.seeds),
-            "poses: the trials in this folder",
-        ),
-        (
-            Experiment("toy", {"load": {"mass": 2.0}}, TOY.seeds),
-            "poses: .* have \\[1, 2\\], this run has None",
-        ),
+        (Experiment("toy", {**TOY.scenario, "poses": [1]}, TOY.seeds), "poses: the trials in this folder"),
+        (Experiment("toy", {"load": {"mass": 2.0}}, TOY.seeds), "poses: .* \\[1, 2\\], this run has None"),
         (Experiment("toy", TOY.scenario, range(8, 12)), "root seed: .* have 7, this run has 8"),
     ],
 )
-def test_trials_of_something_else_are_not_resumed(tmp_path, study, problem):
-    fill(tmp_path, [7, 8])
-    before = (tmp_path / FILE).read_bytes()
+@pytest.mark.parametrize("finished", [False, True])
+def test_trials_of_something_else_are_not_resumed(tmp_path, experiment, problem, finished):
+    fill(tmp_path, TOY.seeds if finished else [7, 8])
+    before = files(tmp_path)
     with pytest.raises(InputError, match=problem):
-        missing(tmp_path, study)
-    assert (tmp_path / FILE).read_bytes() == before
+        missing(tmp_path, experiment)
+    assert files(tmp_path) == before
 
 
-def test_trials_of_another_version_are_not_resumed(tmp_path):
+def test_trials_of_another_version_are_not_resumed(tmp_path, monkeypatch):
     fill(tmp_path, [7])
-    path = tmp_path / FILE
-    path.write_text(path.read_text().replace('"numpy":"', '"numpy":"0.'))
-    with pytest.raises(InputError, match=r"version of numpy: the trials in this folder have '0\."):
+    versions = TOY.header["versions"]
+    monkeypatch.setattr("testbench.trials.experiment.numeric_versions", lambda: {**versions, "numpy": "0.1"})
+    with pytest.raises(InputError, match=r"version of numpy: the trials in this folder have '\d.*has '0\.1"):
         missing(tmp_path)
 
 
@@ -193,37 +294,77 @@ def test_a_fresh_run_keeps_off_a_stopped_one_and_replaces_a_finished_one(tmp_pat
     with pytest.raises(InputError, match="holds 2 trials of a run that was stopped: --resume"):
         fill(tmp_path, [7])
     fill(tmp_path, [9, 10, 11], resume=True)
-    finished = (tmp_path / FILE).read_bytes()
-    with open_store(tmp_path, TOY, resume=False) as store:
+    finished = files(tmp_path)
+    with open_store(tmp_path, TOY, row=X, resume=False) as store:
         assert store.count == 0
-    assert (tmp_path / FILE).read_bytes() == finished  # until there is a result, nothing is replaced
-    fill(tmp_path, [8])
-    assert missing(tmp_path) == [7, 9, 10, 11]
+    assert files(tmp_path) == finished
+
+
+def test_a_stopped_run_over_a_finished_one_of_other_settings_is_resumed(tmp_path):
+    fill(tmp_path, TOY.seeds)
+    other = Experiment("toy", {}, TOY.seeds)
+    fill(tmp_path, [7], other)
+    assert missing(tmp_path, other) == [8, 9, 10, 11]
+    fill(tmp_path, [8, 9, 10, 11], other, resume=True)
+    assert read_part(tmp_path / "trials.parquet").header == other.header
 
 
 def test_a_study_can_be_resumed_with_more_trials_or_fewer(tmp_path):
     fill(tmp_path, TOY.seeds)
     more = Experiment("toy", TOY.scenario, range(7, 14))
     assert missing(tmp_path, more) == [12, 13]
-    with open_store(tmp_path, Experiment("toy", TOY.scenario, range(7, 9)), resume=True) as store:
-        assert [seed for seed, _ in store.trials()] == [7, 8]
     fill(tmp_path, [13], more, resume=True)
-    with pytest.raises(InputError, match="holds 6 trials of a run that was stopped"):
+    with pytest.raises(InputError, match="holds 1 trials of a run that was stopped"):
         fill(tmp_path, [7])
+    fewer = Experiment("toy", TOY.scenario, range(7, 9))
+    with open_store(tmp_path, fewer, row=X, resume=True) as store:
+        assert [seed for seed, _ in store.trials()] == [7, 8]
+        assert pq.read_table(write_parquet(store, tmp_path))["seed"].to_pylist() == [7, 8]
 
 
 def test_one_run_at_a_time_writes_a_folder(tmp_path):
-    with open_store(tmp_path, TOY, resume=False) as store:
+    with (
+        open_store(tmp_path, TOY, row=X, resume=False),
+        pytest.raises(InputError, match="another run is writing it"),
+        open_store(tmp_path, TOY, row=X, resume=True),
+    ):
+        pass
+    assert not files(tmp_path)
+
+
+def test_a_full_disk_loses_nothing_that_is_stored(tmp_path, monkeypatch):
+    with open_store(tmp_path, TOY, row=X, resume=False) as store:
+        put(store, {7: [X(1.0)]})
+
+        def full(_):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        with monkeypatch.context() as disk:
+            disk.setattr(os, "fsync", full)
+            with pytest.raises(InputError, match=r"00000002\.parquet: cannot be written: No space left"):
+                put(store, {8: [X(1.0)]})
+        assert store.count == 1
+        put(store, {9: [X(2.0)]})
+    assert missing(tmp_path) == [8, 10, 11]
+    assert set(files(tmp_path / FOLDER)) == {"00000001.parquet", "00000002.parquet", "lock"}
+
+
+def test_trials_that_come_fast_share_a_part_and_are_stored_at_the_end(tmp_path):
+    with open_store(tmp_path, TOY, row=X, resume=False) as store:
         put(store, {7: []})
-        with (
-            pytest.raises(InputError, match="another run is writing it"),
-            open_store(tmp_path, TOY, resume=True),
-        ):
-            pass
+        store._due = math.inf  # as if the last part had just been written
+        for seed in (8, 9):
+            store.append((seed,), [[]])
+        assert len(list((tmp_path / FOLDER).glob("*.parquet"))) == 1
+    assert len(list((tmp_path / FOLDER).glob("*.parquet"))) == 2
+    assert missing(tmp_path) == [10, 11]
 
 
 def test_a_run_without_a_result_leaves_no_store(tmp_path):
-    with pytest.raises(RuntimeError, match="early"), open_store(tmp_path / "new", TOY, resume=False):
+    with (
+        pytest.raises(RuntimeError, match="early"),
+        open_store(tmp_path / "new", TOY, row=X, resume=False),
+    ):
         raise RuntimeError("early")
     assert not (tmp_path / "new").exists()
 
@@ -232,7 +373,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").touch()
     with (
         pytest.raises(InputError, match="cannot be written"),
-        open_store(tmp_path / "file", TOY, resume=False),
+        open_store(tmp_path / "file", TOY, row=X, resume=False),
     ):
         pass
 

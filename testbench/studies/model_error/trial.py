@@ -18,7 +18,6 @@ from testbench.errors import BenchError
 from testbench.identify.evaluate import predict, score
 from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
 from testbench.studies.noise_sensitivity.trial import Way, reread, ways
-from testbench.trials.lines import Row, Rows
 from testbench.views.report import UM
 
 NAME = "model_error"
@@ -110,7 +109,21 @@ def resized(typical: Disturbances, scale: float) -> Disturbances:
     return replace(typical, geometry=geometry, **{name: scale * getattr(typical, name) for name in fields})
 
 
-def trials(folder: Path, study: Study, seeds: Sequence[int]) -> list[Rows]:
+@dataclass(frozen=True)
+class Row:
+    """One fit judged by true deflections."""
+
+    case: str
+    noise_um: float
+    model: str
+    rms_um: float
+    p95_um: float
+    moved_um: float
+    conservative: int
+    solved: int
+
+
+def trials(folder: Path, study: Study, seeds: Sequence[int]) -> list[list[Row]]:
     """Rows of some trials, a list a seed.
 
     Args:
@@ -138,16 +151,16 @@ def _trial(cell: Cell, fits: dict[str, Way], study: Study, seed: int) -> Iterato
             for model, fit in fits.items():
                 estimate = fit(cell, data, seed)
                 found = score(predict(cell.vjm, estimate, truth), truth.deflection)
-                yield {
-                    "case": name,
-                    "noise_um": UM * noise,
-                    "model": model,
-                    "rms_um": UM * found.rms,
-                    "p95_um": UM * found.p95,
-                    "moved_um": moved,
-                    "conservative": int(estimate.conservative),
-                    "solved": int(estimate.status == "solved"),
-                }
+                yield Row(
+                    case=name,
+                    noise_um=UM * noise,
+                    model=model,
+                    rms_um=UM * found.rms,
+                    p95_um=UM * found.p95,
+                    moved_um=moved,
+                    conservative=int(estimate.conservative),
+                    solved=int(estimate.status == "solved"),
+                )
 
 
 def disturbed(

@@ -35,7 +35,6 @@ from testbench.identify.prior import cad_prior, distorted, metric, rescaled
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import Strength, gco_with
 from testbench.model.structure import Structure
-from testbench.trials.lines import Row, Rows
 from testbench.views.report import UM
 
 NAME = "noise_sensitivity"
@@ -70,7 +69,20 @@ class Study:
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)
 
 
-def trials(six_dof: Path, heavy: Path, study: Study, first: int, seeds: Sequence[int]) -> list[Rows]:
+@dataclass(frozen=True)
+class Row:
+    """One fit judged by true deflections; x is the swept quantity in SI."""
+
+    part: str
+    model: str
+    x: float
+    rms_um: float
+    p95_um: float
+    conservative: int
+    solved: int
+
+
+def trials(six_dof: Path, heavy: Path, study: Study, first: int, seeds: Sequence[int]) -> list[list[Row]]:
     """Rows of some trials, a list a seed.
 
     Args:
@@ -173,15 +185,15 @@ def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
 def _row(part: str, name: str, x: float, cell: Cell, estimate: Estimate, truth: Dataset) -> Row:
     """One fit judged by true deflections; x is the swept quantity in SI."""
     found = score(predict(cell.vjm, estimate, truth), truth.deflection)
-    return {
-        "part": part,
-        "model": name,
-        "x": x,
-        "rms_um": UM * found.rms,
-        "p95_um": UM * found.p95,
-        "conservative": int(estimate.conservative),
-        "solved": int(estimate.status == "solved"),
-    }
+    return Row(
+        part=part,
+        model=name,
+        x=x,
+        rms_um=UM * found.rms,
+        p95_um=UM * found.p95,
+        conservative=int(estimate.conservative),
+        solved=int(estimate.status == "solved"),
+    )
 
 
 CENTRE = (2.2, 0.0, 1.6)
