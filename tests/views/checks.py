@@ -1,0 +1,212 @@
+"""What every study's views must hold: what people see equals the report, number by number, unit by unit.
+
+The checks read what was written (Markdown, a terminal's table, a figure's artists). They know the report by
+paths such as "check.rms_mm" that the tests write down themselves: a column with a wrong key shows.
+"""
+
+import io
+import re
+from collections.abc import Mapping
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from testbench.trials.spread import Spread
+from testbench.views import markdown, terminal
+
+UNITS = {
+    "mm": "mm", "um": "um", "m": "m", "percent": "%", "seconds": "s", "s": "s", "kg": "kg", "N": "N",
+    "deg": "deg", "mrad": "mrad", "urad": "urad",
+}  # fmt: skip
+"""Unit by the last word of a field's name; other names have none."""
+NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+
+
+def at(row, path):
+    """The report's value at a path of fields and keys; None where a part of it is None."""
+    for part in path.split("."):
+        row = row[part] if isinstance(row, Mapping) else getattr(row, part)
+        if row is None:
+            return None
+    return row
+
+
+def unit_of(path):
+    """The unit that a field's name promises, empty for none."""
+    name = path.split(".")[-1]
+    *words, last = name.split("_")
+    return UNITS.get(last, "") if words and name != "f_m" else ""
+
+
+def shows(text, value):
+    """Whether a text is a report's value: each number rounded to the digits shown, at least two of them."""
+    if value is None:
+        return text == "-"
+    if isinstance(value, str):
+        return text == value
+    if isinstance(value, bool):
+        return text == ("yes" if value else "no")
+    if text.endswith(" %") and not isinstance(value, Spread):
+        return text == f"{100 * value:.0f} %"
+    numbers = [value.median, value.p05, value.p95] if isinstance(value, Spread) else [value]
+    form = "{} ({} to {})" if isinstance(value, Spread) else "{}"
+    shown = re.findall(NUMBER, text)
+    return (
+        text == form.format(*shown)
+        if len(shown) == len(numbers) and all(map(_rounded, shown, numbers))
+        else False
+    )
+
+
+def _rounded(text, number):
+    """Whether a text is a number, rounded to the digits that it shows: two or a hundredth of it at least."""
+    step = 10.0 ** Decimal(text).as_tuple().exponent
+    return abs(float(text) - number) <= 0.5001 * step and (number == int(number) or step <= 0.5 * abs(number))
+
+
+def tables_of(text):
+    """Tables of a Markdown text: headings and rows of cells, without bold marks."""
+    found = []
+    for block in re.findall(r"(?:^\|.*\|$\n?)+", text, re.MULTILINE):
+        head, _, *rows = (
+            [c.strip().replace(r"\|", "|") for c in re.split(r"(?<!\\)\|", line)[1:-1]]
+            for line in block.splitlines()
+        )
+        found.append((head, [[c.removeprefix("**").removesuffix("**") for c in row] for row in rows]))
+    return found
+
+
+def check_table(table, rows, means, known=None):
+    """In Markdown and in a terminal a table shows the report's numbers under headings with their units.
+
+    Args:
+        table: What the study declares.
+        rows: Those of the report that it must show, from top to bottom.
+        means: Path in a row by heading as people read it, unit included, from left to right.
+        known: Paths to the paper's numbers by heading.
+    """
+    [(head, cells)] = tables_of(markdown.grid(table))
+    assert head == list(means)
+    assert len(cells) == len(rows)
+    for row, line in zip(rows, cells, strict=True):
+        for (title, path), cell in zip(means.items(), line, strict=True):
+            own, paper = re.fullmatch(r"(.*?)(?: \[(.*)\])?", cell).groups()
+            assert shows(own, _shown(table, title, at(row, path))), (title, path, cell, at(row, path))
+            if paper or (known and title in known and at(row, known[title]) is not None):
+                assert float(paper) == pytest.approx(at(row, known[title]), rel=0.01), (title, cell)
+    check_units(means)
+    check_terminal(table, rows, means)
+
+
+def check_units(means):
+    """A heading ends with the unit that its field's name promises."""
+    for title, path in means.items():
+        unit = unit_of(path)
+        assert not unit or title.endswith(f", {unit}"), (title, path)
+
+
+def check_terminal(table, rows, means):
+    """The same in a terminal: medians, then a line of 5 % and one of 95 %, the unit in the heading."""
+    shown = terminal.grid(table)
+    lines = list(zip(*(list(column.cells) for column in shown.columns), strict=True))
+    for column, (title, path) in zip(shown.columns, means.items(), strict=True):
+        assert str(column.header).split()[-1] == (unit_of(path) or str(column.header).split()[-1]), title
+    for row in rows:
+        first, *others = lines.pop(0)
+        assert first.removeprefix("* ") == str(at(row, next(iter(means.values()))))
+        ends = {"median": others}
+        while lines and lines[0][0] in ("  5 %", "  95 %", "  paper"):
+            name, *cells = lines.pop(0)
+            ends[{"  5 %": "p05", "  95 %": "p95"}.get(name, "paper")] = cells
+        ends.pop("paper", None)
+        for k, (title, path) in enumerate(list(means.items())[1:]):
+            value = at(row, path)
+            for end, cells in ends.items():
+                spread = isinstance(_shown(table, title, value), Spread)
+                own = getattr(value, end) if isinstance(value, Spread) else value
+                assert shows(cells[k], own) if end == "median" or spread else cells[k] == "", (title, end)
+    assert not lines
+
+
+def _shown(table, title, value):
+    [column] = [c for c in table.columns if c.title == title]
+    return value.median if column.exact and isinstance(value, Spread) else value
+
+
+def check_pivot(table, rows, paths, unit=""):
+    """A table of two factors shows the report's number of every pair, and no other.
+
+    Args:
+        table: What the study declares.
+        rows: Those of the report that it must show.
+        paths: In a row: what names the line, what heads the column, what the cell holds.
+        unit: Behind every heading.
+    """
+    down, across, cell = paths
+    [(head, lines)] = tables_of(markdown.grid(table))
+    cells = {(line[0], title): c for line in lines for title, c in zip(head[1:], line[1:], strict=True)}
+    assert len(cells) == len(rows)
+    behind = f", {unit}" if unit else ""
+    exact = table.columns[-1].exact
+    for row in rows:
+        value, name, level = at(row, cell), at(row, down), at(row, across)
+        level = f"{level:g}" if isinstance(level, float) else str(level)
+        value = value.median if exact and isinstance(value, Spread) else value
+        assert shows(cells[str(name), level + behind], value), (name, level, value)
+    fields = {"name": "name"} | {
+        title: column.key for title, column in zip(head[1:], table.columns[1:], strict=True)
+    }
+    check_terminal(table, table.rows, fields)
+
+
+def check_report(study, report, width=80):
+    """Every table in report.md is a declared one, and what is printed fits a terminal.
+
+    Returns:
+        report.md.
+    """
+    tables, words = study.tables(report), study.words(report)
+    text = words.whole()
+    declared = [tables_of(markdown.grid(table))[0] for table in tables.values()]
+    assert all(found in declared for found in tables_of(text))
+    assert words.block("answer") in " ".join(text.split())
+    console = Console(width=width, record=True, file=io.StringIO())
+    terminal.print_words(console, words, [tables[name] for name in study.printed])
+    printed = console.export_text()
+    assert "…" not in printed
+    for name in study.printed:
+        assert console.measure(terminal.grid(tables[name])).minimum <= width, name
+    assert words.block("answer") in " ".join(printed.split())
+    return text
+
+
+def curves(axes):
+    """Lines of an axes by label: x and y as drawn."""
+    lines = [line for line in axes.get_lines() if not line.get_label().startswith("_")]
+    return {line.get_label(): tuple(np.asarray(data, float) for data in line.get_data()) for line in lines}
+
+
+def bands(axes):
+    """Shaded spreads in the order in which they were drawn: rows of x, low and high."""
+    found = []
+    for band in axes.collections:
+        corners = band.get_paths()[0].vertices
+        x = np.unique(corners[:, 0])
+        found.append([(v, *np.sort(np.unique(corners[corners[:, 0] == v, 1]))[[0, -1]]) for v in x])
+    return found
+
+
+def unit_in(label):
+    """The unit in square brackets at the end of an axis label."""
+    return re.fullmatch(r".*\[(.*)\]", label).group(1)
+
+
+def looks_differ(legend):
+    """No two entries of a legend look alike: colour, line and marker."""
+    seen = [
+        (h.get_color(), h.get_linestyle(), h.get_marker(), h.get_markerfacecolor())
+        for h in legend.legend_handles
+    ]
+    assert len(set(seen)) == len(seen), seen
