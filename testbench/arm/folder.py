@@ -4,7 +4,6 @@ An arm is a folder: `rigid.xml` (MJCF: kinematics, masses, geometry) and `elasti
 which link, and the true compliances, each number with its unit and origin).
 """
 
-import os
 import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from testbench.arm.library import find_arm
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import COMPLIANCE_RANGE, Tube, check_compliance, tube_compliance
 from testbench.errors import Array, BenchError, InputError, read_text
@@ -181,7 +181,8 @@ def load_arm(folder: str | Path) -> Arm:
     """Read and check an arm's folder.
 
     Args:
-        folder: Holds rigid.xml and elastic.toml; models/kr500_l480/README.md shows the format.
+        folder: Holds rigid.xml and elastic.toml; models/kr500_l480/README.md shows the format. The name of
+            an arm that comes with testbench does as well.
 
     Returns:
         The arm, every body, joint and marker known to be in the MJCF and in chain order.
@@ -189,9 +190,7 @@ def load_arm(folder: str | Path) -> Arm:
     Raises:
         InputError: Names the file, the place and what was expected.
     """
-    folder = Path(folder)
-    if not os.path.isdir(folder):  # noqa: PTH112 - a name too long is no folder either
-        raise InputError(folder, "", "expected a folder with rigid.xml and elastic.toml")
+    folder = find_arm(folder)
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
     elastic = _read_elastic(toml_path)
     root = read_mjcf(rigid)

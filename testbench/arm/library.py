@@ -1,26 +1,31 @@
 """The arms that come with testbench: folders in models/, in the checkout or in the installed package."""
 
+import os
 from pathlib import Path
 
-from testbench.errors import BenchError
+from testbench.errors import InputError
 
 PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
 """Where they are: a wheel brings them inside the package."""
 
 
-def find_arm(name: str) -> Path:
+def find_arm(name: str | Path) -> Path:
     """The folder of an arm.
 
     Args:
         name: Of an arm that comes with testbench, such as "kr500_l480", or a path to a folder.
 
+    Returns:
+        The folder; what is in it is not read.
+
     Raises:
-        BenchError: When there is neither.
+        InputError: When there is neither.
     """
-    if Path(name).is_dir():
+    if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
         return Path(name)
-    found = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in root.iterdir()}
-    if name in found:
-        return found[name]
-    raise BenchError(f"{name}: expected an arm's folder or one of {', '.join(sorted(found))}")
+    found = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
+    if str(name) in found:
+        return found[str(name)]
+    ours = ", ".join(sorted(found))
+    raise InputError(Path(name), "", f"expected a folder with rigid.xml and elastic.toml, or one of {ours}")

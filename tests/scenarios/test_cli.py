@@ -13,7 +13,7 @@ import pytest
 from run_here import here
 
 from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.cli import app as cli
+from testbench.cli import COMMANDS, program
 from testbench.data.csvfile import write_csv
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,7 +23,7 @@ POSES = [[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15], [-30, -100, 70, 0, 
 
 
 def run(*args):
-    return here(cli.app, *args)
+    return here(program(args[:1]), *args)
 
 
 def refused(done):
@@ -272,8 +272,27 @@ def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     assert "every target was lost there" in held.stderr
 
 
-def test_the_installed_command_answers():
-    program = Path(sys.executable).with_name("testbench")
-    done = subprocess.run([program, "--help"], capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 0
-    assert "identify" in done.stdout
+HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "pyarrow"}
+
+
+def test_help_lists_every_command_and_imports_nothing_heavy():
+    code = "import sys; from testbench import cli; cli.command.run(cli.program([])); "
+    code += "print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True)
+    assert all(name in done.stdout for name in COMMANDS)
+    assert not HEAVY & set(done.stderr.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_says_its_flags(name):
+    done = run(name, "--help")
+    assert done.returncode == 0, done.stderr
+    assert COMMANDS[name] in done.stdout
+    assert "--help" in done.stdout
+
+
+def test_our_arms_are_known_by_name_from_any_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "joint_2: -130 to 20 deg" in run("check", "kr500_l480").stdout
+    message = refused(run("check", "kr501"))
+    assert message.endswith("or one of arm_6r, kr500_l480, single_link\n")

@@ -11,7 +11,7 @@ import pytest
 
 from testbench.bench.campaign import Scenario, measure, stream
 from testbench.bench.plan import hung, straight_way
-from testbench.cli.app import app
+from testbench.cli import program
 from testbench.cli.planfile import read_tasks
 from testbench.data.csvfile import plan_columns, read_poses
 from testbench.data.station import Station
@@ -35,7 +35,7 @@ def run(*args):
     said = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["testbench", *map(str, args)])
-        code = command.run(app, fail=said.append)
+        code = command.run(program(args[:1]), fail=said.append)
     return code, "".join(said)
 
 

@@ -1,0 +1,10 @@
+"""Arguments that several commands take."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
+Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV.")]
+RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]

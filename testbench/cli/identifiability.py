@@ -1,0 +1,42 @@
+"""testbench identifiability ARM DATA: what runs can tell of a model, before any fit."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.bench.campaign import build_cell, named_models
+from testbench.cli.arguments import ArmName, Dataset
+from testbench.data.csvfile import read_csv
+from testbench.errors import InputError
+from testbench.identify.identifiability import describe
+from testbench.identify.prior import cad_prior
+from testbench.identify.regularised import Strength
+from testbench.studies.identifiability.figure import shares
+from testbench.views import identifiability_text
+from testbench.views.identifiability_report import to_dict
+
+
+def command(
+    arm: ArmName,
+    dataset: Dataset,
+    model: Annotated[str, typer.Option(help="Model whose parameters are asked for.")] = "MGCO68",
+    uncertainty_percent: Annotated[float, typer.Option(help="Of the CAD prior of the arm's folder.")] = 30.0,
+    figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
+) -> None:
+    """Say what is seen, what is not, and what would help."""
+    cell = build_cell(arm)
+    if figure is not None and (figure.suffix != ".png" or not figure.parent.is_dir()):
+        raise InputError(figure, "", "expected the name of a .png in a folder that exists")
+    [entry] = named_models(cell, [model])
+    data = read_csv(dataset, cell.arm)
+    strength = Strength(uncertainty_percent / 100)
+    seen = describe(cell.vjm, entry.structure, data, cad_prior(cell.arm), strength)
+    console = Console(highlight=False)
+    console.print(identifiability_text.table(seen))
+    for sentence in identifiability_text.sentences(seen):
+        console.print(f"- {sentence}")
+    if figure is not None:
+        shares(to_dict(seen), figure)
+        console.print(f"figure     {figure}", soft_wrap=True)

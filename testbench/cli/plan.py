@@ -1,0 +1,96 @@
+"""testbench plan ARM --task TASKS --load KG: the poses to measure, and what they promise."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.arm.library import find_arm
+from testbench.bench import plan as plans
+from testbench.bench.campaign import Cell, build_cell
+from testbench.cli import planfile
+from testbench.cli.arguments import ArmName
+from testbench.errors import BenchError
+from testbench.shell.options import takes
+from testbench.views import plan_report, plan_text
+
+
+@dataclass(frozen=True)
+class Options:
+    """What an engineer asks for, in the units of a command line."""
+
+    arm: ArmName
+    task: Annotated[Path, typer.Option(help="CSV of tasks: JOINT_rad or JOINT_deg, force_x_N ... if any.")]
+    load: Annotated[list[float], typer.Option(help="Mass to hang in kg; again for a choice.")]
+    poses: Annotated[int, typer.Option(help="How many to measure.")] = 12
+    tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None
+    acceptance_deg: Annotated[
+        float | None, typer.Option(help="Half angle of fixed targets; turned by hand if not given.")
+    ] = None
+    box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
+    criterion: Annotated[str, typer.Option(help="test, D, A, E, G or I.")] = "test"
+    model: Annotated[str, typer.Option(help="Model that is to be identified.")] = "MGCO68"
+    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior, 30 if not given.")] = (
+        None
+    )
+    no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
+    candidates: Annotated[int, typer.Option(help="Feasible poses to choose from.")] = 5000
+    sling_m: Annotated[float, typer.Option(help="From the load point to the weight.")] = 0.5
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1
+    out: Annotated[Path, typer.Option(help="Folder of the plan.")] = Path("runs/plan")
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Choose the poses, judge them, write the folder of the plan."""
+    cell = build_cell(asked.arm)
+    wish = _wish(cell, asked)
+    console = Console(highlight=False)
+    with console.status("looking for feasible poses") as status:
+        found = plans.search(cell, wish)
+        status.update(f"choosing {asked.poses} of {len(found.q)} poses")
+        brief = plans.brief_of(cell, wish)
+        chosen = plans.choose(cell, wish, brief, found)
+        status.update("judging the plan")
+        planned = plans.judge(cell, wish, brief, found, chosen)
+        status.update("writing")
+        report = plan_report.report(cell, planned)
+        folder = find_arm(asked.arm)
+        planfile.write_all(cell, planned, report, arm=folder, task=asked.task, out=asked.out)
+    console.print(f"[bold]{plan_text.answer(report)}[/bold]")
+    console.print(plan_text.table(report))
+    for sentence in plan_text.sentences(report):
+        console.print(f"- {sentence}")
+    console.print(plan_text.where(asked.out), soft_wrap=True)
+
+
+def _wish(cell: Cell, asked: Options) -> plans.Wish:
+    """The flags in SI units.
+
+    Raises:
+        BenchError: When two flags exclude each other, or one is out of range.
+        InputError: When the file of tasks is wrong.
+    """
+    if asked.uncertainty_percent is not None and asked.no_prior:
+        raise BenchError("--uncertainty-percent: expected no --no-prior with it")
+    if asked.acceptance_deg is not None and asked.tracker is None:
+        raise BenchError("--acceptance-deg: expected --tracker with it")
+    percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
+    station = None if asked.tracker is None else planfile.parse_station(asked.tracker, asked.acceptance_deg)
+    return plans.Wish(
+        structure=plans.structure(cell, asked.model),
+        tasks=planfile.read_tasks(asked.task, cell, plans.hung(cell, asked.load[0])),
+        loads=tuple(asked.load),
+        poses=asked.poses,
+        criterion=asked.criterion,
+        sigma=asked.sigma_um / 1e6,
+        uncertainty=None if asked.no_prior else percent / 100,
+        station=station,
+        area=None if asked.box is None else planfile.parse_box(asked.box),
+        sling=asked.sling_m,
+        candidates=asked.candidates,
+        seed=asked.seed,
+    )

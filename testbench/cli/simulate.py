@@ -1,0 +1,56 @@
+"""testbench simulate ARM POSES --out DATA: measured runs of the true arm."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from testbench.bench.campaign import Scenario, build_cell, measure, stream
+from testbench.cli import planfile
+from testbench.cli.arguments import ArmName
+from testbench.data.csvfile import read_poses, write_csv
+from testbench.data.tracker import Tracker
+from testbench.errors import InputError
+from testbench.plant import check_poses
+from testbench.shell.options import takes
+
+HUNG = 460.3
+"""Mass that hangs where nothing else is said [kg]."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    arm: ArmName
+    poses: Annotated[Path, typer.Argument(help="CSV of joint angles, columns JOINT_rad; or a plan.csv.")]
+    out: Annotated[Path, typer.Option(help="Dataset to write, CSV.")]
+    payload_kg: Annotated[
+        float | None, typer.Option(help=f"Hung mass, {HUNG} if not given; a plan.csv has its own.")
+    ] = None
+    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of the noise.")] = 1
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Settle the true arm, read the markers, write the dataset."""
+    cell = build_cell(asked.arm)
+    mass = HUNG if asked.payload_kg is None else asked.payload_kg
+    scenario = Scenario(arm=cell.arm.name, payload=mass, sigma=asked.sigma_um / 1e6)
+    q = read_poses(asked.poses, cell.arm)
+    payload = planfile.read_payload(asked.poses)
+    if payload is not None and asked.payload_kg is not None:
+        raise InputError(
+            asked.poses, "column load_kg", "says what hangs in every run; leave out --payload-kg"
+        )
+    check_poses(cell.room, q)
+    ids, tracker = np.arange(len(q)) + 1, Tracker(scenario.sigma)
+    data, _, _ = measure(cell, scenario, q, ids, tracker, stream(asked.seed, 1), payload=payload)
+    write_csv(data, tuple(j.name for j in cell.arm.joints), asked.out)
+    size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
+    Console(highlight=False).print(text, soft_wrap=True)
