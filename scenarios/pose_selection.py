@@ -88,8 +88,8 @@ def main(
         figures_pose_selection.curves(report, folder / FIGURES[0])
         figures_pose_selection.featured(report, folder / FIGURES[1])
         prior = pose_ground.wrong_prior(cell, seed)
-        brief = pose_ground.brief_for(cell, ground, prior, study.featured)
-        write_plan(folder / "recording.rrd", scene(cell, ground, brief, featured, first, report))
+        specification = pose_ground.specification_for(cell, ground, prior, study.featured)
+        write_plan(folder / "recording.rrd", scene(cell, ground, specification, featured, first, report))
         files.write_manifest(
             folder,
             command=f"scenarios/{pose_ground.NAME}.py",

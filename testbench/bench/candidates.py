@@ -126,6 +126,11 @@ def why_not(checks: Checks, q: Array) -> list[str | None]:
     return list(reasons)
 
 
+def feasible(checks: Checks, q: Array) -> Mask:
+    """Which poses (poses, n) [rad] nothing refuses, (poses,)."""
+    return np.array([reason is None for reason in why_not(checks, q)], dtype=bool)
+
+
 def _limits(checks: Checks, q: Array) -> dict[str, Mask]:
     lower, upper = checks.vjm.arm.limits
     return {OFF_LIMITS: np.asarray(((q < lower) | (q > upper)).any(axis=1))}

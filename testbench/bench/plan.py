@@ -8,15 +8,17 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import MODELS, Cell, named_models, stream
-from testbench.bench.candidates import Candidates, Conditions, build_checks, find, why_not
+from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.data.csvfile import SIGMA_RANGE
 from testbench.data.station import Station
 from testbench.design import planning
+from testbench.design.baselines import Baselines, PriorInfluence, compare, doubt, prior_influence
 from testbench.design.forecast import OUTSIDE, Forecast
 from testbench.design.observability import Observability, observability
-from testbench.design.planning import Brief, Plan, Tasks
-from testbench.design.rivals import Leaning, Rivals, compare, doubt, lean
+from testbench.design.planning import Plan
+from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load, deflection_rows
+from testbench.design.specification import Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.prior import cad_prior, metric
 from testbench.identify.regularised import RANGE
@@ -92,23 +94,23 @@ class Planned:
     Attributes:
         wish: What was asked for.
         found: Feasible poses, and what it took to find them.
-        brief: The same as planning wants it.
+        specification: The same as planning wants it.
         plan: The poses, in the order of measuring.
         tasks: Errors at the tasks.
         poses: Errors in the plan's own poses.
-        workspace: Errors over brief.workspace, under the first load.
+        workspace: Errors over specification.workspace, under the first load.
         doubted: Errors at the tasks with a prior twice as uncertain; None without one.
         task_deflection: RMS over the targets in every task, by the prior, (tasks,) [m].
         deflection: The same in the plan's poses, (poses,) [m].
         clear: Whether the arm can go straight to each pose from the one before, (poses - 1,).
-        rivals: Other plans.
-        leaning: What rests on the prior.
+        baselines: Other plans.
+        influence: What rests on the prior.
         observability: Indices of the plan.
     """
 
     wish: Wish
     found: Candidates
-    brief: Brief
+    specification: Specification
     plan: Plan
     tasks: Forecast
     poses: Forecast
@@ -117,8 +119,8 @@ class Planned:
     task_deflection: Array
     deflection: Array
     clear: tuple[bool, ...]
-    rivals: Rivals
-    leaning: Leaning
+    baselines: Baselines
+    influence: PriorInfluence
     observability: Observability
 
 
@@ -173,7 +175,7 @@ def nearest_turn(q: Array, limits: Array) -> Array:
     return np.where((near >= limits[0]) & (near <= limits[1]), near, q)
 
 
-def brief_of(cell: Cell, wish: Wish) -> Brief:
+def specify(cell: Cell, wish: Wish) -> Specification:
     """The wish as planning wants it.
 
     Raises:
@@ -181,7 +183,7 @@ def brief_of(cell: Cell, wish: Wish) -> Brief:
         PoseError: When the arm can be nowhere in the work area.
     """
     anywhere = find(build_checks(cell, Conditions(wish.area)), WORKSPACE, stream(wish.seed, 2), least=1)
-    return Brief(
+    return Specification(
         experiment=Experiment(
             cell.vjm, metric(cad_prior(cell.arm), cell.vjm, wish.structure), cell.vjm.markers, wish.sigma
         ),
@@ -193,61 +195,62 @@ def brief_of(cell: Cell, wish: Wish) -> Brief:
     )
 
 
-def choose(cell: Cell, wish: Wish, brief: Brief, found: Candidates) -> Plan:
+def choose(cell: Cell, wish: Wish, specification: Specification, found: Candidates) -> Plan:
     """The best plan found.
 
     Args:
         cell: The arm.
         wish: What is asked for.
-        brief: The same as planning wants it.
+        specification: The same as planning wants it.
         found: Poses to choose from.
 
     Raises:
         BenchError: When without a prior the poses are too few, or tasks ask for what no load shows.
     """
     if wish.uncertainty is None:
-        _check_without_prior(brief, found.q)
+        _check_without_prior(specification, found.q)
     checks = build_checks(cell, _conditions(wish))
     return planning.make_plan(
-        brief,
+        specification,
         wish.criterion,
         found.q,
-        lambda q: np.array([reason is None for reason in why_not(checks, q)], dtype=bool),
+        Reach(lambda q: feasible(checks, q), straight_way(cell, wish.station)),
         stream(wish.seed, 1),
-        clear_way=straight_way(cell, wish.station),
     )
 
 
-def judge(cell: Cell, wish: Wish, brief: Brief, found: Candidates, plan: Plan) -> Planned:
+def judge(cell: Cell, wish: Wish, specification: Specification, found: Candidates, plan: Plan) -> Planned:
     """What a plan promises, beside other plans from the same candidates.
 
     Raises:
         BenchError: When without a prior the plan leaves directions open that the candidates can show.
     """
-    problem, rows, own = plan.stock.problem, planning.task_rows(brief), _plan_rows(brief, plan)
+    problem, rows, own = plan.examined.problem, task_rows(specification), _plan_rows(specification, plan)
     indices = observability(problem, plan.chosen)
     if wish.uncertainty is None and indices.seen < indices.of:
         raise BenchError(
             f"poses: {wish.poses} poses see {indices.seen} of the {indices.of} directions that these loads "
             "can show; give more --poses, or leave out --no-prior"
         )
-    way, expected = straight_way(cell, wish.station), brief.experiment.metric.expected
-    leaning = lean(plan, rows)
+    way, expected = straight_way(cell, wish.station), specification.experiment.metric.expected
+    influence = prior_influence(plan, rows)
     legs = zip(plan.q[:-1], plan.q[1:], strict=True)
     return Planned(
         wish=wish,
         found=found,
-        brief=brief,
+        specification=specification,
         plan=plan,
         tasks=planning.promise(plan, rows),
         poses=planning.promise(plan, own),
-        workspace=planning.promise(plan, planning.workspace_rows(brief)),
-        doubted=doubt(brief, plan, rows),
+        workspace=planning.promise(plan, workspace_rows(specification)),
+        doubted=doubt(specification, plan, rows),
         task_deflection=_rms(rows @ expected),
         deflection=_rms(own @ expected),
         clear=tuple(way(a, b) for a, b in legs),
-        rivals=compare(plan, brief, rows, drawn=len(found.q) * len(brief.loads), rng=stream(wish.seed, 3)),
-        leaning=leaning,
+        baselines=compare(
+            plan, specification, rows, drawn=len(found.q) * len(specification.loads), rng=stream(wish.seed, 3)
+        ),
+        influence=influence,
         observability=indices,
     )
 
@@ -278,13 +281,13 @@ def _check_range(what: str, value: float, low: float, high: float) -> None:
         raise BenchError(f"{what}: expected {low:g} to {high:g}, got {value:g}")
 
 
-def _check_without_prior(brief: Brief, q: Array) -> None:
+def _check_without_prior(specification: Specification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
     try:
-        problem = planning.stock_up(brief, q).problem
+        problem = planning.candidate_set(specification, q).problem
     except BenchError as err:
         raise BenchError(f"{err}: leave out --no-prior") from err
-    rows = planning.task_rows(brief)
+    rows = task_rows(specification)
     open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2)) > OUTSIDE * np.linalg.norm(rows, axis=(1, 2))
     if open_.any():
         numbers = (np.flatnonzero(open_) + 1).tolist()
@@ -296,12 +299,9 @@ def _check_without_prior(brief: Brief, q: Array) -> None:
         )
 
 
-def _plan_rows(brief: Brief, plan: Plan) -> Array:
+def _plan_rows(specification: Specification, plan: Plan) -> Array:
     """Deflections in the plan's poses per unit of x, (poses, 3 m, n) [m]."""
-    wrench, point = (
-        np.stack([getattr(load, name) for load in brief.loads])[plan.load] for name in ("wrench", "point")
-    )
-    return deflection_rows(brief.experiment, plan.q, Load(wrench, point))
+    return deflection_rows(specification.experiment, plan.q, loads_of(specification, plan.load))
 
 
 def _rms(deflection: Array) -> Array:

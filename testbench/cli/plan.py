@@ -52,10 +52,10 @@ def command(asked: Options) -> None:
     with console.status("looking for feasible poses") as status:
         found = plans.search(cell, wish)
         status.update(f"choosing {asked.poses} of {len(found.q)} poses")
-        brief = plans.brief_of(cell, wish)
-        chosen = plans.choose(cell, wish, brief, found)
+        specification = plans.specify(cell, wish)
+        chosen = plans.choose(cell, wish, specification, found)
         status.update("judging the plan")
-        planned = plans.judge(cell, wish, brief, found, chosen)
+        planned = plans.judge(cell, wish, specification, found, chosen)
         status.update("writing")
         report = plan_report.report(cell, planned)
         folder = find_arm(asked.arm)

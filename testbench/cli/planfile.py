@@ -14,8 +14,8 @@ from testbench.bench.plan import LOAD_RANGE, Planned
 from testbench.data.csvcells import read_lines, write_whole
 from testbench.data.csvfile import XYZ, check_limits, column, plan_columns
 from testbench.data.station import Station
-from testbench.design.planning import Tasks
 from testbench.design.rows import Load
+from testbench.design.specification import Tasks
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import chain

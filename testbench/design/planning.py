@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.design.criteria import (
     Criterion,
@@ -18,18 +17,15 @@ from testbench.design.criteria import (
 from testbench.design.exchange import select
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.order import joint_travel, shortest_path
-from testbench.design.refine import ascend, refine
+from testbench.design.refine import Neighbourhood, Reach, ascend, refine
 from testbench.design.relaxation import Relaxed, relax, sensitivity
-from testbench.design.rows import (
-    Experiment,
-    Ids,
-    Load,
-    Problem,
-    build_problem,
-    deflection_rows,
-    information,
-    more,
-    reading_rows,
+from testbench.design.rows import Ids, Problem, information, more
+from testbench.design.specification import (
+    Specification,
+    measured_rows,
+    problem_of,
+    task_rows,
+    workspace_rows,
 )
 from testbench.errors import Array, BenchError
 
@@ -38,50 +34,14 @@ ASCENTS, CLIMBERS = 2, 60
 DETOUR = 10.0
 """What a leg that would collide adds to its travel [rad]: it is taken only where nothing else is left."""
 
-Feasible = Callable[[Array], npt.NDArray[np.bool_]]
-
 
 @dataclass(frozen=True)
-class Tasks:
-    """Where the robot works, and under which load.
-
-    Attributes:
-        q: Actuated joint angles, (tasks, n) [rad].
-        load: In each of them; a wrench of the process or a hung weight.
-    """
-
-    q: Array
-    load: Load
-
-
-@dataclass(frozen=True)
-class Brief:
-    """What a plan is for.
-
-    Attributes:
-        experiment: How poses are measured.
-        loads: What may be hung; a plan chooses for every pose.
-        tasks: Where predictions are wanted.
-        workspace: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad].
-        uncertainty: Relative uncertainty of the prior [1]; None to plan for an identification without one.
-        poses: How many may be measured.
-    """
-
-    experiment: Experiment
-    loads: tuple[Load, ...]
-    tasks: Tasks
-    workspace: Array
-    uncertainty: float | None
-    poses: int
-
-
-@dataclass(frozen=True)
-class Stock:
+class CandidateSet:
     """Candidates: a pose and a load each.
 
     Attributes:
         q: Joint angles, (candidates, n) [rad].
-        load: Index into the brief's loads, (candidates,).
+        load: Index into the specification's loads, (candidates,).
         problem: What they tell.
     """
 
@@ -97,17 +57,17 @@ class Plan:
     Attributes:
         criterion: What was asked for.
         q: Joint angles, (poses, n) [rad].
-        load: Index into the brief's loads, (poses,).
-        stock: All poses examined, those of the plan among them.
-        chosen: Where in the stock they are, (poses,).
+        load: Index into the specification's loads, (poses,).
+        examined: All candidates examined, those of the plan among them.
+        chosen: Which of them the plan is, (poses,).
         value: Phi of the plan.
-        relaxed: The relaxed optimum over the stock: its bound is that of all plans of as many poses.
+        relaxed: The relaxed optimum over all examined: its bound is that of all plans of as many poses.
     """
 
     criterion: Criterion
     q: Array
     load: Ids
-    stock: Stock
+    examined: CandidateSet
     chosen: Ids
     value: float
     relaxed: Relaxed
@@ -120,159 +80,133 @@ class Plan:
     @property
     def information(self) -> Array:
         """Information matrix M, prior included, (r, r)."""
-        return information(self.stock.problem, self.chosen)
+        return information(self.examined.problem, self.chosen)
 
 
-CRITERIA: dict[str, Callable[[Brief, Problem], Criterion]] = {
-    "D": lambda _brief, _problem: criterion_d(),
-    "A": lambda _brief, problem: criterion_a(problem.r),
-    "E": lambda _brief, _problem: criterion_e(),
-    "G": lambda brief, problem: criterion_g(workspace_rows(brief) @ problem.lift),
-    "I": lambda brief, problem: Linear("I", mean_square(workspace_rows(brief) @ problem.lift)),
-    "test": lambda brief, problem: Linear("test", mean_square(task_rows(brief) @ problem.lift)),
+CRITERIA: dict[str, Callable[[Specification, Problem], Criterion]] = {
+    "D": lambda _spec, _problem: criterion_d(),
+    "A": lambda _spec, problem: criterion_a(problem.r),
+    "E": lambda _spec, _problem: criterion_e(),
+    "G": lambda spec, problem: criterion_g(workspace_rows(spec) @ problem.lift),
+    "I": lambda spec, problem: Linear("I", mean_square(workspace_rows(spec) @ problem.lift)),
+    "test": lambda spec, problem: Linear("test", mean_square(task_rows(spec) @ problem.lift)),
 }
 """Criteria by name."""
 
 
-def task_rows(brief: Brief) -> Array:
-    """Deflections in the tasks per unit of x, (tasks, 3 m, n) [m]."""
-    return deflection_rows(brief.experiment, brief.tasks.q, brief.tasks.load)
-
-
-def workspace_rows(brief: Brief) -> Array:
-    """The same over the workspace under the first load, (poses, 3 m, n) [m]."""
-    return deflection_rows(brief.experiment, brief.workspace, brief.loads[0])
-
-
-def stock_up(brief: Brief, q: Array) -> Stock:
+def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     """Every pose under every load.
 
     Args:
-        brief: What the plan is for.
+        spec: What the plan is for.
         q: Feasible poses, (poses, n) [rad].
 
     Raises:
         BenchError: When no load moves a target, or without a prior there are fewer poses than directions to
             see: says what is lost.
     """
-    load = np.repeat(np.arange(len(brief.loads)), len(q))
-    every = np.tile(q, (len(brief.loads), 1))
-    stock = Stock(every, load, build_problem(brief.experiment, _rows(brief, every, load), brief.uncertainty))
-    if brief.uncertainty is None:
-        _check_enough(brief, stock.problem)
-    return stock
+    load = np.repeat(np.arange(len(spec.loads)), len(q))
+    every = np.tile(q, (len(spec.loads), 1))
+    found = CandidateSet(every, load, problem_of(spec, every, load))
+    if spec.uncertainty is None:
+        _check_enough(spec, found.problem)
+    return found
 
 
-def seen_by(brief: Brief, problem: Problem) -> tuple[int, int]:
-    """Directions that the plan's poses can see at most, and that the candidates can show."""
-    return min(problem.r, brief.poses * int(np.linalg.matrix_rank(problem.rows[0]))), problem.r
+def seen_at_most(spec: Specification, problem: Problem) -> int:
+    """Directions that the plan's poses can see at most; the candidates show problem.r."""
+    return min(problem.r, spec.poses * _seen_by_one(problem))
 
 
-def _check_enough(brief: Brief, problem: Problem) -> None:
-    seen, r = seen_by(brief, problem)
+def _seen_by_one(problem: Problem) -> int:
+    return int(np.linalg.matrix_rank(problem.rows[0]))
+
+
+def _check_enough(spec: Specification, problem: Problem) -> None:
+    seen, r = seen_at_most(spec, problem), problem.r
     if seen < r:
-        each = int(np.linalg.matrix_rank(problem.rows[0]))
         raise BenchError(
-            f"poses: {brief.poses} poses see at most {seen} of the {r} directions of "
-            f"{brief.experiment.metric.structure.name} that these loads can show, {r - seen} would be lost; "
-            f"expected at least {-(-r // each)} poses, or a prior that fills the rest"
+            f"poses: {spec.poses} poses see at most {seen} of the {r} directions of "
+            f"{spec.experiment.metric.structure.name} that these loads can show, {r - seen} would be lost; "
+            f"expected at least {-(-r // _seen_by_one(problem))} poses, or a prior that fills the rest"
         )
 
 
-def _rows(brief: Brief, q: Array, load: Ids) -> Array:
-    """Whitened rows of poses, each under its own load, (poses, k, n)."""
-    wrench = np.stack([each.wrench for each in brief.loads])[load]
-    point = np.stack([each.point for each in brief.loads])[load]
-    return reading_rows(brief.experiment, q, Load(wrench, point))
-
-
-def make_plan(
-    brief: Brief,
-    name: str,
-    q: Array,
-    feasible: Feasible,
-    rng: np.random.Generator,
-    *,
-    clear_way: Callable[[Array, Array], bool] | None = None,
-) -> Plan:
+def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.random.Generator) -> Plan:
     """The best plan found, certified against all poses examined.
 
     Args:
-        brief: What the plan is for.
+        spec: What the plan is for.
         name: Key of CRITERIA.
         q: Feasible poses, (candidates, n) [rad].
-        feasible: Which poses (poses, n) [rad] are feasible; asked for poses near the candidates.
+        reach: Which poses near the candidates are feasible, and which ways between them are clear.
         rng: Source of starts and steps.
-        clear_way: Whether the arm can go straight from one pose (n,) to another [rad]; None for always.
 
     Raises:
         BenchError: When there is no such criterion, or too few poses without a prior.
     """
     if name not in CRITERIA:
         raise BenchError(f"no criterion {name!r}; criteria are {', '.join(CRITERIA)}")
-    stock = stock_up(brief, q)
-    criterion = CRITERIA[name](brief, stock.problem)
-    relaxed = relax(stock.problem, criterion, brief.poses)
+    near = Neighbourhood(reach.feasible, spec.experiment.vjm.arm.limits, rng)
+    examined = candidate_set(spec, q)
+    criterion = CRITERIA[name](spec, examined.problem)
+    relaxed = relax(examined.problem, criterion, spec.poses)
     for _ in range(ASCENTS):
-        stock = _climb(brief, stock, relaxed, feasible, rng)
-        relaxed = relax(stock.problem, criterion, brief.poses, relaxed)
-    chosen = select(stock.problem, criterion, brief.poses, relaxed, rng)
-    load = stock.load[chosen]
-    better = refine(
-        stock.q[chosen],
-        prior=stock.problem.prior,
-        criterion=criterion,
-        rows=lambda trial, k: _rows(brief, trial, np.full(len(trial), load[k])) @ stock.problem.lift,
-        feasible=feasible,
-        limits=brief.experiment.vjm.arm.limits,
-        rng=rng,
-    )
-    order = _order(better, load, clear_way)
+        examined = _climb(spec, examined, relaxed, near)
+        relaxed = relax(examined.problem, criterion, spec.poses, relaxed)
+    chosen = select(examined.problem, criterion, spec.poses, relaxed, rng)
+    load = examined.load[chosen]
+
+    def rows(trial: Array, k: int) -> Array:
+        return measured_rows(spec, trial, np.full(len(trial), load[k])) @ examined.problem.lift
+
+    better = refine(examined.q[chosen], examined.problem.prior, criterion, rows, near)
+    order = _order(better, load, reach)
     better, load = better[order], load[order]
-    stock = _add(brief, stock, better, load)
-    chosen = np.arange(len(stock.q) - len(better), len(stock.q))
+    last = _add(spec, examined, better, load)
+    chosen = np.arange(len(examined.q), len(last.q))
     return Plan(
         criterion=criterion,
         q=better,
         load=load,
-        stock=stock,
+        examined=last,
         chosen=chosen,
-        value=criterion.information(information(stock.problem, chosen)),
-        relaxed=relax(stock.problem, criterion, brief.poses, relaxed),
+        value=criterion.information(information(last.problem, chosen)),
+        relaxed=relax(last.problem, criterion, spec.poses, relaxed),
     )
 
 
 def _climb(
-    brief: Brief, stock: Stock, relaxed: Relaxed, feasible: Feasible, rng: np.random.Generator
-) -> Stock:
+    spec: Specification, examined: CandidateSet, relaxed: Relaxed, near: Neighbourhood
+) -> CandidateSet:
     """The poses that carry the relaxed optimum, improved, as further candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:CLIMBERS]]
-    load = stock.load[top]
+    load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
-        return sensitivity(_rows(brief, q, np.resize(load, len(q))) @ stock.problem.lift, relaxed.dual)
+        rows = measured_rows(spec, q, np.resize(load, len(q))) @ examined.problem.lift
+        return sensitivity(rows, relaxed.dual)
 
-    limits = brief.experiment.vjm.arm.limits
-    return _add(
-        brief, stock, ascend(stock.q[top], usefulness, feasible=feasible, limits=limits, rng=rng), load
+    return _add(spec, examined, ascend(examined.q[top], usefulness, near), load)
+
+
+def _add(spec: Specification, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
+    return CandidateSet(
+        np.vstack([examined.q, q]),
+        np.r_[examined.load, load],
+        more(examined.problem, measured_rows(spec, q, load)),
     )
 
 
-def _add(brief: Brief, stock: Stock, q: Array, load: Ids) -> Stock:
-    return Stock(np.vstack([stock.q, q]), np.r_[stock.load, load], more(stock.problem, _rows(brief, q, load)))
-
-
-def _order(q: Array, load: Ids, clear_way: Callable[[Array, Array], bool] | None) -> Ids:
+def _order(q: Array, load: Ids, reach: Reach) -> Ids:
     """Order of measuring: one load after the other, each on the shortest way through its poses."""
     found: list[int] = []
     for kind in np.unique(load):
         own = np.flatnonzero(load == kind)
         cost = joint_travel(q[own])
-        if clear_way is not None:
-            for i in range(len(own)):
-                for k in range(i):
-                    if not clear_way(q[own[i]], q[own[k]]):
-                        cost[i, k] = cost[k, i] = cost[i, k] + DETOUR
+        for i, k in zip(*np.tril_indices(len(own), -1), strict=True):
+            if not reach.clear(q[own[i]], q[own[k]]):
+                cost[i, k] = cost[k, i] = cost[i, k] + DETOUR
         found += own[shortest_path(cost)].tolist()
     return np.array(found)
 
@@ -284,17 +218,4 @@ def promise(plan: Plan, rows: Array) -> Forecast:
         plan: The plan.
         rows: Predictions per unit of x, such as `task_rows`, (poses, 3 m, n) [m].
     """
-    return forecast(plan.stock.problem, plan.information, rows)
-
-
-def promise_of(brief: Brief, q: Array, load: Ids, rows: Array) -> Forecast:
-    """The same of any poses, such as a plan made by hand.
-
-    Args:
-        brief: Loads, prior and experiment.
-        q: Poses to measure, (poses, n) [rad].
-        load: Index into the brief's loads, (poses,).
-        rows: Predictions per unit of x, (poses, 3 m, n) [m].
-    """
-    problem = build_problem(brief.experiment, _rows(brief, q, load), brief.uncertainty)
-    return forecast(problem, information(problem, np.arange(len(q))), rows)
+    return forecast(plan.examined.problem, plan.information, rows)

@@ -6,6 +6,7 @@ are feasible.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -30,16 +31,40 @@ Rows = Callable[[Array, int], Array]
 Feasible = Callable[[Array], npt.NDArray[np.bool_]]
 
 
-def refine(
-    q: Array,
-    *,
-    prior: Array,
-    criterion: Criterion,
-    rows: Rows,
-    feasible: Feasible,
-    limits: Array,
-    rng: np.random.Generator,
-) -> Array:
+@dataclass(frozen=True)
+class Reach:
+    """Where the arm can go.
+
+    Attributes:
+        feasible: Which poses (poses, n) [rad] the arm can take and the tracker can see.
+        clear: Whether the arm can go straight from one pose (n,) to another [rad].
+    """
+
+    feasible: Feasible
+    clear: Callable[[Array, Array], bool] = lambda _start, _end: True
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Where and how a local search steps.
+
+    Attributes:
+        feasible: Which poses (poses, n) [rad] it may take.
+        limits: Lower and upper joint limits, (2, n) [rad].
+        rng: Source of the steps.
+    """
+
+    feasible: Feasible
+    limits: Array
+    rng: np.random.Generator
+
+    def around(self, q: Array, step: Array) -> Array:
+        """Poses drawn around q within the limits; q and step broadcast to the shape of the draw."""
+        shape = np.broadcast_shapes(q.shape, step.shape)
+        return np.clip(q + step * self.rng.standard_normal(shape), *self.limits)
+
+
+def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neighbourhood) -> Array:
     """Better joint angles for every pose of a plan, none of them worse.
 
     Args:
@@ -47,9 +72,7 @@ def refine(
         prior: Information before any reading, (r, r).
         criterion: What makes a plan good.
         rows: What a pose tells.
-        feasible: Which poses the arm can take and the tracker can see.
-        limits: Lower and upper joint limits, (2, n) [rad].
-        rng: Source of the steps.
+        near: Where and how to step.
 
     Returns:
         (poses, n) [rad].
@@ -60,11 +83,11 @@ def refine(
     value = criterion.information(_total(prior, own))
     for _ in range(ROUNDS):
         for k in range(len(q)):
-            trial = np.clip(q[k] + step[k] * rng.standard_normal((NEIGHBOURS, q.shape[1])), *limits)
+            trial = near.around(q[k], np.full((NEIGHBOURS, 1), step[k]))
             seen = rows(trial, k)
             reached = criterion.after(_total(prior, np.delete(own, k, axis=0)), seen)
             better = [i for i in np.argsort(-reached)[:TRIES] if reached[i] > (1 + BETTER) * value]
-            allowed = np.flatnonzero(feasible(trial[better])).tolist() if better else []
+            allowed = np.flatnonzero(near.feasible(trial[better])).tolist() if better else []
             if allowed:
                 best = better[allowed[0]]
                 q[k], own[k], value = trial[best], seen[best], float(reached[best])
@@ -73,35 +96,25 @@ def refine(
     return q
 
 
-def ascend(
-    q: Array,
-    usefulness: Callable[[Array], Array],
-    *,
-    feasible: Feasible,
-    limits: Array,
-    rng: np.random.Generator,
-) -> Array:
+def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) -> Array:
     """Poses more useful than their starts by a measure that asks one pose alone, all of them at once.
 
     Args:
         q: Starts, (poses, n) [rad].
         usefulness: Of poses (poses, n) [rad], (poses,).
-        feasible: Which poses the arm can take and the tracker can see.
-        limits: Lower and upper joint limits, (2, n) [rad].
-        rng: Source of the steps.
+        near: Where and how to step.
 
     Returns:
         (poses, n) [rad].
     """
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ROUNDS):
-        noise = rng.standard_normal((FEWER, *q.shape))
-        trial = np.clip(q + step[:, None] * noise, *limits)
+        trial = near.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(FEWER, -1)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
         better = np.flatnonzero(reached > (1 + BETTER) * value)
-        better = better[feasible(trial[better])] if len(better) else better
+        better = better[near.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         worse = np.setdiff1d(np.arange(len(q)), better)
         step[worse] *= SHRINK

@@ -40,7 +40,7 @@ def scene(cell: Cell, planned: Planned, report: Report, parameters: object) -> P
         error_mm=MM * planned.poses.error,
         tasks=chain(cell.vjm, wish.tasks.q).position,
         task_error_mm=MM * planned.tasks.error,
-        field=chain(cell.vjm, planned.brief.workspace).position[known],
+        field=chain(cell.vjm, planned.specification.workspace).position[known],
         field_error_mm=MM * errors[known],
         field_words="expected error after identification (mm)",
         summary="\n\n".join(

@@ -8,9 +8,9 @@ import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import Planned
+from testbench.design.baselines import COUNTS, RANDOM
 from testbench.design.forecast import Forecast
-from testbench.design.planning import seen_by
-from testbench.design.rivals import COUNTS, RANDOM
+from testbench.design.planning import seen_at_most
 from testbench.errors import Array
 from testbench.model.vjm import chain
 from testbench.views.report import MM, UM, Report
@@ -40,8 +40,8 @@ def report(cell: Cell, planned: Planned) -> Report:
         else _overall(planned.doubted),
         "random_plans": {
             "plans": RANDOM,
-            "median_mm": _finite(MM * np.median(planned.rivals.random[wish.poses])),
-            "best_tenth_mm": _finite(MM * _percentile(planned.rivals.random[wish.poses], 10)),
+            "median_mm": _finite(MM * np.median(planned.baselines.random[wish.poses])),
+            "best_tenth_mm": _finite(MM * _percentile(planned.baselines.random[wish.poses], 10)),
         },
         "certificate": _certificate(planned),
         "plan": _plan(planned),
@@ -54,7 +54,7 @@ def report(cell: Cell, planned: Planned) -> Report:
         "observability": asdict(planned.observability),
         "directions": _directions(planned),
         "curve": [_count(planned, count) for count in sorted({*COUNTS, wish.poses})],
-        "greedy_mm": [_finite(MM * error) for error in planned.rivals.greedy],
+        "greedy_mm": [_finite(MM * error) for error in planned.baselines.greedy],
         "advice": _advice(planned),
     }
 
@@ -72,7 +72,7 @@ def _wish(cell: Cell, planned: Planned) -> Report:
         "poses": wish.poses,
         "loads_kg": list(wish.loads),
         "sigma_um": UM * wish.sigma,
-        "prior": None if uncertainty is None else planned.brief.experiment.metric.prior,
+        "prior": None if uncertainty is None else planned.specification.experiment.metric.prior,
         "uncertainty_percent": uncertainty,
         "tracker_m": None if station is None else list(station.position),
         "acceptance_deg": (
@@ -97,7 +97,7 @@ def _certificate(planned: Planned) -> Report:
     """What no plan of as many of the examined poses exceeds; an error is 1 / sqrt(Phi)."""
     plan = planned.plan
     share = min(plan.efficiency, 1.0)
-    hidden = planned.leaning.hidden if plan.criterion.name == "test" else 0.0
+    hidden = planned.influence.hidden if plan.criterion.name == "test" else 0.0
     in_metres = plan.criterion.name in IN_METRES
     reached, least = (math.sqrt(hidden + 1 / phi) for phi in (plan.value, plan.value / share))
     return {
@@ -107,7 +107,7 @@ def _certificate(planned: Planned) -> Report:
         "excess_percent": 100 * (reached / least - 1),
         "reached_mm": MM * reached if in_metres else None,
         "least_mm": MM * least if in_metres else None,
-        "examined": len(plan.stock.q),
+        "examined": len(plan.examined.q),
         "poses_and_loads": len(planned.wish.loads) > 1,
     }
 
@@ -153,7 +153,7 @@ def _tasks(cell: Cell, planned: Planned) -> list[Report]:
 
 
 def _places(planned: Planned, q: Array) -> list[list[float]]:
-    places: list[list[float]] = chain(planned.brief.experiment.vjm, q).position.tolist()
+    places: list[list[float]] = chain(planned.specification.experiment.vjm, q).position.tolist()
     return places
 
 
@@ -166,25 +166,26 @@ def _error(forecast: Forecast, k: int) -> Report:
 
 
 def _directions(planned: Planned) -> Report:
-    brief, plan, leaning = planned.brief, planned.plan, planned.leaning
-    at_most, shown = seen_by(brief, plan.stock.problem)
+    specification, plan, influence = planned.specification, planned.plan, planned.influence
+    shown = plan.examined.problem.r
+    at_most = seen_at_most(specification, plan.examined.problem)
     return {
-        "unknowns": brief.experiment.metric.structure.n,
+        "unknowns": specification.experiment.metric.structure.n,
         "shown": shown,
         "at_most": at_most,
         "seen": planned.observability.seen,
-        "outweighed": leaning.outweighed if brief.uncertainty is not None else shown,
-        "hidden_mm": MM * math.sqrt(leaning.hidden),
-        "prior_share_percent": 100 * leaning.prior_share if brief.uncertainty is not None else 0.0,
+        "outweighed": influence.outweighed if specification.uncertainty is not None else shown,
+        "hidden_mm": MM * math.sqrt(influence.hidden),
+        "prior_share_percent": 100 * influence.prior_share if specification.uncertainty is not None else 0.0,
     }
 
 
 def _count(planned: Planned, count: int) -> Report:
-    rivals = planned.rivals
-    low, middle, high = (MM * _percentile(rivals.random[count], p) for p in (10, 50, 90))
+    baselines = planned.baselines
+    low, middle, high = (MM * _percentile(baselines.random[count], p) for p in (10, 50, 90))
     return {
         "poses": count,
-        "greedy_mm": _finite(MM * rivals.greedy[count - 1]),
+        "greedy_mm": _finite(MM * baselines.greedy[count - 1]),
         "random_median_mm": _finite(middle),
         "random_p10_mm": _finite(low),
         "random_p90_mm": _finite(high),
@@ -193,7 +194,7 @@ def _count(planned: Planned, count: int) -> Report:
 
 def _advice(planned: Planned) -> Report:
     """Fewest poses that reach the target, and from where on more always bring little; of greedy plans."""
-    error = MM * planned.rivals.greedy
+    error = MM * planned.baselines.greedy
     reached = np.flatnonzero(error <= TARGET)
     ahead = np.full(len(error), np.inf)
     ahead[:-MORE] = error[MORE:]

@@ -1,5 +1,6 @@
 """Plans of the KR 500: what their rows say against the library, feasibility, certificate, kept promises."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +11,10 @@ from testbench.bench.campaign import build_cell, stream
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import criterion_a, criterion_d, criterion_e
 from testbench.design.exchange import exchange
-from testbench.design.planning import (
-    CRITERIA,
-    DETOUR,
-    Brief,
-    Tasks,
-    _order,
-    make_plan,
-    promise,
-    promise_of,
-    stock_up,
-    task_rows,
-)
+from testbench.design.planning import CRITERIA, DETOUR, _order, candidate_set, make_plan, promise
+from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load, build_problem, deflection_rows, information, reading_rows
+from testbench.design.specification import Specification, Tasks, promise_of, task_rows
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.prior import cad_prior, metric, whitened
@@ -52,10 +44,10 @@ def poses(cell):
 
 
 @pytest.fixture(scope="module")
-def brief(cell, poses):
+def spec(cell, poses):
     own = metric(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm))
     load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), cell.vjm.load)
-    return Brief(
+    return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, 50e-6),
         loads=(load,),
         tasks=Tasks(poses[200:210], load),
@@ -66,8 +58,8 @@ def brief(cell, poses):
 
 
 @pytest.fixture(scope="module")
-def plan(cell, brief, poses):
-    return make_plan(brief, "test", poses[:200], lambda q: clear(cell, q), stream(1))
+def plan(cell, spec, poses):
+    return make_plan(spec, "test", poses[:200], Reach(lambda q: clear(cell, q)), stream(1))
 
 
 def blank(cell, q, load):
@@ -78,37 +70,37 @@ def blank(cell, q, load):
     return Dataset(cell.arm.markers, ids, ids, q, wrench, point, zero, zero, 50e-6)
 
 
-def test_information_is_that_of_the_reduced_regression(cell, brief, poses):
-    q, load = poses[:7], brief.loads[0]
-    rows = reading_rows(brief.experiment, q, load).reshape(-1, 68)
-    A, _ = whitened(reduce(cell.vjm, mgco68(cell.arm), blank(cell, q, load)), brief.experiment.metric)
+def test_information_is_that_of_the_reduced_regression(cell, spec, poses):
+    q, load = poses[:7], spec.loads[0]
+    rows = reading_rows(spec.experiment, q, load).reshape(-1, 68)
+    A, _ = whitened(reduce(cell.vjm, mgco68(cell.arm), blank(cell, q, load)), spec.experiment.metric)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
-def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix(cell, brief, poses):
-    q, load = poses[:5], brief.loads[0]
-    x = brief.experiment.metric.expected
-    ours = (deflection_rows(brief.experiment, q, load) @ x).reshape(5, 3, 3)
+def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix(cell, spec, poses):
+    q, load = poses[:5], spec.loads[0]
+    x = spec.experiment.metric.expected
+    ours = (deflection_rows(spec.experiment, q, load) @ x).reshape(5, 3, 3)
     args = np.tile(load.wrench, (5, 1)), np.tile(load.point, (5, 1))
     A = observation(cell.vjm, mgco68(cell.arm), q, *args, targets=cell.vjm.markers)
-    theirs = A @ (brief.experiment.metric.L @ x)
+    theirs = A @ (spec.experiment.metric.L @ x)
     np.testing.assert_allclose(np.linalg.norm(ours, axis=2), np.linalg.norm(theirs, axis=2), rtol=1e-9)
 
 
-def test_gravity_shows_49_of_68_directions_and_the_rest_stays_with_the_prior(brief, poses):
-    rows = reading_rows(brief.experiment, poses, brief.loads[0])
-    assert build_problem(brief.experiment, rows, 0.3).r == 49
-    assert build_problem(brief.experiment, rows, None).unseen.shape == (68, 19)
+def test_gravity_shows_49_of_68_directions_and_the_rest_stays_with_the_prior(spec, poses):
+    rows = reading_rows(spec.experiment, poses, spec.loads[0])
+    assert build_problem(spec.experiment, rows, 0.3).r == 49
+    assert build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
 
 
-def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(brief, poses):
+def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(spec, poses):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
-    rows = reading_rows(brief.experiment, poses, brief.loads[0])
-    problem = build_problem(brief.experiment, rows, 0.3)
+    rows = reading_rows(spec.experiment, poses, spec.loads[0])
+    problem = build_problem(spec.experiment, rows, 0.3)
     chosen = np.arange(9)
-    side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), brief.loads[0].point)
-    wanted = deflection_rows(brief.experiment, poses[200:203], side)
-    B, _ = precision_root(brief.experiment.metric, Strength(0.3, 10.0))
+    side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
+    wanted = deflection_rows(spec.experiment, poses[200:203], side)
+    B, _ = precision_root(spec.experiment.metric, Strength(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
     inside = problem.lift @ np.linalg.solve(information(problem, chosen), problem.lift.T) + problem.hidden
@@ -116,41 +108,41 @@ def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(brief, 
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
 
 
-def test_plan_is_feasible_certified_and_better_than_chance(cell, brief, plan, poses):
+def test_plan_is_feasible_certified_and_better_than_chance(cell, spec, plan, poses):
     assert plan.q.shape == (9, 6)
     assert clear(cell, plan.q).all()
     lower, upper = cell.arm.limits
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
-    np.testing.assert_array_equal(plan.stock.q[plan.chosen], plan.q)
+    np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
     chance = [
-        promise_of(brief, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int), task_rows(brief)).overall
+        promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int), task_rows(spec)).overall
         for k in range(20)
     ]
-    assert promise(plan, task_rows(brief)).overall < min(chance)
+    assert promise(plan, task_rows(spec)).overall < min(chance)
 
 
 def test_no_plan_of_examined_poses_beats_the_bound(plan):
-    problem, rng = plan.stock.problem, stream(8)
+    problem, rng = plan.examined.problem, stream(8)
     for _ in range(3):
-        start = rng.integers(0, len(plan.stock.q), 9)
+        start = rng.integers(0, len(plan.examined.q), 9)
         other = exchange(problem, plan.criterion, problem.rows, start)
         value = plan.criterion.information(information(problem, other))
         assert 0.9 * plan.value < value <= plan.relaxed.bound
 
 
 @pytest.mark.parametrize("name", ["D", "test"])
-def test_twelve_poses_are_certified_to_nine_tenths(cell, brief, poses, name):
-    twelve = Brief(**{**brief.__dict__, "poses": 12})
-    found = make_plan(twelve, name, poses[:200], lambda q: clear(cell, q), stream(1))
+def test_twelve_poses_are_certified_to_nine_tenths(cell, spec, poses, name):
+    twelve = replace(spec, poses=12)
+    found = make_plan(twelve, name, poses[:200], Reach(lambda q: clear(cell, q)), stream(1))
     assert found.efficiency >= 0.9
 
 
-def test_without_prior_nothing_but_the_readings_counts(cell, brief, poses):
+def test_without_prior_nothing_but_the_readings_counts(cell, spec, poses):
     """MGCO56 shows its weakest direction 2e-11 times as well as its strongest: no ridge may fill it."""
     own = metric(cad_prior(cell.arm), cell.vjm, template56(cell.arm))
     experiment = Experiment(cell.vjm, own, cell.vjm.markers, 50e-6)
-    problem = build_problem(experiment, reading_rows(experiment, poses, brief.loads[0]), None)
+    problem = build_problem(experiment, reading_rows(experiment, poses, spec.loads[0]), None)
     assert problem.r == 27
     chosen = np.arange(12)
     A = problem.rows[chosen].reshape(-1, 27)
@@ -159,41 +151,41 @@ def test_without_prior_nothing_but_the_readings_counts(cell, brief, poses):
         assert criterion.information(information(problem, chosen)) == pytest.approx(exact, rel=0.02)
 
 
-def test_promise_of_the_plan_is_that_of_its_poses(brief, plan):
-    again = promise_of(brief, plan.q, plan.load, task_rows(brief))
-    assert again.overall == pytest.approx(promise(plan, task_rows(brief)).overall, rel=1e-3)
+def test_promise_of_the_plan_is_that_of_its_poses(spec, plan):
+    again = promise_of(spec, plan.q, plan.load, task_rows(spec))
+    assert again.overall == pytest.approx(promise(plan, task_rows(spec)).overall, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", CRITERIA)
-def test_every_criterion_makes_a_plan_with_a_certificate(cell, brief, poses, name):
-    few = Brief(**{**brief.__dict__, "poses": 4})
-    found = make_plan(few, name, poses[:60], lambda q: clear(cell, q), stream(1))
+def test_every_criterion_makes_a_plan_with_a_certificate(cell, spec, poses, name):
+    few = replace(spec, poses=4)
+    found = make_plan(few, name, poses[:60], Reach(lambda q: clear(cell, q)), stream(1))
     assert found.criterion.name == name
     assert 0 < found.efficiency <= 1
 
 
-def test_equal_seeds_make_equal_plans(cell, brief, poses, plan):
-    again = make_plan(brief, "test", poses[:200], lambda q: clear(cell, q), stream(1))
+def test_equal_seeds_make_equal_plans(cell, spec, poses, plan):
+    again = make_plan(spec, "test", poses[:200], Reach(lambda q: clear(cell, q)), stream(1))
     np.testing.assert_array_equal(again.q, plan.q)
 
 
-def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other(cell, brief, poses):
-    side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), brief.loads[0].point)  # loads joint 1, as no weight does
-    both = Brief(**{**brief.__dict__, "loads": (brief.loads[0], side)})
-    found = make_plan(both, "D", poses[:80], lambda q: clear(cell, q), stream(1))
+def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other(cell, spec, poses):
+    side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
+    both = replace(spec, loads=(spec.loads[0], side))
+    found = make_plan(both, "D", poses[:80], Reach(lambda q: clear(cell, q)), stream(1))
     assert set(found.load) == {0, 1}
     assert (np.diff(found.load) >= 0).all()
 
 
-def test_without_prior_too_few_poses_are_refused_with_what_is_lost(brief, poses):
-    bare = Brief(**{**brief.__dict__, "uncertainty": None, "poses": 6})
+def test_without_prior_too_few_poses_are_refused_with_what_is_lost(spec, poses):
+    bare = replace(spec, uncertainty=None, poses=6)
     with pytest.raises(BenchError, match=r"at most 36 of the 49 .* 13 would be lost; .* 9 poses, or a prior"):
-        stock_up(bare, poses)
+        candidate_set(bare, poses)
 
 
-def test_unknown_criterion_is_refused_by_name(cell, brief, poses):
+def test_unknown_criterion_is_refused_by_name(cell, spec, poses):
     with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
-        make_plan(brief, "X", poses, lambda q: clear(cell, q), stream(1))
+        make_plan(spec, "X", poses, Reach(lambda q: clear(cell, q)), stream(1))
 
 
 def test_order_avoids_a_way_that_collides():
@@ -204,13 +196,13 @@ def test_order_avoids_a_way_that_collides():
     def way(a, b):
         return {a[0], b[0]} != {0.0, 1.0}
 
-    assert _order(q, load, None).tolist() in ([0, 1, 2], [2, 1, 0])
-    assert _order(q, load, way).tolist() in ([0, 2, 1], [1, 2, 0])
+    assert _order(q, load, Reach(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
+    assert _order(q, load, Reach(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
     assert DETOUR > 2.1
 
 
-def test_arms_drawn_from_the_prior_have_its_mean_and_spread(brief):
-    own = brief.experiment.metric
+def test_arms_drawn_from_the_prior_have_its_mean_and_spread(spec):
+    own = spec.experiment.metric
     back = np.linalg.inv(own.L)
     x = np.array([back @ own.structure.entries(draw(own, 0.3, stream(seed))) for seed in range(600)])
     np.testing.assert_allclose(x.mean(axis=0), own.expected, atol=5 * 0.3 / np.sqrt(600))
@@ -219,15 +211,15 @@ def test_arms_drawn_from_the_prior_have_its_mean_and_spread(brief):
         assert np.linalg.eigvalsh(draw(own, 0.3, stream(seed))).min() > -1e-18
 
 
-def test_promises_are_kept_where_the_model_is_linear(brief, poses):
+def test_promises_are_kept_where_the_model_is_linear(spec, poses):
     """Least squares with the prior on arms drawn from it: the forecast is their mean square error."""
-    own, rng = brief.experiment.metric, stream(12)
+    own, rng = spec.experiment.metric, stream(12)
     back = np.linalg.inv(own.L)
     chosen, load = poses[:9], np.zeros(9, dtype=int)
-    promised = promise_of(brief, chosen, load, task_rows(brief)).overall
-    A = reading_rows(brief.experiment, chosen, brief.loads[0]).reshape(-1, 68)
+    promised = promise_of(spec, chosen, load, task_rows(spec)).overall
+    A = reading_rows(spec.experiment, chosen, spec.loads[0]).reshape(-1, 68)
     B, c = precision_root(own, Strength(0.3))
-    wanted = task_rows(brief).reshape(-1, 68)
+    wanted = task_rows(spec).reshape(-1, 68)
     square = []
     for seed in range(150):
         x = back @ own.structure.entries(draw(own, 0.3, stream(seed)))

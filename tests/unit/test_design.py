@@ -10,7 +10,7 @@ from testbench.design.exchange import exchange, greedy, select
 from testbench.design.forecast import forecast
 from testbench.design.observability import observability
 from testbench.design.order import joint_travel, round_trip, shortest_path
-from testbench.design.refine import ascend, refine
+from testbench.design.refine import Neighbourhood, ascend, refine
 from testbench.design.relaxation import bound, relax, sensitivity
 from testbench.design.rows import Problem, information
 
@@ -212,42 +212,30 @@ def circle_rows(q, _k=0):
 LIMITS = np.array([[-3.0], [3.0]])
 
 
+def near(feasible):
+    return Neighbourhood(feasible, LIMITS, rng(0))
+
+
+def refined(feasible):
+    start, prior = np.array([[0.0], [0.4]]), 1e-6 * np.eye(2)
+    return refine(start, prior, criterion_d(), circle_rows, near(feasible))
+
+
 def test_refinement_turns_a_pair_to_right_angles():
-    q = refine(
-        np.array([[0.0], [0.4]]),
-        prior=1e-6 * np.eye(2),
-        criterion=criterion_d(),
-        rows=circle_rows,
-        feasible=lambda q: np.ones(len(q), dtype=bool),
-        limits=LIMITS,
-        rng=rng(0),
-    )
+    q = refined(lambda q: np.ones(len(q), dtype=bool))
     assert abs(np.cos(q[1, 0] - q[0, 0])) < 0.05
 
 
 def test_refinement_stays_where_it_may():
-    q = refine(
-        np.array([[0.0], [0.4]]),
-        prior=1e-6 * np.eye(2),
-        criterion=criterion_d(),
-        rows=circle_rows,
-        feasible=lambda q: (q[:, 0] > -0.2) & (q[:, 0] < 0.8),
-        limits=LIMITS,
-        rng=rng(0),
-    )
+    q = refined(lambda q: (q[:, 0] > -0.2) & (q[:, 0] < 0.8))
     assert (q > -0.2).all()
     assert (q < 0.8).all()
     assert q.max() - q.min() > 0.9  # as far apart as it may
 
 
 def test_ascent_climbs_within_limits_and_feasible():
-    q = ascend(
-        np.array([[0.0], [2.5], [-1.0]]),
-        lambda q: 1 / (1 + (q[:, 0] - 1) ** 2),
-        feasible=lambda q: q[:, 0] < 0.9,
-        limits=LIMITS,
-        rng=rng(0),
-    )
+    start = np.array([[0.0], [2.5], [-1.0]])
+    q = ascend(start, lambda q: 1 / (1 + (q[:, 0] - 1) ** 2), near(lambda q: q[:, 0] < 0.9))
     assert 0.7 < q[0, 0] < 0.9
     assert 0.7 < q[2, 0] < 0.9
     assert (q[1, 0] == 2.5) or (q[1, 0] < 0.9)  # an infeasible start stays or comes home

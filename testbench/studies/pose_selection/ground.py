@@ -8,11 +8,13 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.candidates import Candidates, Conditions, build_checks, find, why_not
+from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.data.station import Station
 from testbench.design.observability import observability
-from testbench.design.planning import Brief, Plan, Tasks, make_plan, promise, task_rows, workspace_rows
+from testbench.design.planning import Plan, make_plan, promise
+from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Ids, Load
+from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
 from testbench.errors import Array
 from testbench.identify.prior import Prior, cad_prior, distorted, metric
 from testbench.model.poses import WorkArea
@@ -102,7 +104,7 @@ class Chosen:
 
     Attributes:
         q: (poses, n) [rad].
-        load: Index into the brief's loads, (poses,).
+        load: Index into the specification's loads, (poses,).
     """
 
     q: Array
@@ -154,8 +156,8 @@ def hung(cell: Cell, mass: float, offset: tuple[float, float, float] = (0.0, 0.0
     return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load + offset)
 
 
-def brief_for(cell: Cell, ground: Ground, prior: Prior, poses: int) -> Brief:
-    """The brief of a plan with one weight and the arm's own markers.
+def specification_for(cell: Cell, ground: Ground, prior: Prior, poses: int) -> Specification:
+    """The specification of a plan with one weight and the arm's own markers.
 
     Args:
         cell: The arm.
@@ -165,7 +167,7 @@ def brief_for(cell: Cell, ground: Ground, prior: Prior, poses: int) -> Brief:
     """
     study, structure = ground.study, STRUCTURES[PLANNED](cell)
     load = hung(cell, study.payload)
-    return Brief(
+    return Specification(
         experiment=Experiment(cell.vjm, metric(prior, cell.vjm, structure), cell.vjm.markers, study.sigma),
         loads=(load,),
         tasks=Tasks(ground.tasks, load),
@@ -180,25 +182,19 @@ def wrong_prior(cell: Cell, seed: int) -> Prior:
     return distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
 
 
-def plan(cell: Cell, ground: Ground, brief: Brief, name: str, q: Array, seed: int) -> Plan:
+def plan(cell: Cell, ground: Ground, specification: Specification, name: str, q: Array, seed: int) -> Plan:
     """A plan by a criterion.
 
     Args:
         cell: The arm.
         ground: For the conditions of a pose.
-        brief: What it is for.
+        specification: What it is for.
         name: Key of planning.CRITERIA.
         q: Feasible poses, (candidates, n) [rad].
         seed: Root of the search's randomness.
     """
     checks = build_checks(cell, conditions(ground.study))
-    return make_plan(
-        brief,
-        name,
-        q,
-        lambda q: np.array([reason is None for reason in why_not(checks, q)], dtype=bool),
-        stream(seed, 2),
-    )
+    return make_plan(specification, name, q, Reach(lambda q: feasible(checks, q)), stream(seed, 2))
 
 
 def plans(
@@ -217,22 +213,22 @@ def plans(
     found = []
     for number in numbers:
         name, poses = jobs[number]
-        brief = brief_for(cell, ground, prior, poses)
+        specification = specification_for(cell, ground, prior, poses)
         start = clock()
-        best = plan(cell, ground, brief, name, ground.candidates.q, ground.seed)
+        best = plan(cell, ground, specification, name, ground.candidates.q, ground.seed)
         seconds = clock() - start
-        report = plan_report(brief, best) | {"criterion": name, "poses": poses, "seconds": seconds}
+        report = plan_report(specification, best) | {"criterion": name, "poses": poses, "seconds": seconds}
         found.append((Chosen(best.q, best.load), report))
     return found
 
 
-def plan_report(brief: Brief, best: Plan) -> Report:
+def plan_report(specification: Specification, best: Plan) -> Report:
     """What a plan is certified for, and what it promises."""
-    indices = observability(best.stock.problem, best.chosen)
-    tasks, around = promise(best, task_rows(brief)), promise(best, workspace_rows(brief))
+    indices = observability(best.examined.problem, best.chosen)
+    tasks, around = promise(best, task_rows(specification)), promise(best, workspace_rows(specification))
     return {
         "efficiency": best.efficiency,
-        "examined": len(best.stock.q),
+        "examined": len(best.examined.q),
         "directions_seen": indices.seen,
         "directions_of_loads": indices.of,
         "expected_tasks_mm": MM * tasks.overall,

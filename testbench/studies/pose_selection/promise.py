@@ -11,8 +11,9 @@ import numpy as np
 from scipy.stats import wishart
 
 from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.design.planning import Brief, Tasks, promise, promise_of, task_rows
+from testbench.design.planning import promise
 from testbench.design.rows import Experiment, Load
+from testbench.design.specification import Specification, Tasks, promise_of, task_rows
 from testbench.errors import Array
 from testbench.identify import reduce
 from testbench.identify.evaluate import predict, score
@@ -30,9 +31,9 @@ from testbench.studies.pose_selection.ground import (
     Chosen,
     Ground,
     at_random,
-    brief_for,
     hung,
     plan,
+    specification_for,
     wrong_prior,
 )
 from testbench.studies.pose_selection.trial import (
@@ -89,13 +90,15 @@ def promises(ground: Ground, chosen: dict[tuple[str, int], Chosen], seeds: Seque
         rows = []
         for name in (*ground.study.criteria, RANDOM):
             for poses in _judged(ground, name):
-                brief = brief_for(cell, ground, prior, poses)
+                specification = specification_for(cell, ground, prior, poses)
                 used = (
                     at_random(ground.candidates.q, poses, stream(seed, CHANCE + poses))
                     if name == RANDOM
                     else chosen[name, poses]
                 )
-                rows.append(_promise(drawn, brief, used, own, stream(seed, 200 + poses)) | {"plan": name})
+                rows.append(
+                    _promise(drawn, specification, used, own, stream(seed, 200 + poses)) | {"plan": name}
+                )
         found.append({"seed": seed, "rows": rows})
     return found
 
@@ -113,11 +116,13 @@ def _with_compliance(cell: Cell, C_theta: Array) -> Plant:
     return replace(cell.plant, C=C)
 
 
-def _promise(drawn: Cell, brief: Brief, used: Chosen, own: Metric, rng: np.random.Generator) -> Report:
-    promised = promise_of(brief, used.q, used.load, task_rows(brief))
-    load, sigma = brief.loads[0], brief.experiment.sigma
+def _promise(
+    drawn: Cell, specification: Specification, used: Chosen, own: Metric, rng: np.random.Generator
+) -> Report:
+    promised = promise_of(specification, used.q, used.load, task_rows(specification))
+    load, sigma = specification.loads[0], specification.experiment.sigma
     data = measured(drawn, drawn.vjm, "linear", used.q, load, sigma, sigma, rng)
-    tasks = measured(drawn, drawn.vjm, "linear", brief.tasks.q, load, sigma, None, rng)
+    tasks = measured(drawn, drawn.vjm, "linear", specification.tasks.q, load, sigma, None, rng)
     regression = reduce(drawn.vjm, own.structure, data)
     fitted = rescaled(own, regression)
     errors = {
@@ -214,9 +219,9 @@ def worth(ground: Ground, seeds: Sequence[int], numbers: Sequence[int]) -> list[
 
 
 def _worth(cell: Cell, ground: Ground, variant: Variant, seeds: Sequence[int]) -> Report:
-    brief = _brief(cell, ground, variant)
-    best = plan(cell, ground, brief, "test", ground.candidates.q, ground.seed)
-    promised = promise(best, task_rows(brief))
+    specification = _specification(cell, ground, variant)
+    best = plan(cell, ground, specification, "test", ground.candidates.q, ground.seed)
+    promised = promise(best, task_rows(specification))
     bench = build_bench(cell, ground, variant.vjm)
     load = Load(
         np.stack([each.wrench for each in variant.loads])[best.load],
@@ -231,7 +236,7 @@ def _worth(cell: Cell, ground: Ground, variant: Variant, seeds: Sequence[int]) -
     return {
         "variant": variant.name,
         "poses": variant.poses,
-        "directions": best.stock.problem.r,
+        "directions": best.examined.problem.r,
         "with_first_load": int((best.load == 0).sum()),
         "efficiency": best.efficiency,
         "expected_tasks_mm": MM * promised.overall,
@@ -239,10 +244,10 @@ def _worth(cell: Cell, ground: Ground, variant: Variant, seeds: Sequence[int]) -
     }
 
 
-def _brief(cell: Cell, ground: Ground, variant: Variant) -> Brief:
-    """The brief of a plan of another kind; the tasks stay those of the one weight and three markers."""
+def _specification(cell: Cell, ground: Ground, variant: Variant) -> Specification:
+    """A plan of another kind; the tasks stay those of the one weight and three markers."""
     own = metric(wrong_prior(cell, ground.seed), cell.vjm, STRUCTURES[PLANNED](cell))
-    return Brief(
+    return Specification(
         experiment=Experiment(variant.vjm, own, variant.vjm.markers, variant.sigma),
         loads=variant.loads,
         tasks=Tasks(ground.tasks, variant.loads[0]),

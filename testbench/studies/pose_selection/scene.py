@@ -4,8 +4,8 @@ import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.data.dataset import Dataset
-from testbench.design.planning import Brief, promise_of
 from testbench.design.rows import deflection_rows
+from testbench.design.specification import Specification, promise_of
 from testbench.errors import Array
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection import words as text
@@ -29,20 +29,23 @@ COLOURS: dict[str, Colour] = {
 
 
 def scene(
-    cell: Cell, ground: Ground, brief: Brief, chosen: Chosen, first: Dataset, report: Report
+    cell: Cell, ground: Ground, specification: Specification, chosen: Chosen, first: Dataset, report: Report
 ) -> PlanScene:
     """The featured plan: its poses, where errors remain, the curve of accuracy.
 
     Args:
         cell: The arm.
         ground: Candidates, tasks, workspace.
-        brief: That of the plan.
+        specification: That of the plan.
         chosen: The plan.
         first: Its runs, first seed.
         report: report.json.
     """
     promised = promise_of(
-        brief, chosen.q, chosen.load, deflection_rows(brief.experiment, chosen.q, brief.loads[0])
+        specification,
+        chosen.q,
+        chosen.load,
+        deflection_rows(specification.experiment, chosen.q, specification.loads[0]),
     )
     moved = MM * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
     error, where = MM * promised.error, report["where"]

@@ -8,7 +8,7 @@ works and over the workspace.
 from collections.abc import Sequence
 
 from testbench.bench.campaign import build_cell, stream
-from testbench.design.planning import promise_of, task_rows
+from testbench.design.specification import promise_of, task_rows
 from testbench.studies.pose_selection.ground import (
     CHANCE,
     FITS,
@@ -17,10 +17,10 @@ from testbench.studies.pose_selection.ground import (
     Chosen,
     Ground,
     at_random,
-    brief_for,
     candidates,
     plan,
     plan_report,
+    specification_for,
     wrong_prior,
 )
 from testbench.studies.pose_selection.trial import (
@@ -86,11 +86,11 @@ def replanned(ground: Ground, seeds: Sequence[int]) -> list[Report]:
     bench, study = build_bench(cell, ground), ground.study
     for seed in seeds:
         prior, q = wrong_prior(cell, seed), candidates(cell, study, stream(seed, 3)).q
-        brief = brief_for(cell, ground, prior, study.featured)
-        best = plan(cell, ground, brief, "test", q, seed)
+        specification = specification_for(cell, ground, prior, study.featured)
+        best = plan(cell, ground, specification, "test", q, seed)
         guess = at_random(q, study.featured, stream(seed, 4))
-        report = plan_report(brief, best)
-        by_chance = promise_of(brief, guess.q, guess.load, task_rows(brief))
+        report = plan_report(specification, best)
+        by_chance = promise_of(specification, guess.q, guess.load, task_rows(specification))
         for name, chosen in (("test", Chosen(best.q, best.load)), (RANDOM, guess)):
             data = measure_plan(bench, ground, chosen, stream(seed, 7))
             estimate = identify(bench.vjm, metrics_of(cell, prior), FITS[0], data)

@@ -1,16 +1,16 @@
-"""What stands beside a plan: greedy and random plans of the same poses, and how much rests on the prior."""
+"""What a plan is judged by: greedy and random plans of the same poses, and how much rests on the prior."""
 
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.design import planning
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast
-from testbench.design.planning import Brief, Plan
+from testbench.design.planning import Plan
 from testbench.design.rows import Ids, Problem, information
+from testbench.design.specification import Specification, promise_of
 from testbench.errors import Array
 from testbench.identify.regression import RANK_TOLERANCE
 
@@ -21,7 +21,7 @@ COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)
 
 
 @dataclass(frozen=True)
-class Rivals:
+class Baselines:
     """Errors at the tasks of other plans from the same candidates; infinite where they leave them open.
 
     Attributes:
@@ -34,7 +34,7 @@ class Rivals:
 
 
 @dataclass(frozen=True)
-class Leaning:
+class PriorInfluence:
     """What a plan's promise rests on.
 
     Attributes:
@@ -50,7 +50,7 @@ class Leaning:
     hidden: float
 
 
-def lean(plan: Plan, rows: Array) -> Leaning:
+def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     """What the promise rests on.
 
     M = prior + readings: the error's covariance M^-1 is that of noise and M^-1 prior M^-1, what the prior
@@ -60,14 +60,14 @@ def lean(plan: Plan, rows: Array) -> Leaning:
         plan: The plan.
         rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
     """
-    problem, M = plan.stock.problem, plan.information
+    problem, M = plan.examined.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
     W = mean_square(rows @ problem.lift)
     hidden = _hidden(plan, rows)
     left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
     against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
-    return Leaning(
+    return PriorInfluence(
         shown=problem.r,
         outweighed=int((against > 1).sum()),
         prior_share=left_open / (hidden + float(np.trace(W @ I))),
@@ -75,27 +75,29 @@ def lean(plan: Plan, rows: Array) -> Leaning:
     )
 
 
-def compare(plan: Plan, brief: Brief, rows: Array, *, drawn: int, rng: np.random.Generator) -> Rivals:
-    """Greedy and random plans out of the same stock.
+def compare(
+    plan: Plan, spec: Specification, rows: Array, *, drawn: int, rng: np.random.Generator
+) -> Baselines:
+    """Greedy and random plans out of the same candidates.
 
     Args:
         plan: The plan.
-        brief: What it is for.
+        spec: What it is for.
         rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
-        drawn: So many of the stock, its first, were drawn at random: random plans are made of them.
+        drawn: So many of those examined, the first, were drawn at random: random plans are made of them.
         rng: Source of the random plans.
     """
-    problem, hidden = plan.stock.problem, _hidden(plan, rows)
+    problem, hidden = plan.examined.problem, _hidden(plan, rows)
     W = mean_square(rows @ problem.lift)
 
     def error(chosen: Ids) -> float:
-        if brief.uncertainty is None and _rank(problem, chosen) < problem.r:
+        if spec.uncertainty is None and _rank(problem, chosen) < problem.r:
             return math.inf
         return math.sqrt(hidden + float(np.trace(np.linalg.solve(information(problem, chosen), W))))
 
-    counts = sorted({*COUNTS, brief.poses})
+    counts = sorted({*COUNTS, spec.poses})
     order = greedy(problem, plan.criterion, problem.rows, counts[-1])
-    return Rivals(
+    return Baselines(
         greedy=np.array([error(order[: k + 1]) for k in range(len(order))]),
         random={
             count: np.array([error(rng.choice(drawn, count, replace=drawn < count)) for _ in range(RANDOM)])
@@ -106,7 +108,7 @@ def compare(plan: Plan, brief: Brief, rows: Array, *, drawn: int, rng: np.random
 
 def _hidden(plan: Plan, rows: Array) -> float:
     """Mean square error in directions that no candidate shows [m^2]; rounding may fall below zero."""
-    return max(0.0, float(np.trace(mean_square(rows) @ plan.stock.problem.hidden)))
+    return max(0.0, float(np.trace(mean_square(rows) @ plan.examined.problem.hidden)))
 
 
 def _rank(problem: Problem, chosen: Ids) -> int:
@@ -114,15 +116,15 @@ def _rank(problem: Problem, chosen: Ids) -> int:
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
 
-def doubt(brief: Brief, plan: Plan, rows: Array) -> Forecast | None:
+def doubt(spec: Specification, plan: Plan, rows: Array) -> Forecast | None:
     """Errors to expect were the prior twice as uncertain; None without one.
 
     Args:
-        brief: What the plan is for.
+        spec: What the plan is for.
         plan: The plan.
         rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
     """
-    if brief.uncertainty is None:
+    if spec.uncertainty is None:
         return None
-    doubtful = replace(brief, uncertainty=2 * brief.uncertainty)
-    return planning.promise_of(doubtful, plan.q, plan.load, rows)
+    doubtful = replace(spec, uncertainty=2 * spec.uncertainty)
+    return promise_of(doubtful, plan.q, plan.load, rows)
