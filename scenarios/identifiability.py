@@ -29,8 +29,8 @@ from testbench.studies.identifiability import words as identifiability_text
 from testbench.studies.identifiability.coverage import bent_table, coverage_table
 from testbench.trials import run_trials
 from testbench.views import tables
-from testbench.views.identifiability_report import to_dict
-from testbench.views.identifiability_text import sentences
+from testbench.views.identifiability.figure import shares
+from testbench.views.identifiability.report import seen_report
 from testbench.views.recording import write_sweep
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -64,12 +64,13 @@ def main(
     trials = partial(identifiability.trials, arm, scenario, study, time.perf_counter)
     cell = build_cell(arm)
     first = simulate(cell, scenario, seed)
-    seen = describe(cell.vjm, mgco68(cell.arm), first.identification, cad_prior(cell.arm), Strength(0.3))
+    found = describe(cell.vjm, mgco68(cell.arm), first.identification, cad_prior(cell.arm), Strength(0.3))
+    seen = seen_report(found)
     with files.whole_folder(out) as folder:
         done = run_trials(trials, roots, workers=workers)
         shown = track(done, "seeds", total=len(roots), console=console, transient=True)
         reports = [r for chunk in shown for r in chunk]
-        report = identifiability.summary(arm, scenario, first, reports) | {"seen": to_dict(seen)}
+        report = identifiability.summary(arm, scenario, first, reports) | {"seen": asdict(seen)}
         with console.status("coverage"):
             report["coverage"] = coverage_table(
                 SIX_DOF,
@@ -83,7 +84,7 @@ def main(
         files.write_json(report, folder / "report.json")
         (folder / "report.md").write_text(identifiability_text.markdown(report), encoding="utf-8")
         figures_identifiability.errors(report, folder / "identifiability.png")
-        figures_identifiability.shares(report["seen"], folder / "shares.png")
+        shares(seen).savefig(folder / "shares.png", dpi=120)
         parameters = scenario.model_dump(mode="json")
         write_sweep(folder / "recording.rrd", sweeps.identifiability(report, parameters))
         files.write_manifest(
@@ -98,7 +99,7 @@ def main(
     console.print(identifiability_text.table(report))
     console.print(identifiability_text.verdict(report))
     console.print(f"\nWhat the data of seed {seed} see of MGCO68:")
-    for sentence in sentences(seen):
+    for sentence in seen.sentences:
         console.print(f"- {sentence}")
     console.print()
     console.print(tables.where(out, figures=("identifiability.png", "shares.png")), soft_wrap=True)

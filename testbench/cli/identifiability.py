@@ -13,9 +13,9 @@ from testbench.errors import InputError
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import cad_prior
 from testbench.identify.regularised import Strength
-from testbench.studies.identifiability.figure import shares
-from testbench.views import identifiability_text
-from testbench.views.identifiability_report import to_dict
+from testbench.views import terminal
+from testbench.views.identifiability.figure import shares
+from testbench.views.identifiability.report import seen_report, table
 
 
 def command(
@@ -32,11 +32,11 @@ def command(
     [entry] = named_models(cell, [model])
     data = read_csv(dataset, cell.arm)
     strength = Strength(uncertainty_percent / 100)
-    seen = describe(cell.vjm, entry.structure, data, cad_prior(cell.arm), strength)
+    seen = seen_report(describe(cell.vjm, entry.structure, data, cad_prior(cell.arm), strength))
     console = Console(highlight=False)
-    console.print(identifiability_text.table(seen))
-    for sentence in identifiability_text.sentences(seen):
-        console.print(f"- {sentence}")
+    console.print(terminal.grid(table(seen)))
+    for sentence in seen.sentences:
+        console.print(f"- {sentence}", markup=False)
     if figure is not None:
-        shares(to_dict(seen), figure)
+        shares(seen).savefig(figure, dpi=120)
         console.print(f"figure     {figure}", soft_wrap=True)
