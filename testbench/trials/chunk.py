@@ -7,7 +7,7 @@ import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be l
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.trials.rows import Value, flatten
+from testbench.trials.rows import Flat, flatten
 
 Found = Sequence[object]
 Work = Callable[[Sequence[int]], Sequence[Found]]
@@ -31,7 +31,7 @@ class Chunk:
     """
 
     seeds: Sequence[int]
-    found: Sequence[Sequence[dict[str, Value]]]
+    found: Sequence[list[Flat]]
     problem: str = ""
 
 
@@ -57,7 +57,7 @@ def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
         return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
 
 
-def _flat(seeds: Sequence[int], results: Sequence[Found]) -> list[list[dict[str, Value]]]:
+def _flat(seeds: Sequence[int], results: Sequence[Found]) -> list[list[Flat]]:
     if len(results) != len(seeds):
         raise BenchError(f"expected rows for {len(seeds)} trials, got {len(results)}")
     wrong = {type(row).__name__ for rows in results for row in rows if not is_dataclass(row)}

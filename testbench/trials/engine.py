@@ -57,7 +57,6 @@ def _attempt(work: Work, store: TrialStore[Any], backend: Backend, size: int) ->
             store.append(chunk.seeds, chunk.found)
             done += len(chunk.seeds)
             yield done
-    store.flush()
 
 
 def _chunks(seeds: Iterator[int], size: int) -> Iterator[Sequence[int]]:

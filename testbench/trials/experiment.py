@@ -10,10 +10,9 @@ from typing import Any
 
 from testbench import files
 from testbench.errors import BenchError, InputError
+from testbench.trials.rows import LARGEST, SEED
 
 FORMAT = "testbench trials 2"
-LARGEST = 2**63
-"""Seeds lie below it: Parquet's integers have 64 bits."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Experiment:
             "format": FORMAT,
             "scenario": self.name,
             "sha256": hashlib.sha256(scenario.encode()).hexdigest(),
-            "seed": self.seeds[0],
+            SEED: self.seeds[0],
             "versions": numeric_versions(),
             "settings": json.loads(scenario),
         }
@@ -83,7 +82,7 @@ def check_header(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]
         "scenario": (found.get("scenario"), wanted["scenario"]),
         **_differences("", found.get("settings"), wanted["settings"]),
         "sha256 of the settings": (found.get("sha256"), wanted["sha256"]),
-        "root seed": (found.get("seed"), wanted["seed"]),
+        "root seed": (found.get(SEED), wanted[SEED]),
         **_differences("version of ", found.get("versions"), wanted["versions"]),
     }
     for name, (have, want) in pairs.items():

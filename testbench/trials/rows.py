@@ -14,6 +14,11 @@ from testbench.errors import BenchError
 R = TypeVar("R")
 Plain = float | int | str | bool | None
 Value = Plain | tuple[Plain, ...]
+Flat = dict[str, Value]
+"""A row by column."""
+SEED = "seed"
+LARGEST = 2**63
+"""Integers lie below it: Parquet's have 64 bits."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +52,8 @@ def columns(row: type, prefix: str = "") -> dict[str, Column]:
         nested = _nested(kinds)
         name = prefix + field
         found |= columns(nested, f"{name}.") if nested else {name: _column(name, kinds)}
-    if "seed" in found:
-        raise BenchError(f"{row.__name__}: expected columns with names other than 'seed'")
+    if SEED in found:
+        raise BenchError(f"{row.__name__}: expected columns with names other than {SEED!r}")
     return found
 
 
@@ -86,7 +91,7 @@ def _column(name: str, kinds: set[Any]) -> Column:
     return Column(plain.pop(), bool(several))
 
 
-def flatten(row: object, prefix: str = "") -> dict[str, Value]:
+def flatten(row: object, prefix: str = "") -> Flat:
     """Columns of a row: `check.rms_mm` is the field rms_mm of the field check.
 
     Args:
@@ -96,7 +101,7 @@ def flatten(row: object, prefix: str = "") -> dict[str, Value]:
     Raises:
         BenchError: When a field holds something else.
     """
-    found: dict[str, Value] = {}
+    found: Flat = {}
     kind: type = type(row)
     for field, kinds in _kinds(kind).items():
         name, value = prefix + field, getattr(row, field)
@@ -111,9 +116,30 @@ def flatten(row: object, prefix: str = "") -> dict[str, Value]:
     return found
 
 
+def check_types(row: Flat, table: Mapping[str, Column]) -> None:
+    """Check a row against its columns.
+
+    Raises:
+        BenchError: When it has others, or a value of another type, or an integer of more than 64 bits.
+    """
+    if row.keys() != table.keys():
+        differ = ", ".join(sorted(row.keys() ^ table.keys()))
+        raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
+    for name, value in row.items():
+        column = table[name]
+        fits = (float, int) if column.kind is float else (column.kind,)
+        for own in value if isinstance(value, tuple) else (value,):
+            if own is not None and (
+                type(own) not in fits or (type(own) is int and not -LARGEST <= own < LARGEST)
+            ):
+                raise BenchError(f"rows: {name}: expected {column.kind.__name__}, got {own!r:.80}")
+
+
 def _plain(name: str, value: object) -> Plain:
     plain = value.item() if isinstance(value, np.generic) else value
-    if plain is None or isinstance(plain, float | int | str):
+    if isinstance(plain, str):
+        return plain.encode(errors="replace").decode()  # half a character, as of a file's name, is no text
+    if plain is None or isinstance(plain, float | int):
         return plain
     raise BenchError(f"rows: {name}: expected a number, a word or None, got {type(plain).__name__}")
 

@@ -1,49 +1,59 @@
-"""The trial store: finished trials in `trials.parts` beside a run's results, whatever stops the run."""
+"""The trial store: finished trials in an SQLite file, committed as they come, whatever stops the run.
+
+SQLite is what makes a trial whole or absent after a kill, a crash or a full disk, keeps a second run out and
+gives trials back in the order of their seeds, however they came.
+"""
 
 import contextlib
-import fcntl
-import os
-import time
+import json
+import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from testbench.errors import BenchError, InputError
-from testbench.trials.experiment import Experiment
-from testbench.trials.rows import Value, restorer
+from testbench.trials.experiment import Experiment, check_header
+from testbench.trials.rows import Flat, check_types, columns, restorer
 
-if TYPE_CHECKING:  # Arrow takes 0.2 s to import, which no worker should spend
-    from testbench.trials.parts import Parts
-
-FOLDER, LOCK = "trials.parts", "lock"
-LATEST = 1.0
-"""Time after which a finished trial is on the disk, when trials come fast [s]."""
-SHARE = 20
-"""A part is written once that many times the time passed that the last one took."""
+FILE, WHOLE = "trials.sqlite", "trials.parquet"
+"""Trials of a run that is under way, and of one that has come to its end."""
+TABLES = (
+    "CREATE TABLE about (header TEXT)",
+    "INSERT INTO about VALUES ('{}')",
+    "CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT)",
+)
+FAULTS = {
+    "SQLITE_BUSY": "another run is writing it: wait for it or choose another folder",
+    "SQLITE_FULL": "cannot be written: the disk is full",
+    "SQLITE_IOERR": "cannot be written",
+    "SQLITE_CANTOPEN": "cannot be written",
+    "SQLITE_READONLY": "cannot be written",
+}
 
 R = TypeVar("R")
-Flat = Sequence[dict[str, Value]]
 
 
 class TrialStore(Generic[R]):
-    """The stored trials of an experiment: a byte a trial in memory, and a second of new ones.
-
-    Open one with `open_store`.
+    """The stored trials of an experiment: a byte a trial in memory. Open one with `open_store`.
 
     Args:
+        path: The file.
         experiment: What is tried.
         row: Dataclass of the rows.
-        parts: What is on the disk.
+        database: The file, locked.
     """
 
-    def __init__(self, experiment: Experiment, row: type[R], parts: "Parts") -> None:
+    def __init__(
+        self, path: Path, experiment: Experiment, row: type[R], database: sqlite3.Connection
+    ) -> None:
+        self.path = path
         self.experiment = experiment
         self.row = row
-        self.parts = parts
-        self._fresh: list[tuple[int, list[dict[str, Value]]]] = []
-        self._due = -float("inf")
+        self.columns = columns(row)
+        self.header = experiment.header
+        self.finished = False
+        self._database = database
         self._done = bytearray(len(experiment.seeds))
-        self._mark(parts.seeds(), True)
 
     @property
     def count(self) -> int:
@@ -56,14 +66,22 @@ class TrialStore(Generic[R]):
 
     def trials(self) -> Iterator[tuple[int, tuple[R, ...]]]:
         """Stored trials in the order of the seeds: seed, and its rows as they were returned."""
-        self.flush()
         restore = restorer(self.row)
-        for seed, rows in self.parts.trials():
-            if seed in self.experiment.seeds:
+        for seed, rows in self.flat():
+            try:
                 yield seed, tuple(map(restore, rows))
+            except BenchError as err:
+                raise InputError(self.path, f"seed {seed}", str(err)) from err
 
-    def append(self, seeds: Sequence[int], found: Sequence[Flat]) -> None:
-        """Add finished trials; within about a second they are on the disk.
+    def flat(self) -> Iterator[tuple[int, list[Flat]]]:
+        """Stored trials in the order of the seeds, one at a time in memory: seed and flat rows."""
+        query = "SELECT seed, rows FROM trials WHERE seed <= ? ORDER BY seed"
+        with _told(self.path):
+            for seed, rows in self._database.execute(query, (self.experiment.seeds[-1],)):
+                yield seed, json.loads(rows)
+
+    def append(self, seeds: Sequence[int], found: Iterable[list[Flat]]) -> None:
+        """Add finished trials; they are on the disk when this returns.
 
         Args:
             seeds: Of the trials, not stored yet.
@@ -71,61 +89,69 @@ class TrialStore(Generic[R]):
 
         Raises:
             BenchError: When rows are not of the store's type.
-            InputError: When they cannot be written; what was on the disk stays.
+            InputError: When the file cannot be written; it then holds what it held before.
         """
-        self._fresh += [(seed, list(rows)) for seed, rows in zip(seeds, found, strict=True)]
-        self._mark(seeds, True)
-        if time.monotonic() >= self._due:
-            self.flush()
+        self._insert(zip(seeds, found, strict=True))
+        self._mark(seeds)
 
-    def flush(self) -> None:
-        """Put on the disk what is not there yet; `append` says what it raises."""
-        if not self._fresh:
-            return
-        start = time.monotonic()
-        try:
-            self.parts.add(self._fresh)
-        except BenchError:
-            self._mark((seed for seed, _ in self._fresh), False)
-            self._fresh = []
-            raise
-        self._fresh = []
-        end = time.monotonic()
-        self._due = end + min(LATEST, SHARE * (end - start))
+    def load(self, *, resume: bool) -> None:
+        """Find the trials of a run that was stopped, or has come to its end.
 
-    def _mark(self, seeds: Iterable[int], done: bool) -> None:
+        Raises:
+            InputError: When they are of another experiment (resume) or would be replaced (no resume), or the
+                file is damaged.
+        """
+        with _told(self.path):
+            ((header,),) = self._database.execute("SELECT header FROM about")
+            ((held,),) = self._database.execute("SELECT count(*) FROM trials")
+            found = json.loads(header)
+        if held and not resume:
+            raise InputError(
+                self.path,
+                "",
+                f"holds {held} trials of a run that was stopped: --resume goes on with it; choose another "
+                "folder, or remove the file, to start afresh",
+            )
+        if held:
+            check_header(self.path, found, self.header)
+        elif resume and (whole := self.path.with_name(WHOLE)).exists():
+            from testbench.trials.parquet import read_trials
+
+            self._insert(read_trials(whole, self.header))
+        with _told(self.path), self._database:
+            self._database.execute("UPDATE about SET header = ?", (json.dumps(self.header),))
+            self._mark(seed for (seed,) in self._database.execute("SELECT seed FROM trials"))
+
+    def _insert(self, trials: Iterable[tuple[int, list[Flat]]]) -> None:
+        with _told(self.path), self._database as transaction:
+            lines = ((seed, json.dumps(self._checked(rows))) for seed, rows in trials)
+            transaction.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?)", lines)
+
+    def _checked(self, rows: list[Flat]) -> list[Flat]:
+        for row in rows:
+            check_types(row, self.columns)
+        return rows
+
+    def _mark(self, seeds: Iterable[int]) -> None:
         for seed in seeds:
             if seed in self.experiment.seeds:
-                self._done[seed - self.experiment.seeds[0]] = done
+                self._done[seed - self.experiment.seeds[0]] = 1
 
 
 def write_parquet(store: TrialStore[R], folder: Path) -> Path:
-    """Write `trials.parquet`: rows in the order of their seeds, the same bytes in whatever order they came.
+    """Write `trials.parquet`, the same bytes in whatever order the trials came; `parquet.write_trials`."""
+    from testbench.trials.parquet import write_trials  # Arrow takes 0.2 s, which no worker should spend
 
-    None becomes null; NaN stays NaN. The header of the experiment is the metadata "testbench".
-
-    Args:
-        store: The trials, all of them.
-        folder: Where to.
-
-    Returns:
-        The file.
-
-    Raises:
-        BenchError: When trials are missing.
-        InputError: When the file cannot be written; an earlier one then stands.
-    """
-    store.flush()
-    if store.count < len(store.experiment.seeds):
-        raise BenchError(f"trials: expected all {len(store.experiment.seeds)} stored, got {store.count}")
-    return store.parts.write_whole(folder, store.experiment.seeds)
+    write_trials(folder / WHOLE, store.header, store.columns, store.count, store.flat())
+    store.finished = store.count == len(store.experiment.seeds)
+    return folder / WHOLE
 
 
 @contextlib.contextmanager
 def open_store(
     folder: Path, experiment: Experiment, *, row: type[R], resume: bool
 ) -> Iterator[TrialStore[R]]:
-    """The trial store of a run's folder; its parts go once the block has ended well and left the whole file.
+    """The trial store of a run's folder; once the block has ended well `trials.parquet` takes its place.
 
     Args:
         folder: The run's; made where it does not exist.
@@ -137,73 +163,55 @@ def open_store(
         InputError: When another run writes it; when it cannot be written or is damaged; when it holds
             trials of something else (resume), or of a run that was stopped (no resume).
     """
-    from testbench.trials.parquet import Table
-    from testbench.trials.parts import Parts
-
-    parts = Parts(folder / FOLDER, Table.of(experiment.header, row))
-    with _locked(folder):
-        if resume:
-            parts.load()
-        else:
-            _refuse_unfinished(parts.folder)
-        store = TrialStore(experiment, row, parts)
-        try:
-            yield store
-        finally:
-            store.flush()
-        if store.count == len(experiment.seeds):
-            parts.clear(experiment.seeds)
-
-
-def _refuse_unfinished(folder: Path) -> None:
-    from testbench.trials.parquet import read_part
-
-    if held := sum(read_part(path).count for path in folder.glob("*.parquet")):
-        raise InputError(
-            folder,
-            "",
-            f"holds {held} trials of a run that was stopped: --resume goes on with it; choose another "
-            "folder, or remove this one, to start afresh",
-        )
-
-
-@contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """One run at a time; without a part it leaves nothing behind."""
-    fresh, parts = not folder.exists(), folder / FOLDER
-    lock = parts / LOCK
+    path, fresh = folder / FILE, not folder.exists()
     try:
-        parts.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
-        raise InputError(parts, "", f"cannot be written: {err.strerror}") from err
+        raise InputError(folder, "", f"cannot be written: {err.strerror}") from err
+    database = _locked(path)
     try:
-        _claim(lock, descriptor)
-        try:
-            yield
-        finally:
-            _tidy(parts)
+        store = TrialStore(path, experiment, row, database)
+        store.load(resume=resume)
+        yield store
+        if store.finished and path.with_name(WHOLE).exists():
+            path.unlink()
     finally:
-        os.close(descriptor)
+        with contextlib.suppress(sqlite3.Error):  # a damaged one stays
+            if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
+                path.unlink()
+        database.close()
         if fresh and not any(folder.iterdir()):
             folder.rmdir()
 
 
-def _claim(lock: Path, descriptor: int) -> None:
+def _locked(path: Path) -> sqlite3.Connection:
+    if path.exists() and not path.is_file():
+        raise InputError(path, "", "expected a file, got a folder or a device")
+    with _told(path):
+        database = sqlite3.connect(path, timeout=0)
+        try:
+            database.execute("PRAGMA locking_mode=EXCLUSIVE")
+            with database:
+                database.execute("BEGIN EXCLUSIVE")
+                if database.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
+                    for statement in TABLES:
+                        database.execute(statement)
+        except sqlite3.Error:
+            database.close()
+            raise
+    return database
+
+
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """What SQLite's failures mean."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        ours = lock.exists() and os.path.samestat(lock.stat(), os.fstat(descriptor))
-    except BlockingIOError:
-        ours = False
-    if not ours:  # locked, or removed by the one that had locked it
-        raise InputError(lock.parent, "", "another run is writing it: wait for it or choose another folder")
-
-
-def _tidy(parts: Path) -> None:
-    """Without a part nothing is left behind, unless it is not ours."""
-    for torn in parts.glob(".*.parquet.new"):  # of a run that was killed
-        torn.unlink()
-    if not any(parts.glob("*.parquet")):
-        (parts / LOCK).unlink()
-        with contextlib.suppress(OSError):
-            parts.rmdir()
+        yield
+    except (sqlite3.Error, ValueError) as err:
+        name = getattr(err, "sqlite_errorname", "")
+        for fault, words in FAULTS.items():
+            if name.startswith(fault):
+                raise InputError(path, "", words) from err
+        raise InputError(
+            path, "", f"expected a store of trials: {err}: it is damaged; move it away to start afresh"
+        ) from err
