@@ -10,7 +10,7 @@ from testbench.bench.campaign import Cell, build_cell
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.identify import Estimate, gco, reduce
-from testbench.identify.conic import SOLVER_TOLERANCE
+from testbench.identify.cone import TOLERANCE
 from testbench.identify.modelled import Entries, cvxpy, solve_modelled, vectorised
 from testbench.model.structure import Structure, all153
 from testbench.plant import settle_linear
@@ -25,7 +25,7 @@ SOLVER = "CLARABEL"
 AGREE = 1e-5
 """Relative difference of F_M that the two models may have."""
 DEFAULT: dict[str, float] = {}
-EQUAL = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), SOLVER_TOLERANCE)
+EQUAL = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), TOLERANCE)
 
 
 def full_pose_runs(arm: Cell, seed: int) -> Dataset:

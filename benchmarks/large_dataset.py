@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
-from testbench.identify import conic, gco, reduce
+from testbench.identify import gco, method, reduce
 from testbench.model.structure import Structure, mgco147
 from testbench.model.vjm import Vjm, build_vjm, observation
 
@@ -185,7 +185,7 @@ def solve_row(vjm: Vjm, structure: Structure, data: Dataset) -> Row:
     reduced = {part.runs: reduce(vjm, structure, part) for part in (few, data)}
 
     def solve(part: Dataset) -> None:
-        with patch.object(conic, "reduce", return_value=reduced[part.runs]):
+        with patch.object(method, "reduce", return_value=reduced[part.runs]):
             gco(vjm, structure, part)
 
     many_s, few_s = interleave(15, lambda: solve(data), lambda: solve(few))

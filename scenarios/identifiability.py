@@ -18,8 +18,7 @@ from testbench import files
 from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.identify.identifiability import describe
-from testbench.identify.prior import cad_prior
-from testbench.identify.regularised import Strength
+from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import mgco68
 from testbench.shell import command
 from testbench.studies import sweeps

@@ -13,7 +13,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_positions
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, Estimator, gco, least_squares
+from testbench.identify import Estimate, Estimator, Method, gco, least_squares
 from testbench.identify.evaluate import Normality, Score, normality, predict, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
@@ -84,7 +84,7 @@ class Model:
     Attributes:
         name: As in the paper, such as MGCO68.
         structure: The unknowns.
-        estimator: The method.
+        estimator: A `Method`, or a function of your own.
     """
 
     name: str
@@ -260,18 +260,18 @@ def settle_both(
     return settle(plant, q), settle(plant, q, wrench, point)
 
 
-def _template(cell: Cell, name: str) -> Structure:
-    return template56(cell.arm, name=name)
+def _mls32(cell: Cell) -> Structure:
+    return non_redundant(cell.vjm, template56(cell.arm), name="MLS32")
 
 
-MODELS: dict[str, Callable[[Cell], tuple[Structure, Estimator]]] = {
-    "MLS32": lambda cell: (non_redundant(cell.vjm, _template(cell, "MLS56"), name="MLS32"), least_squares),
-    "MLS56": lambda cell: (_template(cell, "MLS56"), least_squares),
-    "MGCO47": lambda cell: (mgco47(cell.arm), gco),
-    "MGCO56": lambda cell: (_template(cell, "MGCO56"), gco),
-    "MGCO68": lambda cell: (mgco68(cell.arm), gco),
-    "MGCO69": lambda cell: (mgco69(cell.arm), gco),
-    "MGCO147": lambda cell: (mgco147(cell.arm), gco),
+MODELS: dict[str, tuple[Callable[[Cell], Structure], Method]] = {
+    "MLS32": (_mls32, least_squares),
+    "MLS56": (lambda cell: template56(cell.arm, name="MLS56"), least_squares),
+    "MGCO47": (lambda cell: mgco47(cell.arm), gco),
+    "MGCO56": (lambda cell: template56(cell.arm), gco),
+    "MGCO68": (lambda cell: mgco68(cell.arm), gco),
+    "MGCO69": (lambda cell: mgco69(cell.arm), gco),
+    "MGCO147": (lambda cell: mgco147(cell.arm), gco),
 }
 """The paper's models by name: structure and method."""
 
@@ -292,7 +292,8 @@ def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
     for name in names:
         if name not in MODELS:
             raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
-    return [Model(name, *MODELS[name](cell)) for name in names]
+    found = [(name, *MODELS[name]) for name in names]
+    return [Model(name, structure(cell), method) for name, structure, method in found]
 
 
 def identify(

@@ -20,8 +20,8 @@ from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load, deflection_rows
 from testbench.design.specification import Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.prior import cad_prior, metric
-from testbench.identify.regularised import RANGE
+from testbench.identify.metric import metric
+from testbench.identify.prior import RANGE, cad_prior
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure
 from testbench.plant import Payload, build_site, contacts

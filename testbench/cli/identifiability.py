@@ -11,8 +11,7 @@ from testbench.cli.arguments import ArmName, Dataset
 from testbench.data.csvfile import read_csv
 from testbench.errors import InputError
 from testbench.identify.identifiability import describe
-from testbench.identify.prior import cad_prior
-from testbench.identify.regularised import Strength
+from testbench.identify.prior import Strength, cad_prior
 from testbench.views import terminal
 from testbench.views.identifiability.figure import shares
 from testbench.views.identifiability.report import seen_report, table

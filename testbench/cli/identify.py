@@ -1,7 +1,7 @@
 """testbench identify ARM DATA --out DIR: stiffness models from measured runs."""
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,16 +10,17 @@ import typer
 from rich.console import Console
 
 from testbench import files
-from testbench.bench.campaign import MODELS, build_cell, named_models
-from testbench.bench.fit import Wish, fit, recommend
+from testbench.bench.campaign import MODELS, Cell, Model, build_cell, named_models
+from testbench.bench.fit import recommend
 from testbench.cli.arguments import ArmName
 from testbench.cli.arguments import Dataset as File
 from testbench.data.csvfile import read_csv
 from testbench.data.dataset import Dataset, split
 from testbench.errors import BenchError, InputError
+from testbench.identify import robust, with_prior
 from testbench.identify.evaluate import predict, score
 from testbench.identify.plausibility import doubts
-from testbench.identify.prior import cad_prior
+from testbench.identify.prior import Strength, cad_prior
 from testbench.shell.options import takes
 from testbench.views import tables
 from testbench.views.report import fit_report
@@ -55,12 +56,7 @@ def command(asked: Options) -> None:
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
         raise BenchError("--uncertainty-percent: expected --prior with it")
-    uncertainty = None if asked.uncertainty_percent is None else asked.uncertainty_percent / 100
-    wish = Wish(cad_prior(cell.arm) if asked.prior else None, uncertainty, asked.robust)
-    every = [
-        name for name in MODELS if not (asked.prior and name == "MLS32")
-    ]  # a prior is one of whole blocks
-    chosen = named_models(cell, asked.model or every)
+    chosen = _models(cell, asked)
     data = read_csv(asked.dataset, cell.arm)
     if asked.full_pose and data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
@@ -69,13 +65,13 @@ def command(asked: Options) -> None:
     fits = []
     for entry in chosen:
         start = time.perf_counter()
-        estimate, rejected = fit(cell, entry, used, wish)
+        estimate = entry.estimator(cell.vjm, entry.structure, used)
         seconds = time.perf_counter() - start
         sets = {"identification": used} if check is None else {"identification": used, "check": check}
         scores = {
             k: score(predict(cell.vjm, estimate, d)[d.seen], d.deflection[d.seen]) for k, d in sets.items()
         }
-        outliers = [asdict(reading) for reading in rejected]
+        outliers = [asdict(reading) for reading in estimate.rejected]
         fits.append(fit_report(entry.name, estimate, scores, seconds, cell.arm) | {"rejected": outliers})
     with files.whole_folder(asked.out) as folder:
         whole = {"dataset": asked.dataset.name, "arm": cell.arm.name, "models": fits}
@@ -84,7 +80,7 @@ def command(asked: Options) -> None:
     for sentence in doubts(cell.vjm, data):
         console.print(f"- DOUBT: {sentence}")
     if len(chosen) > 1 and len(np.unique(used.pose)) > 1:
-        name, candidates = recommend(cell, chosen, used, wish)
+        name, candidates = recommend(cell, chosen, used)
         listed = ", ".join(f"{c.name} {c.error:.2f} +- {c.standard_error:.2f}" for c in candidates)
         console.print(
             f"- recommended: {name}, the simplest within one standard error of the best; F_M on poses and "
@@ -95,6 +91,19 @@ def command(asked: Options) -> None:
     for sentence in dict.fromkeys(text for row in fits for text in row["advice"]):
         console.print(f"- {sentence}")
     console.print(f"models     {asked.out / 'models.json'}", soft_wrap=True)
+
+
+def _models(cell: Cell, asked: Options) -> list[Model]:
+    """The models that were asked for, or all that the method can fit."""
+    models = named_models(cell, asked.model or tuple(MODELS))
+    if asked.prior:
+        filled, percent = cad_prior(cell.arm), asked.uncertainty_percent
+        strength = None if percent is None else Strength(percent / 100)
+        kept = [m for m in models if asked.model or m.structure.whole]
+        models = [replace(m, estimator=with_prior(m.estimator, filled, strength)) for m in kept]
+    if asked.robust:
+        models = [replace(m, estimator=robust(m.estimator)) for m in models]
+    return models
 
 
 def _held_back(data: Dataset, check_pose: list[int] | None) -> tuple[Dataset | None, Dataset]:

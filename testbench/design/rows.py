@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, BenchError
-from testbench.identify.prior import Metric
+from testbench.identify.metric import Metric, precision_root
+from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE, marker_motion
-from testbench.identify.regularised import Strength, precision_root
 from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
 
 Ids = npt.NDArray[np.int_]

@@ -1,12 +1,12 @@
 """Identification: least squares and GCO, one call shape (vjm, structure, dataset) -> Estimate."""
 
 from testbench.identify.certify import certify
-from testbench.identify.conic import gco
 from testbench.identify.estimate import Certificate, Constraint, Estimate, Estimator, make_estimate
-from testbench.identify.factorised import gco_factorised
-from testbench.identify.least_squares import least_squares
+from testbench.identify.factorised import LocalSolves
+from testbench.identify.intervals import intervals
+from testbench.identify.method import Method, gco, least_squares, robust, with_prior
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.search import Budget, gco_paper
+from testbench.identify.search import Budget
 
 __all__ = [
     "Budget",
@@ -14,12 +14,15 @@ __all__ = [
     "Constraint",
     "Estimate",
     "Estimator",
+    "LocalSolves",
+    "Method",
     "Regression",
     "certify",
     "gco",
-    "gco_factorised",
-    "gco_paper",
+    "intervals",
     "least_squares",
     "make_estimate",
     "reduce",
+    "robust",
+    "with_prior",
 ]

@@ -5,20 +5,16 @@ sets are one (Theorem 1). Solved by Clarabel's interior-point method in scaled u
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import clarabel
 import numpy as np
-import numpy.typing as npt
-from scipy import sparse
 
-from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
+from testbench.errors import Array
+from testbench.identify import cone
 from testbench.identify.certify import bound_gap, scaled_units, total_trace
-from testbench.identify.estimate import Dual, Estimate, make_estimate
-from testbench.identify.regression import Regression, f_m, reduce
+from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
+from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm
 
 TRACE_WEIGHT = 1e-8
 """Weight of the trace beside F_M, both as shares of what the data span.
@@ -28,9 +24,6 @@ grows without end, there is no such model, and the weight decides where to stop:
 """
 PENALTY_TOLD = 1e-4
 """Share of F_M that the trace term may cost before the advice tells of it."""
-HELD = "only the trace weight holds unseen compliance, which fits a little better as it grows"
-SOLVER_TOLERANCE = 1e-10
-"""Feasibility and gap asked of Clarabel, in units where the data are of order one."""
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
 DATA_TOLERANCE = 1e-7
@@ -55,14 +48,14 @@ class Program:
         trace_weight: Weight of the total trace in scaled units beside F_M [N m/rad].
     """
 
-    columns: npt.NDArray[np.int_]
+    columns: Ids
     structure: Structure
     unit: float
     scale: Array
     trace_weight: float
 
 
-def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+def optimum(regression: Regression) -> Estimate:
     """GCO to global optimality: minimise F_M, Eq. (19), over conservative compliances.
 
     The data rarely see all of C: then the optimum is not unique, or is only approached as an unseen entry
@@ -70,19 +63,7 @@ def gco(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     that fit alike it takes the one of least trace. The certificate bounds the gap of F_M itself.
 
     Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
-
-    Raises:
-        BenchError: When the dataset is empty or names a marker that the arm lacks, or the structure is not
-            symmetric.
-    """
-    return optimum(reduce(vjm, structure, data))
-
-
-def optimum(regression: Regression) -> Estimate:
-    """The conservative model of least F_M on a reduced dataset, as in `gco`.
+        regression: The reduced dataset.
 
     Raises:
         BenchError: When the structure is not symmetric.
@@ -93,49 +74,51 @@ def optimum(regression: Regression) -> Estimate:
     solution = _solve(regression, program)
     terms = len(regression.terms)
     pi = np.zeros(structure.n)
-    pi[program.columns] = program.scale * _project(program.structure, np.array(solution.x)[terms:])
-    z = np.array(solution.z)[: terms * (structure.n + 2)].reshape(terms, -1)
-    dual = Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0])
-    certificate = bound_gap(regression, pi, dual)
-    t = certificate.trace_bounds
-    reached = bound_gap(regression, pi, dual, t, trace_weight=program.trace_weight).gap
-    cost = f_m(regression, pi)
-    exact = cost <= EXACT * program.unit  # and F_M cannot be negative
-    solved = exact or reached <= GAP_TOLERANCE * cost + DATA_TOLERANCE * program.unit
-    advice: tuple[str, ...] = ()
-    if regression.rank < structure.n:
-        advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
-    held = not exact and bool(program.trace_weight * total_trace(structure, pi) > PENALTY_TOLD * cost)
-    if held:
-        advice += (f"{structure.name}: {HELD}; predictions away from the measured poses hang on it",)
-    return make_estimate(
-        regression,
-        pi,
-        method="GCO (conic program)",
-        status="solved" if solved else f"not solved: Clarabel says {solution.status}",
+    pi[program.columns] = program.scale * clip(program.structure, solution.x[terms:])
+    z = np.array(solution.duals[:terms])
+    certificate = bound_gap(regression, pi, Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0]))
+    exact = f_m(regression, pi) <= EXACT * program.unit  # and F_M cannot be negative
+    solved = exact or _reached(regression, program, pi, certificate)
+    held = not exact and _held(regression, program, pi)
+    estimate = make_estimate(
+        regression, pi, method="GCO (conic program)", constraint="psd", advice=_advice(regression, held)
+    )
+    return replace(
+        estimate,
+        status="solved" if solved else solution.failure,
         certificate=certificate,
-        solver_seconds=solution.solve_time,
-        advice=advice,
-        constraint="psd",
+        solver_seconds=solution.seconds,
         held_by_trace_weight=held,
     )
 
 
-def check_symmetric(structure: Structure) -> None:
-    """Refuse a structure that no Gramian has.
+def _reached(regression: Regression, program: Program, pi: Array, certificate: Certificate) -> bool:
+    """Whether F_M + trace term is proven to be as close to its optimum as asked."""
+    t, weight = certificate.trace_bounds, program.trace_weight
+    gap = bound_gap(regression, pi, certificate.dual, t, trace_weight=weight).gap
+    return gap <= GAP_TOLERANCE * f_m(regression, pi) + DATA_TOLERANCE * program.unit
 
-    Raises:
-        BenchError: When it leaves the symmetry open.
-    """
-    if not structure.symmetric:
-        raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
+
+def _held(regression: Regression, program: Program, pi: Array) -> bool:
+    """Whether the trace term costs so much that only its weight holds unseen compliance."""
+    cost = program.trace_weight * total_trace(regression.structure, pi)
+    return bool(cost > PENALTY_TOLD * f_m(regression, pi))  # which JSON can write
+
+
+def _advice(regression: Regression, held: bool) -> tuple[str, ...]:
+    advice: tuple[str, ...] = ()
+    if regression.rank < regression.structure.n:
+        advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
+    if held:
+        advice += (
+            f"{regression.structure.name}: only the trace weight holds unseen compliance, which fits a "
+            "little better as it grows; predictions away from the measured poses hang on it",
+        )
+    return advice
 
 
 def scale_program(regression: Regression) -> Program:
     """Units in which data and parameters are of order one.
-
-    C = d X d^T with d^-2 the F_M that a unit of each diagonal entry causes: a congruence, so that X is
-    positive semi-definite where C is.
 
     Args:
         regression: The reduced dataset.
@@ -145,71 +128,75 @@ def scale_program(regression: Regression) -> Program:
     seen = [block for block in s.blocks if np.isin(s.a[touched], block).any()]
     columns = np.flatnonzero(np.isin(s.a, np.concatenate([[-1], *seen])))
     kept = s.keep(columns, s.name)
-    largest = weight.max() or 1.0
-    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * largest))
     unit = f_m(regression, np.zeros(s.n)) or 1.0
-    return Program(columns, kept, unit, unit * d[kept.a] * d[kept.b], TRACE_WEIGHT * largest)
+    scale = sensitivity_units(regression, unit)[columns]
+    return Program(columns, kept, unit, scale, TRACE_WEIGHT * (weight.max() or 1.0))
 
 
-def _solve(regression: Regression, program: Program) -> clarabel.DefaultSolution:
-    """Minimise sum t + trace term, |(R x - z, sqrt(rest))| <= t, every block positive semi-definite."""
-    s, terms = program.structure, regression.terms
-    A: list[Array] = []
-    b: list[Array] = []
-    cones: list[object] = []
-    for k, term in enumerate(terms):
-        rows = np.zeros((len(term.z) + 2, len(terms) + s.n))
-        rows[0, k] = -1
-        rows[1:-1, len(terms) :] = term.R[:, program.columns] * (program.scale / program.unit)
-        A.append(rows)
-        b.append(np.r_[0.0, term.z, math.sqrt(term.rest)] / program.unit)
-        cones.append(clarabel.SecondOrderConeT(len(rows)))
-    for block in s.blocks:
-        rows = _svec_rows(s, block)
-        A.append(np.hstack([np.zeros((len(rows), len(terms))), -rows]))
-        b.append(np.zeros(len(rows)))
-        cones.append(clarabel.PSDTriangleConeT(len(block)))
+def sensitivity_units(regression: Regression, unit: float = 1.0) -> Array:
+    """Units of pi in which its parameters move F_M alike, by this unit of F_M, (n,): C = unit d X d^T.
+
+    d^-2 is the F_M that a unit of each diagonal entry causes: a congruence, so that X is positive
+    semi-definite where C is.
+    """
+    s, weight = regression.structure, regression.weight
+    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)))
+    return np.asarray(unit * d[s.a] * d[s.b])
+
+
+def trace_cost(program: Program) -> Array:
+    """Trace term per unit of x, in the program's unit of F_M, (k,)."""
+    s = program.structure
     trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
-    cost = np.r_[np.ones(len(terms)), program.trace_weight * trace / program.unit]
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((len(cost), len(cost))),
-        cost,
-        sparse.csc_matrix(np.vstack(A)),
-        np.concatenate(b),
-        cones,
-        solver_settings(),
+    return np.asarray(program.trace_weight * trace / program.unit)
+
+
+def f_m_norms(terms: tuple[Term, ...], rows: list[Array], unit: float) -> tuple[cone.Rows, ...]:
+    """|(R x - z, sqrt(rest))| <= t_k for every term of F_M; the unknowns are all t_k, then x.
+
+    Args:
+        terms: Of F_M.
+        rows: R of each in units of x over that of F_M, (n, k).
+        unit: That of F_M.
+    """
+    count = len(terms)
+    found = []
+    for k, (term, R) in enumerate(zip(terms, rows, strict=True)):
+        A = np.zeros((len(R) + 1, count + R.shape[1]))
+        A[:-1, count:] = R
+        found.append(cone.norm_below(k, A, np.r_[term.z, math.sqrt(term.rest)] / unit))
+    return tuple(found)
+
+
+def clip(s: Structure, x: Array) -> Array:
+    """Parameters with every block's negative eigenvalues set to zero."""
+    X = s.matrix(x)
+    for block in s.blocks:
+        i = np.ix_(block, block)
+        X[i] = cone.psd_part(X[i])
+    return s.entries(X)
+
+
+def _solve(regression: Regression, program: Program) -> cone.Solution:
+    """Minimise sum t + trace term, every block positive semi-definite."""
+    s, terms = program.structure, regression.terms
+    count = len(terms)
+    rows = [term.R[:, program.columns] * (program.scale / program.unit) for term in terms]
+    return cone.solve(
+        cone.Problem(
+            cost=np.r_[np.ones(count), trace_cost(program)],
+            blocks=(cone.free_block(0, count), *(_block(s, block, count) for block in s.blocks)),
+            rows=f_m_norms(terms, rows, program.unit),
+        )
     )
-    return solver.solve()
 
 
-def solver_settings() -> clarabel.DefaultSettings:
-    """Clarabel as every conic program of ours calls it: one thread, tight tolerances."""
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
-    return settings
-
-
-def _svec_rows(s: Structure, block: npt.NDArray[np.int_]) -> Array:
-    """Rows that take parameters to the upper triangle of a block, by column, off-diagonals * sqrt 2."""
+def _block(s: Structure, block: Ids, first: int) -> cone.Block:
+    """The unknown entries of a block of C_theta; the others are zero."""
     position = np.full(s.n_theta, -1)
     position[block] = np.arange(len(block))
     k = np.flatnonzero(position[s.a] >= 0)
     i, j = np.sort([position[s.a[k]], position[s.b[k]]], axis=0)
-    value = np.where(i == j, 1.0, math.sqrt(2))
-    size = len(block) * (len(block) + 1) // 2
-    rows = np.zeros((size, s.n))
-    rows[j * (j + 1) // 2 + i, k] = value
-    return rows
-
-
-def _project(s: Structure, x: Array) -> Array:
-    """Scaled parameters with every block's negative eigenvalues, the solver's last digits, set to zero."""
-    X = s.matrix(x)
-    for block in s.blocks:
-        i = np.ix_(block, block)
-        values, Q = np.linalg.eigh(X[i])
-        X[i] = (Q * np.maximum(values, 0)) @ Q.T
-    return s.entries(X)
+    svec = np.zeros((cone.triangle(len(block)), len(k)))
+    svec[j * (j + 1) // 2 + i, np.arange(len(k))] = np.where(i == j, 1.0, math.sqrt(2))
+    return cone.Block(first + k, len(block), svec)

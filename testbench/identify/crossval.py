@@ -13,9 +13,9 @@ import numpy as np
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
-from testbench.identify.prior import Metric, Prior, metric, rescaled
+from testbench.identify.metric import Metric
+from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m, reduce
-from testbench.identify.regularised import Strength
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -34,10 +34,12 @@ class Fold:
     """The runs outside and inside the poses that are held out.
 
     Attributes:
-        fitted: Of the other poses.
-        held_out: Of these.
+        runs: The runs of the other poses.
+        fitted: The same, reduced.
+        held_out: Those of the poses held out, reduced.
     """
 
+    runs: Dataset
     fitted: Regression
     held_out: Regression
 
@@ -117,7 +119,8 @@ def every_fold(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS
 
 
 def _fold(vjm: Vjm, structure: Structure, data: Dataset, held_out: Mask) -> Fold:
-    return Fold(*(reduce(vjm, structure, select(data, mask)) for mask in (~held_out, held_out)))
+    runs = select(data, ~held_out)
+    return Fold(runs, reduce(vjm, structure, runs), reduce(vjm, structure, select(data, held_out)))
 
 
 def held_out_errors(folds: Sequence[Fold], fit: Fit) -> Array:
@@ -136,50 +139,16 @@ def choose_strength(
         fit: The method that will use it.
         uncertainties: What to try [1].
     """
-    tried = [
-        Candidate(
-            f"uncertainty {100 * u:g} %",
-            held_out_errors(folds, partial(_call, fit, metric, Strength(u))),
-        )
-        for u in uncertainties
-    ]
+    tried = []
+    for u in uncertainties:
+        errors = held_out_errors(folds, partial(_at, fit, metric, Strength(u)))
+        tried.append(Candidate(f"uncertainty {100 * u:g} %", errors))
     best = int(np.argmin([candidate.error for candidate in tried]))
     return Strength(uncertainties[best]), tried
 
 
-def _call(fit: Regularised, metric: Metric, strength: Strength, regression: Regression) -> Estimate:
+def _at(fit: Regularised, metric: Metric, strength: Strength, regression: Regression) -> Estimate:
     return fit(regression, metric, strength)
-
-
-def with_prior(
-    vjm: Vjm,
-    structure: Structure,
-    data: Dataset,
-    *,
-    prior: Prior,
-    fit: Regularised,
-    strength: Strength | None = None,
-    folds: int = FOLDS,
-) -> Estimate:
-    """An estimator with a prior: its scale from the data, its strength given or chosen by cross-validation.
-
-    Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
-        prior: Expected compliances.
-        fit: The method, such as `gco_with`.
-        strength: How firmly to believe the prior; None to choose.
-        folds: Folds of the cross-validation; no more than there are poses.
-
-    Raises:
-        BenchError: When the dataset is empty, the prior does not fit the arm, or there is only one pose.
-    """
-    whole = reduce(vjm, structure, data)
-    chosen = rescaled(metric(prior, vjm, structure), whole)
-    if strength is None:
-        strength, _ = choose_strength(every_fold(vjm, structure, data, folds), chosen, fit)
-    return fit(whole, chosen, strength)
 
 
 def one_standard_error(candidates: Mapping[str, tuple[int, Array]]) -> str:

@@ -1,7 +1,7 @@
 """An identified model, and what can be said of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, check_array
+from testbench.identify.metric import Belief
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -20,6 +21,8 @@ CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
 
 
+TOOL = "orientation"
+"""Stands in for the marker where the tool's orientation was read."""
 MISFIT = 2.0
 """F_M over its floor beyond which noise is no explanation."""
 
@@ -57,6 +60,24 @@ class Certificate:
 
 
 @dataclass(frozen=True)
+class Rejected:
+    """A reading that the estimate does without.
+
+    Attributes:
+        run: Identifier of its run.
+        marker: Name of its marker, or `TOOL`.
+        residual: Distance of the reading from the estimate's prediction [m, or rad for an orientation]; the
+            estimate is not the model that rejected it, so a few are below the limit.
+        sigmas: The same in standard deviations of a deflection, sqrt(2) sigma [1].
+    """
+
+    run: int
+    marker: str
+    residual: float
+    sigmas: float
+
+
+@dataclass(frozen=True)
 class Estimate:
     """A stiffness model identified from a dataset.
 
@@ -70,13 +91,15 @@ class Estimate:
         conservative: Whether every block is positive semi-definite.
         eigenvalues: Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one array
             a block.
-        status: "solved", or what went wrong.
+        status: "solved", or what went wrong, or "not certified" where nobody knows.
         certificate: Distance from the optimum; None where none was computed (least squares).
         solver_seconds: Time inside the numerical solver, as it reports it; 0 where it does not.
         advice: Sentences for a person: what the data cannot see, what filled it.
         constraint: What the method asked of the blocks.
         held_by_trace_weight: Whether only the trace weight of GCO holds unseen compliance, which fits a
             little better as it grows.
+        belief: The prior that counted as data; None for none.
+        rejected: Readings that the estimate does without, in the order of the dataset.
     """
 
     method: str
@@ -87,12 +110,14 @@ class Estimate:
     f_m_floor: float
     conservative: bool
     eigenvalues: tuple[Array, ...]
-    status: str
+    status: str = "not certified"
     certificate: Certificate | None = None
     solver_seconds: float = 0.0
-    advice: tuple[str, ...] = field(default=())
+    advice: tuple[str, ...] = ()
     constraint: Constraint = "none"
     held_by_trace_weight: bool = False
+    belief: Belief | None = None
+    rejected: tuple[Rejected, ...] = ()
 
     @property
     def structure(self) -> Structure:
@@ -114,25 +139,17 @@ def make_estimate(
     pi: Array,
     *,
     method: str,
-    status: str = "not certified",
-    certificate: Certificate | None = None,
-    solver_seconds: float = 0.0,
-    advice: tuple[str, ...] = (),
     constraint: Constraint = "none",
-    held_by_trace_weight: bool = False,
+    advice: tuple[str, ...] = (),
 ) -> Estimate:
-    """Judge a parameter vector: the last line of every estimator.
+    """Judge a parameter vector: the last line of every estimator; what else is known, `replace` adds.
 
     Args:
         regression: The reduced dataset.
         pi: Parameters, (n,).
         method: Name of the method, for reports.
-        status: "solved" where that is known, or what went wrong.
-        certificate: Distance from the optimum, where it was computed.
-        solver_seconds: Time inside the numerical solver.
-        advice: Sentences for a person.
         constraint: What the method asked of the blocks.
-        held_by_trace_weight: Whether only the trace weight holds unseen compliance.
+        advice: Sentences for a person.
 
     Raises:
         BenchError: When pi has another shape or is not finite.
@@ -149,12 +166,8 @@ def make_estimate(
         f_m_floor=regression.f_m_floor,
         conservative=all(is_conservative(block) for block in blocks),
         eigenvalues=tuple(np.asarray(np.linalg.eigvalsh((C + C.T) / 2)) for C in blocks),
-        status=status,
-        certificate=certificate,
-        solver_seconds=solver_seconds,
         advice=(*_rank_advice(regression), *_fit_advice(regression, pi), *advice),
         constraint=constraint,
-        held_by_trace_weight=held_by_trace_weight,
     )
 
 

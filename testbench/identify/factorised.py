@@ -17,9 +17,9 @@ from scipy.optimize import minimize
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify
-from testbench.identify.conic import DATA_TOLERANCE, Program, check_symmetric, scale_program
+from testbench.identify.conic import DATA_TOLERANCE, Program, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.regression import Regression, Term, reduce
+from testbench.identify.regression import Regression, Term, check_symmetric, reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -179,36 +179,19 @@ def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
     return FIRST_STEP * rng.standard_normal(problem.size)
 
 
-def local_solve(
-    problem: Factorised, start: Array, *, threshold: float = 0.0, observe: Observe | None = None
-) -> tuple[Array, float]:
-    """The b that is best near a start, by L-BFGS on the analytic gradient, and its F_M.
-
-    Args:
-        problem: The problem.
-        start: Where to begin, (size,).
-        threshold: F_M at which to stop early.
-        observe: Told of every least F_M.
-    """
-    found = descend(problem, start, threshold=threshold, observe=observe)
-    return found.b, found.f_m
-
-
 def descend(
     problem: Factorised,
     start: Array,
     *,
     evaluate: Evaluate = cost,
-    threshold: float = 0.0,
     observe: Observe | None = None,
 ) -> Descent:
-    """A local solve, as `local_solve`, and what it took.
+    """The b that is best near a start, by L-BFGS on the gradient.
 
     Args:
         problem: The problem.
         start: Where to begin, (size,).
         evaluate: F_M and its gradient.
-        threshold: F_M at which to stop early.
         observe: Told of every least F_M.
     """
     best, least = start, np.inf
@@ -222,60 +205,54 @@ def descend(
                 observe(value)
         return value, gradient
 
-    def stop(_: Array) -> None:
-        if least <= threshold:
-            raise StopIteration
-
     options = {"maxcor": MEMORY, "maxiter": MAX_STEPS, "maxfun": MAX_STEPS, "ftol": TOLERANCE, "gtol": FLAT}
     solver: Any = minimize  # its stubs know no cost that comes with its gradient
-    end = solver(watched, start, jac=True, method="L-BFGS-B", callback=stop, options=options)
+    end = solver(watched, start, jac=True, method="L-BFGS-B", options=options)
     return Descent(best, least, int(end.nfev), end.status != OUT_OF_STEPS)
 
 
-def gco_factorised(
-    vjm: Vjm,
-    structure: Structure,
-    data: Dataset,
-    *,
-    rng: np.random.Generator,
-    m: int = LARGEST_ORDER,
-    starts: int = 1,
-) -> Estimate:
+@dataclass(frozen=True)
+class LocalSolves:
     """GCO by local solves of Eq. (19) over b from random starts; the best of them.
 
     For m = 6 a point where no direction of b goes down, to second order, is global (Journee, Bach, Absil,
     Sepulchre 2010): the certificate, made from the solution's own gradient, shows it. For m < 6 the rank of
     every compliance is capped and the certificate, which knows of no cap, tells what the cap costs.
 
-    Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
+    Attributes:
         rng: Source of the starts.
         m: Order of the vector space, 1 to 6.
         starts: Number of local solves.
-
-    Raises:
-        BenchError: When m is not 1 to 6, starts is below 1, the dataset is empty or names a marker that the
-            arm lacks, or the structure is not symmetric.
     """
-    return best_of(factorise(reduce(vjm, structure, data), m), rng, starts=starts)
+
+    rng: np.random.Generator
+    m: int = LARGEST_ORDER
+    starts: int = 1
+
+    def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        """Identify a structure from a dataset.
+
+        Raises:
+            BenchError: When m is not 1 to 6, starts is below 1, the dataset is empty or names a marker that
+                the arm lacks, or the structure is not symmetric.
+        """
+        return best_of(factorise(reduce(vjm, structure, data), self.m), self.rng, starts=self.starts)
 
 
-def best_of(
-    problem: Factorised, rng: np.random.Generator, *, starts: int, observe: Observe | None = None
-) -> Estimate:
-    """The best of several local solves, as in `gco_factorised`; `observe` is told of every least F_M of all.
+def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Estimate:
+    """The best of several local solves, certified by its own gradient.
 
     Raises:
         BenchError: When starts is below 1.
     """
-    found = descents(problem, rng, starts=starts, observe=observe)
+    found = descents(problem, rng, starts=starts)
     best = min(found, key=lambda descent: descent.f_m)
-    pi = parameters(problem, best.b)
     word = "one local solve" if starts == 1 else f"best of {starts} local solves"
     estimate = make_estimate(
-        problem.regression, pi, method=f"GCO (factorised, m = {problem.m}, {word})", constraint="psd"
+        problem.regression,
+        parameters(problem, best.b),
+        method=f"GCO (factorised, m = {problem.m}, {word})",
+        constraint="psd",
     )
     certificate = certify(estimate)
     if certificate.gap <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.unit:

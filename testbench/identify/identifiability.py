@@ -12,7 +12,6 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.conic import check_symmetric
 from testbench.identify.identifiability_help import (
     Proposal,
     expected_error,
@@ -31,10 +30,10 @@ from testbench.identify.identifiability_unseen import (
     null_space,
     whereabouts,
 )
-from testbench.identify.prior import Metric, Prior, aggregate, metric, whitened
+from testbench.identify.metric import Metric, metric, precision_root, whitened
+from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.reduction import generic_rows
-from testbench.identify.regression import marker_motion, marker_points, reduce
-from testbench.identify.regularised import Strength, precision_root
+from testbench.identify.regression import check_symmetric, marker_motion, marker_points, reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 

@@ -9,7 +9,7 @@ from scipy.linalg import solve_triangular
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.prior import Metric, whitened
+from testbench.identify.metric import Metric, whitened
 from testbench.identify.regression import Regression, marker_points, rank, reduce
 from testbench.model.vjm import Vjm, observation
 

@@ -1,39 +1,28 @@
 """Weighted least squares, Eq. (14)-(15), by SVD of the reduced rows; never by an inverse."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce
-from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm
+from testbench.identify.regression import RANK_TOLERANCE, Regression
 
 
-def least_squares(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+def minimum_norm(regression: Regression) -> Estimate:
     """Weighted least squares, Eq. (14)-(15); of minimum norm where the data leave directions free.
 
     Positions and rotations are weighted by the inverse of their sigma. The norm is that of the parameters in
     units in which each column of the observation matrix has length one.
 
     Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
-
-    Raises:
-        BenchError: When the dataset is empty or names a marker that the arm lacks.
+        regression: The reduced dataset.
     """
-    return minimum_norm(reduce(vjm, structure, data))
-
-
-def minimum_norm(regression: Regression) -> Estimate:
-    """Weighted least squares on a reduced dataset, as in `least_squares`."""
     advice: tuple[str, ...] = ()
     if regression.rank < regression.structure.n:
         advice = ("least squares filled the free directions with the solution of minimum norm",)
     pi = solve(regression)
-    return make_estimate(regression, pi, method="least squares", status="solved", advice=advice)
+    return replace(make_estimate(regression, pi, method="least squares", advice=advice), status="solved")
 
 
 def solve(regression: Regression) -> Array:
@@ -46,12 +35,3 @@ def solve(regression: Regression) -> Array:
     pi = np.zeros(regression.structure.n)
     pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y[:, 0], rcond=RANK_TOLERANCE)[0] / scale
     return pi
-
-
-def information_matrix(regression: Regression) -> Array:
-    """Information matrix of Eq. (15), sum of A^T eta^T eta A, for reports; never inverted here.
-
-    Returns:
-        (n, n) in inverse squared units of pi.
-    """
-    return np.asarray(sum(t.equations / 3 * t.R.T @ t.R for t in regression.terms))

@@ -6,6 +6,7 @@ cvxpy is no dependency of the package: it is imported where it is used, and its 
 import importlib
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,11 @@ import numpy.typing as npt
 from scipy import sparse
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
-from testbench.identify.certify import scaled_units
-from testbench.identify.conic import check_symmetric, scale_program
+from testbench.errors import BenchError
+from testbench.identify.cone import psd_part
+from testbench.identify.conic import scale_program, trace_cost
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
-from testbench.identify.regression import Regression, reduce
+from testbench.identify.regression import Regression, check_symmetric, reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -93,8 +94,7 @@ def solve_modelled(
     s = program.structure
     blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
     x = entries(s, blocks)
-    trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
-    cost = program.trace_weight / program.unit * (trace @ x)
+    cost = trace_cost(program) @ x
     for term in regression.terms:
         R = term.R[:, program.columns] * (program.scale / program.unit)
         rest = np.sqrt(term.rest) / program.unit
@@ -104,22 +104,13 @@ def solve_modelled(
         warnings.filterwarnings("ignore", "Solution may be inaccurate")  # the status tells
         problem.solve(solver=solver, **settings)
     pi = np.zeros(regression.structure.n)
-    pi[program.columns] = program.scale * s.entries(_conservative(s, [X.value for X in blocks]))
-    word = str(problem.status)
-    return make_estimate(
-        regression,
-        pi,
-        method=f"GCO (conic program, cvxpy with {solver})",
-        status="not certified" if word == "optimal" else f"not solved: {solver} says {word}",
-        solver_seconds=float(problem.solver_stats.solve_time),
-        constraint="psd",
-    )
-
-
-def _conservative(s: Structure, blocks: list[Array]) -> Array:
-    """C_theta of solved blocks, their negative eigenvalues, the solver's last digits, set to zero."""
     C = np.zeros((s.n_theta, s.n_theta))
     for i, X in zip(s.blocks, blocks, strict=True):
-        values, Q = np.linalg.eigh((X + X.T) / 2)
-        C[np.ix_(i, i)] = (Q * np.maximum(values, 0)) @ Q.T
-    return C
+        C[np.ix_(i, i)] = psd_part((X.value + X.value.T) / 2)
+    pi[program.columns] = program.scale * s.entries(C)
+    method, word = f"GCO (conic program, cvxpy with {solver})", str(problem.status)
+    return replace(
+        make_estimate(regression, pi, method=method, constraint="psd"),
+        status="not certified" if word == "optimal" else f"not solved: {solver} says {word}",
+        solver_seconds=float(problem.solver_stats.solve_time),
+    )

@@ -8,12 +8,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg.lapack import dtpqrt
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
+
+Ids = npt.NDArray[np.int_]
 
 BLOCK_RUNS = 384
 """Runs reduced at a time: long enough for LAPACK, short enough for the cache."""
@@ -127,6 +130,16 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
     )
 
 
+def check_symmetric(structure: Structure) -> None:
+    """Refuse a structure that no Gramian has.
+
+    Raises:
+        BenchError: When it leaves the symmetry open.
+    """
+    if not structure.symmetric:
+        raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
+
+
 def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: bool) -> Term:
     """Fold block after block of runs into the triangular factor of [A | y].
 
@@ -237,19 +250,9 @@ def f_m(regression: Regression, pi: Array) -> float:
     Returns:
         Sum of the terms' RMS over sqrt(2) sigma [1].
     """
-    return float(sum(_rms(term, pi)[0] for term in regression.terms))
+    return float(sum(_rms(term, pi) for term in regression.terms))
 
 
-def f_m_gradient(regression: Regression, pi: Array) -> Array:
-    """Gradient of F_M with respect to pi, (n,); a subgradient where a term is zero."""
-    g = np.zeros(len(pi))
-    for term in regression.terms:
-        value, residual = _rms(term, pi)
-        if value > 0:
-            g += term.R.T @ residual / value
-    return g
-
-
-def _rms(term: Term, pi: Array) -> tuple[float, Array]:
+def _rms(term: Term, pi: Array) -> float:
     residual = term.R @ pi - term.z
-    return math.sqrt(residual @ residual + term.rest), residual
+    return math.sqrt(residual @ residual + term.rest)

@@ -8,30 +8,15 @@ the basins known and better than a threshold that rises while nothing passes.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
-from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify.certify import certify
-from testbench.identify.conic import optimum
-from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.factorised import (
-    LARGEST_ORDER,
-    Factorised,
-    Observe,
-    costs,
-    descend,
-    factorise,
-    parameters,
-)
-from testbench.identify.regression import reduce
-from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm
+from testbench.identify.factorised import Factorised, Observe, costs, descend
 
 BOX = 1.0
 """Bound of the entries of b in trial points: one axis of that size explains all the data by itself."""
@@ -81,9 +66,6 @@ class Budget:
             )
 
 
-DEFAULT_BUDGET = Budget()
-
-
 @dataclass(eq=False)  # arrays have no one truth value
 class Basin:
     """A ball around a local optimum from which local solves are believed to lead back to it.
@@ -119,7 +101,6 @@ class Search:
 
     Attributes:
         problem: F_M(b).
-        threshold: F_M at which to stop.
         observe: Told of every least F_M.
         best: The best b so far, (size,).
         f_m: Its cost.
@@ -130,7 +111,6 @@ class Search:
     """
 
     problem: Factorised
-    threshold: float
     observe: Observe | None
     best: Array
     f_m: float = np.inf
@@ -145,14 +125,9 @@ class Search:
             self.best, self.f_m = b.copy(), value
             self._tell(value)
 
-    @property
-    def reached(self) -> bool:
-        """Whether the threshold is reached."""
-        return self.f_m <= self.threshold
-
     def solve(self, start: Array) -> None:
         """A local solve; its optimum becomes a basin, or widens the one whose optimum it is."""
-        found = descend(self.problem, start, threshold=self.threshold, observe=self._tell)
+        found = descend(self.problem, start, observe=self._tell)
         self.evaluations += found.evaluations
         self.descents.append(found.f_m)
         self.keep(found.b, found.f_m)
@@ -170,63 +145,23 @@ class Search:
                 self.observe(value)
 
 
-def gco_paper(
-    vjm: Vjm,
-    structure: Structure,
-    data: Dataset,
-    *,
-    rng: np.random.Generator,
-    m: int = LARGEST_ORDER,
-    threshold: float | None = None,
-    budget: Budget = DEFAULT_BUDGET,
-    observe: Observe | None = None,
-) -> Estimate:
-    """GCO as in section 4.2: genetic algorithm, then global search, until F_M reaches a threshold.
-
-    The paper stops at an F_M "slightly higher or close to 2", its noise floor. Where the threshold is not
-    reached within the budget, the conic program tells whether any conservative model could reach it.
-
-    Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
-        rng: Source of all randomness.
-        m: Order of the vector space, 1 to 6.
-        threshold: F_M at which to stop; None for the F_M that noise alone leaves.
-        budget: How far the search goes.
-        observe: Told of every least F_M.
-
-    Raises:
-        BenchError: When m or the threshold is out of range, the dataset is empty or names a marker that the
-            arm lacks, or the structure is not symmetric.
-    """
-    problem = factorise(reduce(vjm, structure, data), m)
-    goal = problem.regression.f_m_floor if threshold is None else threshold
-    if not 0 <= goal < np.inf:
-        raise BenchError(f"threshold: expected an F_M of 0 or more, got {goal:g}")
-    return _judge(explore(problem, goal, budget, rng, observe))
-
-
 def explore(
-    problem: Factorised,
-    threshold: float,
-    budget: Budget,
-    rng: np.random.Generator,
-    observe: Observe | None = None,
+    problem: Factorised, budget: Budget, rng: np.random.Generator, observe: Observe | None = None
 ) -> Search:
-    """Genetic algorithm, then global search, until F_M reaches the threshold or the budget is spent.
+    """Genetic algorithm, then global search, through the whole budget.
+
+    The paper stops at an F_M "slightly higher or close to 2", its noise floor; whether any conservative model
+    reaches that, the conic program tells.
 
     Args:
         problem: F_M(b).
-        threshold: F_M at which to stop.
         budget: How far the search goes.
         rng: Source of all randomness.
         observe: Told of every least F_M.
     """
-    search = Search(problem, threshold, observe, np.zeros(problem.size))
+    search = Search(problem, observe, np.zeros(problem.size))
     genetic_algorithm(search, budget, rng)
-    if not search.reached:
-        global_search(search, budget, rng)
+    global_search(search, budget, rng)
     return search
 
 
@@ -238,9 +173,8 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
         search.evaluations += population.shape[1]  # scipy counts a whole population as one
         return costs(problem, population)
 
-    def enough(intermediate_result: OptimizeResult) -> bool:
+    def watch(intermediate_result: OptimizeResult) -> None:
         search.keep(intermediate_result.x, float(intermediate_result.fun))
-        return search.reached
 
     evolve: Any = differential_evolution  # its stubs know no costs of a whole population
     evolve(
@@ -248,7 +182,7 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
         [(-BOX, BOX)] * problem.size,
         popsize=budget.population,
         maxiter=budget.generations,
-        callback=enough,
+        callback=watch,
         polish=False,
         rng=rng,
         updating="deferred",
@@ -259,16 +193,12 @@ def genetic_algorithm(search: Search, budget: Budget, rng: np.random.Generator) 
 def global_search(search: Search, budget: Budget, rng: np.random.Generator) -> None:
     """Local solves from the best point and from the trial points that pass both filters."""
     search.solve(search.best)
-    if search.reached:
-        return
     points = trial_points(search.problem, search.best, budget.trial_points, rng)
     values = costs(search.problem, points.T)
     search.evaluations += len(values)
     search.solve(points[int(np.argmin(values[: budget.stage_one_points]))])
     threshold, waiting = search.f_m, 0
     for b, value in zip(points[budget.stage_one_points :], values[budget.stage_one_points :], strict=True):
-        if search.reached:
-            return
         inside = [basin for basin in search.basins if basin.holds(b)]
         if value < threshold and not inside:
             search.solve(b)
@@ -325,38 +255,3 @@ def _combinations(reference: Array, rng: np.random.Generator) -> Iterator[Array]
             for base, sign in ((x, -1), (x, 1), (y, 1)):
                 step = rng.random(len(x)) * (y - x) / 2
                 yield np.clip(base + sign * step, -BOX, BOX)
-
-
-def _judge(search: Search) -> Estimate:
-    """The best point as an estimate, certified by the dual of the conic program."""
-    problem, goal = search.problem, search.threshold
-    best = optimum(problem.regression)
-    estimate = make_estimate(
-        problem.regression,
-        parameters(problem, search.best),
-        method=f"GCO (genetic algorithm, global search, m = {problem.m})",
-        constraint="psd",
-    )
-    proof = None if best.certificate is None else best.certificate.dual
-    certificate = certify(estimate, dual=proof)
-    lower = estimate.f_m - certificate.gap
-    count = _count(search)
-    if search.reached:
-        status = "threshold reached"
-    elif lower > goal:
-        status = "threshold cannot be reached"
-        count += (
-            f"; F_M of {goal:.4g} cannot be reached: certified, no conservative model of "
-            f"{problem.regression.structure.name} within the certificate's trace bounds has one below "
-            f"{lower:.4g}"
-        )
-    else:
-        status = "budget spent"
-    return replace(estimate, status=status, certificate=certificate, advice=(*estimate.advice, count))
-
-
-def _count(search: Search) -> str:
-    if not search.descents:
-        return "the genetic algorithm got there without a local solve"
-    count = f"{len(search.descents)} local solves" if len(search.descents) > 1 else "one local solve"
-    return f"{count}: F_M of {min(search.descents):.6g} to {max(search.descents):.6g}"

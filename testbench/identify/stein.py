@@ -6,22 +6,23 @@ penalty of relative uncertainty u there. log det enters a conic program through 
 X = Z D^-1 Z^T: [[X, Z], [Z^T, diag Z]] >= 0 with Z lower triangular gives sum log Z_ii <= log det X.
 """
 
-import clarabel
 import numpy as np
 from scipy import sparse
 
-from testbench.errors import Array
-from testbench.identify.conic import solver_settings
+from testbench.identify import cone
 from testbench.identify.estimate import Estimate
-from testbench.identify.prior import Metric, whitened
+from testbench.identify.metric import Belief, Metric, whitened
+from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import Strength, estimate_of, gco_with, project, status_of
+from testbench.identify.regularised import conic_estimate, gco_with
 
 ROOT2 = np.sqrt(2)
 
 
 def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
     """GCO with the log-determinant prior; the common scale is that of the Gaussian fit.
+
+    The unknowns are x, residuals, the factors Z and the logarithms of their diagonals.
 
     Args:
         regression: The reduced dataset.
@@ -34,71 +35,50 @@ def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Est
     A, y = whitened(regression, metric)
     R = np.asarray(np.linalg.qr(np.c_[A, y], mode="r"))
     n, weight = metric.structure.n, 1 / strength.uncertainty**2
-    sizes = metric.sizes
-    lower, logs = sum(k * (k + 1) // 2 for k in sizes), sum(sizes)
-    total = 2 * n + lower + logs  # x, residuals, Z, logarithms of its diagonal
-    fit = np.hstack([R[:n, :n] * scale, -np.eye(n), np.zeros((n, lower + logs))])
-    rows, offsets = [sparse.csc_matrix(fit)], [R[:n, n]]
-    cones: list[object] = [clarabel.ZeroConeT(n)]
-    for cone, row, offset in _log_det_cones(sizes, n, total):
-        rows.append(row)
-        offsets.append(offset)
-        cones.append(cone)
-    quadratic = sparse.diags_array(np.r_[np.zeros(n), np.ones(n), np.zeros(lower + logs)])
-    cost = np.r_[weight * e, np.zeros(n + lower), -weight * np.ones(logs)]
-    solution = clarabel.DefaultSolver(
-        sparse.csc_matrix(quadratic),
-        cost,
-        sparse.csc_matrix(sparse.vstack(rows)),
-        np.concatenate(offsets),
-        cones,
-        solver_settings(),
-    ).solve()
-    return estimate_of(
-        regression,
-        metric,
-        strength,
-        project(metric, scale * np.array(solution.x)[:n]),
-        method="GCO with log-det prior",
-        constraint="psd",
-        status=status_of(solution),
-        solver_seconds=solution.solve_time,
+    logs = sum(metric.sizes)
+    fit = np.hstack([R[:n, :n] * scale, -np.eye(n), np.zeros((n, n + logs))])
+    cost = np.r_[weight * e, np.zeros(2 * n), -weight * np.ones(logs)]
+    problem = cone.Problem(
+        cost=cost,
+        blocks=(cone.free_block(0, len(cost)),),  # X lies in the larger matrices
+        rows=(cone.Rows("zero", fit, R[:n, n]), *_log_det(metric.sizes, n)),
+        quadratic=sparse.csc_matrix(sparse.diags_array(np.r_[np.zeros(n), np.ones(n), np.zeros(n + logs)])),
     )
+    solution = cone.solve(problem)
+    belief = Belief(metric, strength)
+    return conic_estimate(regression, belief, solution, scale * solution.x[:n], "GCO with log-det prior")
 
 
-def _log_det_cones(
-    sizes: tuple[int, ...], n: int, total: int
-) -> list[tuple[object, sparse.csc_matrix, Array]]:
-    """Cones and rows that hold every block's logarithms below those of its determinant."""
+def _log_det(sizes: tuple[int, ...], n: int) -> list[cone.Rows]:
+    """Constraints that hold every block's logarithms below those of its determinant."""
+    total = 3 * n + sum(sizes)
     found = []
-    x, z, q = 0, 2 * n, 2 * n + sum(k * (k + 1) // 2 for k in sizes)
+    x, z, q = 0, 2 * n, 3 * n
     for size in sizes:
         found.append(_factor_rows(size, x, z, total))
-        entries = [(i, j) for j in range(size) for i in range(j, size)]
-        for k in range(size):
-            row = sparse.lil_matrix((3, total))
-            row[0, q + k] = -1
-            row[2, z + entries.index((k, k))] = -1
-            found.append((clarabel.ExponentialConeT(), row.tocsc(), np.array([0.0, 1.0, 0.0])))
-        x, z, q = x + size * (size + 1) // 2, z + size * (size + 1) // 2, q + size
+        diagonal = z + np.cumsum([0, *range(size, 1, -1)])  # of Z, its lower triangle by column
+        rows = sparse.lil_matrix((3 * size, total))
+        rows[3 * np.arange(size), q + np.arange(size)] = -1
+        rows[3 * np.arange(size) + 2, diagonal] = -1
+        found.append(cone.Rows("exponential", rows.tocsc(), np.tile([0.0, 1.0, 0.0], size), each=3))
+        x, z, q = x + cone.triangle(size), z + cone.triangle(size), q + size
     return found
 
 
-def _factor_rows(size: int, x: int, z: int, total: int) -> tuple[object, sparse.csc_matrix, Array]:
+def _factor_rows(size: int, x: int, z: int, total: int) -> cone.Rows:
     """[[X, Z], [Z^T, diag Z]] >= 0: rows of its upper triangle, by column, off-diagonals times sqrt 2."""
-    width = 2 * size
-    row = sparse.lil_matrix((width * (width + 1) // 2, total))
+    rows = sparse.lil_matrix((cone.triangle(2 * size), total))
     upper = [(i, j) for j in range(size) for i in range(j + 1)]
     lower = [(i, j) for j in range(size) for i in range(j, size)]
     for k, (i, j) in enumerate(upper):
-        row[_place(i, j), x + k] = -1
+        rows[_place(i, j), x + k] = -1
     for k, (i, j) in enumerate(lower):
-        row[_place(i, size + j), z + k] = -ROOT2
+        rows[_place(i, size + j), z + k] = -ROOT2
         if i == j:
-            row[_place(size + i, size + i), z + k] = -1
-    return clarabel.PSDTriangleConeT(width), row.tocsc(), np.zeros(row.shape[0])
+            rows[_place(size + i, size + i), z + k] = -1
+    return cone.Rows("psd", rows.tocsc(), np.zeros(rows.shape[0]))
 
 
 def _place(i: int, j: int) -> int:
     """Place of entry i <= j in an upper triangle stored by column."""
-    return j * (j + 1) // 2 + i
+    return cone.triangle(j) + i

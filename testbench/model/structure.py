@@ -109,6 +109,11 @@ class Structure:
         used = np.unique(np.concatenate([self.a, self.b]))
         return [used[label[used] == k] for k in np.unique(label[used])]
 
+    @property
+    def whole(self) -> bool:
+        """Whether every block has all its entries: a prior speaks of whole blocks."""
+        return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
+
     def matrix(self, pi: Array) -> Array:
         """C_theta of a parameter vector.
 

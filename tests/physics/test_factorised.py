@@ -6,14 +6,14 @@ import pytest
 from testbench.bench.campaign import stream
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.errors import BenchError
-from testbench.identify import Budget, gco, gco_factorised, gco_paper, reduce
+from testbench.identify import Budget, LocalSolves, gco, reduce
 from testbench.identify.factorised import (
     best_of,
     cost,
     costs,
+    descend,
     descents,
     factorise,
-    local_solve,
     order_range,
     parameters,
     random_start,
@@ -86,7 +86,7 @@ def test_a_local_solve_of_full_order_reaches_the_conic_optimum(arm_6r, seed):
     data = data_of(arm_6r, seed)
     conic = gco(arm_6r.vjm, mgco69(arm_6r.arm), data)
     problem = factorise(conic.regression)
-    _, value = local_solve(problem, random_start(problem, stream(seed)))
+    value = descend(problem, random_start(problem, stream(seed))).f_m
     # solves end where a step gains less than 1e-12; in flat valleys that leaves up to some 1e-6
     assert value == pytest.approx(conic.f_m, rel=1e-5)
 
@@ -101,23 +101,15 @@ def test_a_rank_of_one_cannot_explain_a_link(best):
     assert best_of(factorise(best.regression, 1), stream(7), starts=2).f_m > 1.1 * best.f_m
 
 
-def test_a_local_solve_stops_at_its_threshold(regression):
-    problem = factorise(regression)
-    _, value = local_solve(problem, random_start(problem, stream(1)), threshold=20.0)
-    assert 8.4 < value <= 20.0  # the optimum is 8.33
-
-
 @pytest.mark.parametrize("m", [0, 7, -1])
 def test_an_order_out_of_range_is_refused(arm_6r, data, m):
     with pytest.raises(BenchError, match=f"m: expected an order of the vector space of 1 to 6, got {m}"):
-        gco_factorised(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), m=m)
-    with pytest.raises(BenchError, match="m: expected"):
-        gco_paper(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), m=m)
+        LocalSolves(stream(1), m)(arm_6r.vjm, mgco69(arm_6r.arm), data)
 
 
 def test_no_start_at_all_is_refused(arm_6r, data):
     with pytest.raises(BenchError, match="starts: expected at least 1 local solve, got 0"):
-        gco_factorised(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), starts=0)
+        LocalSolves(stream(1), starts=0)(arm_6r.vjm, mgco69(arm_6r.arm), data)
 
 
 def test_a_structure_that_is_not_symmetric_is_refused(arm_6r, data):
@@ -136,61 +128,21 @@ def test_more_trial_points_of_stage_one_than_there_are_is_refused():
         Budget(trial_points=100)
 
 
-@pytest.mark.parametrize("threshold", [-1.0, np.nan, np.inf])
-def test_a_threshold_that_is_no_f_m_is_refused(arm_6r, data, threshold):
-    with pytest.raises(BenchError, match="threshold: expected an F_M of 0 or more"):
-        gco_paper(arm_6r.vjm, mgco69(arm_6r.arm), data, rng=stream(1), threshold=threshold)
+def test_the_papers_search_ends_at_the_conic_optimum_by_the_same_random_numbers(best):
+    one, two = (explore(factorise(best.regression), TINY, stream(1)) for _ in range(2))
+    np.testing.assert_array_equal(one.best, two.best)
+    assert one.f_m == pytest.approx(best.f_m, rel=1e-5)
+    assert one.best.tolist() != explore(factorise(best.regression), TINY, stream(2)).best.tolist()
 
 
-def paper(cell, data, threshold, observe=None, seed=1):
-    structure = mgco69(cell.arm)
-    return gco_paper(
-        cell.vjm, structure, data, rng=stream(seed), threshold=threshold, budget=TINY, observe=observe
-    )
-
-
-def test_the_papers_search_stops_at_a_threshold_within_reach(arm_6r, data, best):
-    estimate = paper(arm_6r, data, 1.2 * best.f_m)
-    assert estimate.status == "threshold reached"
-    assert best.f_m < estimate.f_m <= 1.2 * best.f_m
-    assert estimate.conservative
-    assert estimate.certificate.gap >= estimate.f_m - best.f_m
-
-
-def test_a_threshold_that_the_first_generation_meets_needs_no_local_solve(arm_6r, data):
-    estimate = paper(arm_6r, data, 1e6)
-    assert estimate.status == "threshold reached"
-    assert "without a local solve" in estimate.advice[-1]
-
-
-def test_a_threshold_out_of_reach_is_told_with_its_certified_bound(arm_6r, data, best):
-    estimate = paper(arm_6r, data, None)  # what noise alone leaves: MGCO69 leaves links out
-    lower = best.f_m - best.certificate.gap
-    assert estimate.status == "threshold cannot be reached"
-    assert f"F_M of {estimate.f_m_floor:.4g} cannot be reached" in estimate.advice[-1]
-    assert f"has one below {lower:.4g}" in estimate.advice[-1]
-    assert estimate.f_m == pytest.approx(best.f_m, rel=1e-5)
-
-
-def test_a_threshold_between_bound_and_optimum_is_a_budget_spent(arm_6r, data, best):
-    estimate = paper(arm_6r, data, best.f_m - 0.5 * best.certificate.gap)
-    assert estimate.status == "budget spent"
-
-
-def test_the_same_random_numbers_give_the_same_estimate(arm_6r, data):
-    one, two = paper(arm_6r, data, 10.0), paper(arm_6r, data, 10.0)
-    np.testing.assert_array_equal(one.pi, two.pi)
-    assert one.pi.tolist() != paper(arm_6r, data, 10.0, seed=2).pi.tolist()
-
-
-def test_observers_see_f_m_fall_until_that_of_the_estimate(arm_6r, data, regression):
-    seen, of_several = [], []
-    estimate = paper(arm_6r, data, 0.0, observe=seen.append)
-    best_of_three = best_of(factorise(regression, 3), stream(4), starts=3, observe=of_several.append)
-    for values, found in ((seen, estimate), (of_several, best_of_three)):
+def test_observers_see_f_m_fall_until_that_of_the_best(regression):
+    problem, seen, of_several = factorise(regression, 3), [], []
+    least = explore(problem, TINY, stream(1), observe=seen.append).f_m
+    solves = descents(problem, stream(4), starts=3, observe=of_several.append)
+    for values, end in ((seen, least), (of_several, min(d.f_m for d in solves))):
         assert len(values) > 10
         assert (np.diff(values) < 0).all()
-        assert values[-1] == pytest.approx(found.f_m, rel=1e-12)
+        assert values[-1] == pytest.approx(end, rel=1e-12)
 
 
 def test_trial_points_lie_inside_the_box_and_differ(regression):
@@ -205,15 +157,16 @@ def test_trial_points_lie_inside_the_box_and_differ(regression):
 
 def test_optima_that_differ_are_basins_of_their_own(regression):
     """All are the same model, rotated: the search sees points of b."""
-    search = explore(factorise(regression), 0.0, TINY, stream(2))
+    search = explore(factorise(regression), TINY, stream(2))
     assert len(search.basins) == len(search.descents) >= 2
     assert max(search.descents) == pytest.approx(min(search.descents), rel=1e-5)
 
 
 def test_an_optimum_met_again_widens_its_basin(regression):
     problem = factorise(regression)
-    end, value = local_solve(problem, random_start(problem, stream(1)))
-    search = Search(problem, 0.0, None, end, basins=[Basin(end, value, 0.1)])
+    found = descend(problem, random_start(problem, stream(1)))
+    end, value = found.b, found.f_m
+    search = Search(problem, None, end, basins=[Basin(end, value, 0.1)])
     search.solve(end)  # where nothing goes down
     assert len(search.basins) == 1
     assert search.basins[0].radius == pytest.approx(0.1)
@@ -221,7 +174,7 @@ def test_an_optimum_met_again_widens_its_basin(regression):
 
 def test_a_search_counts_its_evaluations(regression):
     problem = factorise(regression)
-    search = explore(problem, 0.0, TINY, stream(2))
+    search = explore(problem, TINY, stream(2))
     genetic = (1 + TINY.generations) * TINY.population * problem.size
     assert search.evaluations > genetic + TINY.trial_points + 2 * len(search.descents)
 

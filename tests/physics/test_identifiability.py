@@ -11,10 +11,10 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.identifiability import describe
 from testbench.identify.identifiability_help import REPEAT, imagined, more_poses, tasks
-from testbench.identify.prior import Prior, cad_prior, metric, whitened
+from testbench.identify.metric import metric, whitened
+from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.reduction import generic_rows, non_redundant
 from testbench.identify.regression import rank, reduce
-from testbench.identify.regularised import Strength
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.views.identifiability.report import seen_report
 from testbench.views.identifiability.words import sentences

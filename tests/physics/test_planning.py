@@ -17,8 +17,8 @@ from testbench.design.rows import Experiment, Load, build_problem, deflection_ro
 from testbench.design.specification import Specification, Tasks, promise_of, task_rows
 from testbench.errors import BenchError
 from testbench.identify import reduce
-from testbench.identify.prior import cad_prior, metric, whitened
-from testbench.identify.regularised import Strength, precision_root
+from testbench.identify.metric import metric, precision_root, whitened
+from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import mgco68, template56
 from testbench.model.vjm import observation

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.bench.campaign import Scenario, simulate
 from testbench.errors import BenchError
-from testbench.identify import gco, reduce
+from testbench.identify import gco, reduce, with_prior
 from testbench.identify.crossval import (
     choose_strength,
     every_fold,
@@ -15,19 +15,11 @@ from testbench.identify.crossval import (
     fold_poses,
     held_out_errors,
     one_standard_error,
-    with_prior,
 )
 from testbench.identify.evaluate import predict, score
-from testbench.identify.prior import Prior, aggregate, cad_prior, distorted, metric, rescaled, whitened
-from testbench.identify.regularised import (
-    SLACK,
-    Strength,
-    blocks_of,
-    gco_least_trace,
-    gco_with,
-    least_squares_with,
-    precision_root,
-)
+from testbench.identify.metric import metric, precision_root, rescaled, whitened
+from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, distorted
+from testbench.identify.regularised import SLACK, gco_least_trace, gco_with, least_squares_with
 from testbench.identify.stein import gco_stein
 from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
 from testbench.model.vjm import observation
@@ -51,7 +43,7 @@ def test_expected_compliance_is_the_prior_and_distances_are_frobenius(kr500, str
     P = aggregate(kr500.arm.C_theta, kr500.vjm, structure)
     np.testing.assert_allclose(own.L @ own.expected, structure.entries(P), rtol=1e-9, atol=1e-20)
     x = rng.standard_normal(structure.n)
-    X = blocks_of(own, x)
+    X = own.matrices(x)
     assert sum((block**2).sum() for block in X) == pytest.approx(x @ x, rel=1e-12)
     C = structure.matrix(own.L @ x)
     for block, X_i in zip(structure.blocks, X, strict=True):
@@ -104,7 +96,7 @@ def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, str
         gradient = 2 * A.T @ (A @ x - y) + 2 * B.T @ (B @ x - c)
         # relative to the two halves of the gradient, which cancel inside the cone
         size = np.abs(A.T @ y).max()
-        for X, S in zip(blocks_of(own, x), blocks_of(own, gradient), strict=True):
+        for X, S in zip(own.matrices(x), own.matrices(gradient), strict=True):
             assert np.linalg.eigvalsh(S)[0] > -1e-5 * size
             assert abs((S * X).sum()) < 1e-5 * size * max(1, np.trace(X))
         binds += not least_squares_with(regression, own, strength).conservative
@@ -133,7 +125,7 @@ def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500
     loose = gco_stein(regression, own, Strength(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
-    assert min(np.linalg.eigvalsh(X)[0] for X in blocks_of(own, x)) > 1e-3
+    assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
 
 
 def test_scale_of_the_prior_does_not_matter_where_the_data_set_it(kr500, structure):
@@ -153,9 +145,7 @@ def test_wrong_prior_beats_none_in_every_seed_where_the_data_leave_much_open(kr5
     for seed in range(1, 6):
         run = campaign(kr500, seed)
         prior = distorted(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(seed))
-        ours = with_prior(
-            kr500.vjm, structure, run.identification, prior=prior, fit=gco_with, strength=Strength(0.3)
-        )
+        ours = with_prior(gco, prior, Strength(0.3))(kr500.vjm, structure, run.identification)
         plain = gco(kr500.vjm, structure, run.identification)
         assert 3 * workspace(kr500, run, ours) < workspace(kr500, run, plain)
 

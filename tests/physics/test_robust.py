@@ -10,20 +10,16 @@ from testbench.bench.campaign import Scenario, simulate
 from testbench.data.dataset import Dataset
 from testbench.data.outliers import spoil
 from testbench.errors import BenchError
-from testbench.identify import gco, least_squares, reduce, robust
+from testbench.identify import cone, gco, huber, least_squares, readings, reduce
+from testbench.identify.estimate import TOOL
 from testbench.identify.evaluate import predict, score
-from testbench.identify.prior import cad_prior, distorted, metric
+from testbench.identify.huber import DELTA, REJECT, without_outliers
+from testbench.identify.metric import Belief, metric, precision_root
+from testbench.identify.prior import Strength, cad_prior, distorted
+from testbench.identify.readings import weigh
 from testbench.identify.reduction import non_redundant
 from testbench.identify.regression import f_m
-from testbench.identify.regularised import (
-    Strength,
-    blocks_of,
-    gco_with,
-    least_squares_with,
-    precision_root,
-    project,
-)
-from testbench.identify.robust import DELTA, REJECT, TOOL, gco_robust, huber, least_squares_robust, weigh
+from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import observation
 
@@ -39,6 +35,12 @@ def rough(cell, structure, seed):
     """The CAD prior, 2 times wrong in scale and 30 % in shape."""
     wrong = distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=np.random.default_rng([seed, 7]))
     return metric(wrong, cell.vjm, structure)
+
+
+def robustly(cell, structure, data, constraint="psd", units=None, strength=STRENGTH):
+    """The fit without outliers, by a metric as it is where there is one."""
+    belief = None if units is None else Belief(units, strength)
+    return without_outliers(cell.vjm, data, reduce(cell.vjm, structure, data), constraint, belief)
 
 
 def program(cell, structure, seed):
@@ -96,7 +98,7 @@ def orientation_data(cell, rng):
 
 def test_huber_of_least_squares_reaches_the_optimum_of_a_quasi_newton_method(kr500):
     A, y, B, c, _ = program(kr500, mgco68(kr500.arm), 1)
-    by_cone = huber(A, y, B, c)
+    by_cone = huber.huber(A, y, B, c)
     assert by_cone.status == "solved"
     # L-BFGS in coordinates where the quadratic part is a unit ball: it would crawl otherwise
     T = np.linalg.inv(np.linalg.cholesky(np.einsum("ikn,ikm->nm", A, A) + B.T @ B).T)
@@ -111,9 +113,9 @@ def test_huber_of_least_squares_reaches_the_optimum_of_a_quasi_newton_method(kr5
 def test_huber_of_gco_meets_the_optimality_conditions_of_the_cone(kr500):
     """The gradient S of the loss is PSD in every block and orthogonal to X: no such X is better."""
     A, y, B, c, units = program(kr500, mgco68(kr500.arm), 2)
-    x = project(units, huber(A, y, B, c, units.sizes).x)
+    x = units.project(huber.huber(A, y, B, c, units.sizes).x)
     value, gradient = cost(x, A, y, B, c)
-    for X, S in zip(blocks_of(units, x), blocks_of(units, gradient), strict=True):
+    for X, S in zip(units.matrices(x), units.matrices(gradient), strict=True):
         assert np.linalg.eigvalsh(S)[0] > -1e-5 * value
         assert abs((S * X).sum()) < 1e-5 * value
 
@@ -124,22 +126,21 @@ def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_d
     for seed in range(3):
         data = campaign(kr500, seed).identification
         units, regression = rough(kr500, s, seed), reduce(kr500.vjm, s, data)
-        given = {"metric": units, "strength": STRENGTH}
         pairs = [
-            (gco_robust(kr500.vjm, s, data), gco(kr500.vjm, s, data)),
-            (least_squares_robust(kr500.vjm, s, data), least_squares(kr500.vjm, s, data)),
-            (gco_robust(kr500.vjm, s, data, **given), gco_with(regression, units, STRENGTH)),
+            (robustly(kr500, s, data, "psd"), gco(kr500.vjm, s, data)),
+            (robustly(kr500, s, data, "none"), least_squares(kr500.vjm, s, data)),
+            (robustly(kr500, s, data, "psd", units), gco_with(regression, units, STRENGTH)),
             (
-                least_squares_robust(kr500.vjm, s, data, **given),
+                robustly(kr500, s, data, "none", units),
                 least_squares_with(regression, units, STRENGTH),
             ),
         ]
         for fit, plain in pairs:
-            assert fit.estimate.method == f"{plain.method}, Huber loss"
+            assert fit.method == f"{plain.method}, Huber loss"
             assert len(fit.rejected) <= 1
             if not fit.rejected:
-                assert fit.estimate.advice == plain.advice
-                np.testing.assert_array_equal(fit.estimate.pi, plain.pi)
+                assert fit.advice == plain.advice
+                np.testing.assert_array_equal(fit.pi, plain.pi)
                 same += 1
     # 0.14 of 135 sound readings lie beyond the 99.9 % quantile: four times that, in all four fits
     assert same >= 10
@@ -154,15 +155,15 @@ def test_five_percent_of_readings_off_by_a_millimetre_cost_at_most_a_fifth(kr500
         run = campaign(kr500, seed, truth, workspace_poses=100)
         data, mask = spoil(run.identification, 0.05, 1e-3, np.random.default_rng([seed, 8]))
         units = rough(kr500, s, seed)
-        fit = gco_robust(kr500.vjm, s, data, metric=units, strength=STRENGTH)
-        assert fit.estimate.status == "solved"
-        assert fit.estimate.conservative
+        fit = robustly(kr500, s, data, "psd", units)
+        assert fit.status == "solved"
+        assert fit.conservative
 
         def rms(estimate, run=run):
             return score(predict(kr500.vjm, estimate, run.workspace), run.workspace.deflection).rms
 
         clean = rms(gco_with(reduce(kr500.vjm, s, run.identification), units, STRENGTH))
-        ratios.append(rms(fit.estimate) / clean)
+        ratios.append(rms(fit) / clean)
         plain.append(rms(gco_with(reduce(kr500.vjm, s, data), units, STRENGTH)) / clean)
         hits += len(found(fit) & planted(data, mask))
         wrong += len(found(fit) - planted(data, mask))
@@ -179,32 +180,32 @@ def test_a_rejected_reading_is_listed_with_its_distance_from_the_model(kr500):
     off[4, 1] = [0, 0, 3e-3]
     spoiled = replace(data, after=data.after + off)
     s = mgco68(kr500.arm)
-    fit = gco_robust(kr500.vjm, s, spoiled, metric=rough(kr500, s, 1), strength=STRENGTH)
+    fit = robustly(kr500, s, spoiled, "psd", rough(kr500, s, 1))
     (reading,) = fit.rejected
     assert (reading.run, reading.marker) == (data.run[4], data.markers[1])
     assert reading.residual == pytest.approx(3e-3, abs=4 * np.sqrt(3) * 50e-6)  # noise and fit: 4 sd
     assert reading.sigmas == pytest.approx(reading.residual / (np.sqrt(2) * 50e-6))
-    assert fit.estimate.regression.equations == 3 * (45 - 1)
-    assert f"1 of 45 readings rejected, beyond {REJECT} standard deviations" in fit.estimate.advice
+    assert fit.regression.equations == 3 * (45 - 1)
+    assert f"1 of 45 readings rejected, beyond {REJECT} standard deviations" in fit.advice
 
 
 def test_f_m_of_a_robust_fit_is_eq_19_over_the_readings_that_are_left(kr500):
     data, mask = spoil(campaign(kr500, 3).identification, 0.1, 1e-2, np.random.default_rng(3))
-    fit = least_squares_robust(kr500.vjm, template56(kr500.arm), data)
+    fit = robustly(kr500, template56(kr500.arm), data, "none")
     assert found(fit) >= planted(data, mask)
     left = np.array([[(run, name) not in found(fit) for name in data.markers] for run in data.run])
-    residual = (predict(kr500.vjm, fit.estimate, data) - data.deflection)[left]
+    residual = (predict(kr500.vjm, fit, data) - data.deflection)[left]
     expected = np.sqrt((residual**2).sum() / len(residual)) / (np.sqrt(2) * data.sigma)
-    assert fit.estimate.f_m == pytest.approx(expected, rel=1e-9)
-    assert fit.estimate.f_m == pytest.approx(f_m(fit.estimate.regression, fit.estimate.pi))
-    assert fit.estimate.f_m < 1.5 * fit.estimate.f_m_floor
+    assert fit.f_m == pytest.approx(expected, rel=1e-9)
+    assert fit.f_m == pytest.approx(f_m(fit.regression, fit.pi))
+    assert fit.f_m < 1.5 * fit.f_m_floor
 
 
 def test_least_squares_takes_structures_that_no_prior_covers(kr500):
     """MLS32 lacks entries inside a block: without a prior that does not matter."""
     s = non_redundant(kr500.vjm, template56(kr500.arm), name="MLS32")
     data, mask = spoil(campaign(kr500, 5).identification, 0.05, 1e-2, np.random.default_rng(5))
-    fit = least_squares_robust(kr500.vjm, s, data)
+    fit = robustly(kr500, s, data, "none")
     assert found(fit) >= planted(data, mask)
     assert len(fit.rejected) <= mask.sum() + 1
 
@@ -213,8 +214,8 @@ def test_the_robust_fit_is_conservative_however_many_readings_are_wild(kr500):
     for seed, share in enumerate((0.1, 0.2, 0.35)):
         data, _ = spoil(campaign(kr500, seed).identification, share, 1e-2, np.random.default_rng(seed))
         for structure in (mgco68, template56):
-            fit = gco_robust(kr500.vjm, structure(kr500.arm), data)
-            assert fit.estimate.conservative
+            fit = robustly(kr500, structure(kr500.arm), data, "psd")
+            assert fit.conservative
 
 
 def test_a_run_without_any_reading_left_is_named(kr500):
@@ -223,21 +224,21 @@ def test_a_run_without_any_reading_left_is_named(kr500):
     off[6] = [0, 0, 20e-3]  # the tracker was pushed between the two readings
     s = mgco68(kr500.arm)
     spoiled = replace(data, after=data.after + off)
-    fit = gco_robust(kr500.vjm, s, spoiled, metric=rough(kr500, s, 2), strength=STRENGTH)
+    fit = robustly(kr500, s, spoiled, "psd", rough(kr500, s, 2))
     assert found(fit) == {(data.run[6], name) for name in data.markers}
-    assert any(f"no reading is left of run {data.run[6]}:" in said for said in fit.estimate.advice)
+    assert any(f"no reading is left of run {data.run[6]}:" in said for said in fit.advice)
 
 
 def test_too_many_rejections_are_no_outliers_and_too_few_left_is_an_error(kr500):
     data, s = campaign(kr500, 2, "nonlinear").identification, mgco68(kr500.arm)
-    given = {"metric": rough(kr500, s, 2), "strength": STRENGTH}
-    fit = gco_robust(kr500.vjm, s, replace(data, sigma=20e-6), **given)  # it is 50 um
-    assert any("too many to be outliers: sigma too small" in said for said in fit.estimate.advice)
+    units = rough(kr500, s, 2)
+    fit = robustly(kr500, s, replace(data, sigma=20e-6), "psd", units)  # it is 50 um
+    assert any("too many to be outliers: sigma too small" in said for said in fit.advice)
     with pytest.raises(BenchError, match=r"equations left for 4\d directions: sigma too small"):
-        gco_robust(kr500.vjm, s, replace(data, sigma=1e-6), **given)
+        robustly(kr500, s, replace(data, sigma=1e-6), "psd", units)
     flipped = replace(data, before=data.after, after=data.before)  # no conservative model moves that way
     with pytest.raises(BenchError, match="45 of 45 readings rejected"):
-        gco_robust(kr500.vjm, s, flipped, **given)
+        robustly(kr500, s, flipped, "psd", units)
 
 
 def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
@@ -247,52 +248,46 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
     spoiled = replace(data, rotation_after=data.rotation_after + off)
     s = all153(arm_6r.arm)
     units = metric(cad_prior(arm_6r.arm), arm_6r.vjm, s)
-    fit = gco_robust(arm_6r.vjm, s, spoiled, metric=units, strength=STRENGTH)
+    fit = robustly(arm_6r, s, spoiled, "psd", units)
     assert {(data.run[10], TOOL), (data.run[50], TOOL)} <= found(fit)
     assert len(fit.rejected) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
-    kinds = [term.equations for term in fit.estimate.regression.terms]
+    kinds = [term.equations for term in fit.regression.terms]
     assert sum(kinds) == 3 * (2 * data.runs - len(fit.rejected))
-    assert fit.estimate.f_m < 1.2 * fit.estimate.f_m_floor  # the prior holds some of the rank
+    assert fit.f_m < 1.2 * fit.f_m_floor  # the prior holds some of the rank
 
 
 def test_an_orientation_sensor_that_is_all_wild_leaves_the_positions(arm_6r, rng):
     data = orientation_data(arm_6r, rng)
     upside = replace(data, rotation_after=data.rotation_after + rng.uniform(0.5, 1, (data.runs, 3)))
     units = metric(cad_prior(arm_6r.arm), arm_6r.vjm, template56(arm_6r.arm))
-    fit = least_squares_robust(arm_6r.vjm, template56(arm_6r.arm), upside, metric=units, strength=STRENGTH)
-    assert len(fit.estimate.regression.terms) == 1
+    fit = robustly(arm_6r, template56(arm_6r.arm), upside, "none", units)
+    assert len(fit.regression.terms) == 1
     assert {reading.marker for reading in fit.rejected} >= {TOOL}
 
 
 def test_no_load_leaves_nothing_to_reject_and_nothing_to_find(kr500):
     data = campaign(kr500, 4).identification
     idle = replace(data, wrench=np.zeros_like(data.wrench), after=data.before)
-    for estimator in (gco_robust, least_squares_robust):
-        fit = estimator(kr500.vjm, template56(kr500.arm), idle)
+    for constraint in ("psd", "none"):
+        fit = robustly(kr500, template56(kr500.arm), idle, constraint)
         assert fit.rejected == ()
-        assert np.abs(fit.estimate.pi).max() == 0
+        assert np.abs(fit.pi).max() == 0
 
 
 def test_a_search_that_did_not_converge_is_never_called_solved(kr500, monkeypatch):
-    settings = robust.solver_settings()
-    settings.max_iter = 2
-    monkeypatch.setattr(robust, "solver_settings", lambda: settings)
+    impatient = cone._settings(1e-10)
+    impatient.max_iter = 2
+    monkeypatch.setattr(cone, "_settings", lambda _: impatient)
     s = template56(kr500.arm)
-    data = campaign(kr500, 4).identification
-    fit = least_squares_robust(kr500.vjm, s, data, metric=rough(kr500, s, 4), strength=Strength(0.3))
-    assert fit.estimate.status.startswith("not solved: Clarabel says")
+    fit = robustly(kr500, s, campaign(kr500, 4).identification, "none", rough(kr500, s, 4))
+    assert fit.status.startswith("not solved: Clarabel says")
 
 
 def test_bad_input_is_refused(kr500, monkeypatch):
     data, s = campaign(kr500, 1).identification, template56(kr500.arm)
-    units = rough(kr500, s, 1)
-    with pytest.raises(BenchError, match="together, or none"):
-        gco_robust(kr500.vjm, s, data, metric=units)
-    with pytest.raises(BenchError, match="expected one of MGCO68, got one of MGCO56"):
-        gco_robust(kr500.vjm, mgco68(kr500.arm), data, metric=units, strength=STRENGTH)
-    monkeypatch.setattr(robust, "MOST_READINGS", 44)
+    monkeypatch.setattr(readings, "MOST_READINGS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
-        least_squares_robust(kr500.vjm, s, data)
+        robustly(kr500, s, data, "none")
     with pytest.raises(BenchError, match="share: expected 0 to 1"):
         spoil(data, 1.2, 1e-3, np.random.default_rng(0))
     with pytest.raises(BenchError, match="size"):

@@ -12,7 +12,7 @@ from testbench.data.tracker import LaserTracker
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.least_squares import solve
-from testbench.identify.robust import weigh
+from testbench.identify.readings import weigh
 from testbench.model.structure import mgco68, template56
 from testbench.model.vjm import observation
 

@@ -8,8 +8,7 @@ from rich.console import Console
 
 from testbench.bench.campaign import Scenario, simulate
 from testbench.identify.identifiability import describe
-from testbench.identify.prior import cad_prior
-from testbench.identify.regularised import Strength
+from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import mgco68
 from testbench.views import terminal
 from testbench.views.identifiability.figure import PRIOR_ALPHA, shares

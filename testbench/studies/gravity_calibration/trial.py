@@ -21,12 +21,8 @@ from testbench.bench.campaign import (
     stream,
 )
 from testbench.bench.rows import MM, UM, ErrorRow, FitRow, NormalityRow, error_row, fit_row, normality_row
-from testbench.data.dataset import Dataset
-from testbench.identify import Estimate, Estimator, least_squares, reduce
-from testbench.identify.prior import Prior, cad_prior, distorted, metric, rescaled
-from testbench.identify.regularised import Strength, gco_with, least_squares_with
-from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm
+from testbench.identify import with_prior
+from testbench.identify.prior import Prior, Strength, cad_prior, distorted
 from testbench.trials.spread import Number
 
 NAME = "gravity_calibration"
@@ -134,13 +130,13 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
 def results(cell: Cell, campaign: Campaign) -> list[Result]:
     """The paper's models, then the same structures with a prior that is wrong."""
     models = named_models(cell)
-    prior = wrong_prior(cell, campaign.seed)
-    with_prior = [
-        replace(model, name=f"{model.name} + prior", estimator=WithPrior(prior, model.estimator))
+    prior, believed = wrong_prior(cell, campaign.seed), Strength(UNCERTAINTY)
+    filled = [
+        replace(model, name=f"{model.name} + prior", estimator=with_prior(model.estimator, prior, believed))
         for model in models
         if model.name in WITH_PRIOR
     ]
-    return identify(cell, campaign, [*models, *with_prior], time.perf_counter)
+    return identify(cell, campaign, [*models, *filled], time.perf_counter)
 
 
 def wrong_prior(cell: Cell, seed: int) -> Prior:
@@ -148,29 +144,9 @@ def wrong_prior(cell: Cell, seed: int) -> Prior:
     return distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
 
 
-@dataclass(frozen=True)
-class WithPrior:
-    """An estimator with a prior beside the data.
-
-    Attributes:
-        prior: Expected compliances; their common scale is fitted to the data first.
-        plain: The method without it.
-    """
-
-    prior: Prior
-    plain: Estimator
-
-    def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        """Identify the structure's unknowns."""
-        regression = reduce(vjm, structure, data)
-        own = rescaled(metric(self.prior, vjm, structure), regression)
-        solve = least_squares_with if self.plain is least_squares else gco_with
-        return solve(regression, own, Strength(UNCERTAINTY))
-
-
 def row(campaign: Campaign, result: Result) -> ModelRow:
     """One model of one campaign."""
-    prior = isinstance(result.model.estimator, WithPrior)
+    prior = result.estimate.belief is not None
     return ModelRow(
         **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
         identification=error_row(result.identification),

@@ -11,19 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.bench.campaign import Scenario, Truth, build_cell, simulate, stream
+from testbench.bench.campaign import Cell, Scenario, Truth, build_cell, simulate, stream
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, make_estimate, reduce
-from testbench.identify.bounds import bounds, fit_set
+from testbench.identify import Estimate, reduce
+from testbench.identify.bootstrap import bootstrap, resampler
+from testbench.identify.bounds import CEILING, bounds, fit_set
 from testbench.identify.conic import optimum
-from testbench.identify.least_squares import solve
-from testbench.identify.prior import Metric, aggregate, cad_prior, metric
+from testbench.identify.intervals import linearise
+from testbench.identify.least_squares import minimum_norm
+from testbench.identify.metric import Metric, metric
+from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import Strength, blocks_of, gco_with, least_squares_with
-from testbench.identify.uncertainty import bootstrap, deflection_rows, intervals, linearise, resampler
+from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, mgco68, template56
+from testbench.model.vjm import observation
 from testbench.trials import run_trials
 from testbench.views.report import UM, Report
 
@@ -31,8 +35,6 @@ CONFIDENCE = 0.95
 DRAWS_LS = 199
 DRAWS_GCO = 39
 """Refits of a bootstrap: the interval's order statistics are exact for both."""
-CEILING = 10.0
-"""Of set-based bounds, in times the prior."""
 REJECTIONS = 1000
 BENT_UNCERTAINTY, BENT_POSES = 0.3, 10
 """Of the prior, and poses to predict in, where the truth is not linear."""
@@ -76,7 +78,7 @@ def full_pose_case(folder: Path, *, checks: int = 10, seed: int = 1) -> Case:
     m = metric(cad_prior(cell.arm), cell.vjm, structure)
     truth = structure.entries(aggregate(cell.arm.C_theta, cell.vjm, structure))
     where = campaign.check
-    rows = deflection_rows(cell.vjm, structure, where.q, where.wrench, where.point, targets=np.zeros((1, 3)))
+    rows = _deflections(cell, structure, where, np.zeros((1, 3)))
     return Case(regression, m, truth, rows)
 
 
@@ -99,7 +101,7 @@ def gravity_case(
     m = metric(cad_prior(cell.arm), cell.vjm, s)
     truth = s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
     where = campaign.workspace
-    rows = deflection_rows(cell.vjm, s, where.q, where.wrench, where.point, targets=cell.vjm.markers[:1])
+    rows = _deflections(cell, s, where, cell.vjm.markers[:1])
     return Case(regression, m, truth, rows)
 
 
@@ -136,14 +138,14 @@ def posterior_coverage(
 
 
 def bound_coverage(
-    case: Case, datasets: int, *, ceiling: float | None = CEILING, workers: int | None = None
+    case: Case, datasets: int, *, ceiling: float = CEILING, workers: int | None = None
 ) -> Report:
     """Set-based bounds: intervals that hold the truth, and datasets in which all do at once.
 
     Args:
         case: A truth that is conservative and below the ceiling.
         datasets: How many.
-        ceiling: Times the prior, or None.
+        ceiling: Times the prior.
         workers: Processes; None for one a core.
     """
     return _coverage(partial(_bounded, case, ceiling), datasets, workers)
@@ -157,23 +159,24 @@ def _fitted(case: Case, bootstraps: int, seeds: Sequence[int]) -> list[Drawn]:
         rng = stream(seed)
         regression = again(case.truth, rng)
         fits = {
-            "least squares": (make_estimate(regression, solve(regression), method="LS"), solve, DRAWS_LS),
-            "GCO": (optimum(regression), _gco, DRAWS_GCO),
+            "least squares": (minimum_norm(regression), DRAWS_LS),
+            "GCO": (optimum(regression), DRAWS_GCO),
         }
         row: Drawn = {}
-        for name, (estimate, refit, draws) in fits.items():
-            seen = intervals(linearise(estimate), case.functionals, CONFIDENCE)
+        for name, (estimate, draws) in fits.items():
+            seen = linearise(estimate).intervals(case.functionals, CONFIDENCE)
             row[f"{name}, linearised"] = _judge(truth, (seen.lower, seen.upper))
             if seed < bootstraps:
-                args = (estimate, refit, case.functionals, CONFIDENCE)
-                again_seen = bootstrap(*args, draws=draws, rng=rng)
+                again_seen = bootstrap(estimate, case.functionals, CONFIDENCE, draws=draws, rng=rng)
                 row[f"{name}, bootstrap"] = _judge(truth, (again_seen.lower, again_seen.upper))
         found.append(row)
     return found
 
 
-def _gco(regression: Regression) -> Array:
-    return optimum(regression).pi
+def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Array) -> Array:
+    """Deflections of points of the tool as linear functionals of pi, (3 runs targets, n)."""
+    args = (cell.vjm, structure, where.q, where.wrench, where.point)
+    return observation(*args, targets=targets).reshape(-1, structure.n)
 
 
 def _posterior(case: Case, strength: Strength, seeds: Sequence[int]) -> list[Drawn]:
@@ -189,7 +192,7 @@ def _posterior(case: Case, strength: Strength, seeds: Sequence[int]) -> list[Dra
         }
         row: Drawn = {}
         for name, estimate in fits.items():
-            seen = intervals(linearise(estimate, case.metric, strength), case.functionals, CONFIDENCE)
+            seen = linearise(estimate).intervals(case.functionals, CONFIDENCE)
             row[name] = _judge(case.functionals @ pi, (seen.lower, seen.upper))
         found.append(row)
     return found
@@ -206,7 +209,7 @@ def draw_conservative(metric: Metric, strength: Strength, rng: np.random.Generat
         if np.isfinite(strength.scale_uncertainty):
             scale += strength.scale_uncertainty * rng.standard_normal()
         x = scale * metric.expected + strength.uncertainty * rng.standard_normal(len(metric.expected))
-        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in blocks_of(metric, x)):
+        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in metric.matrices(x)):
             return x
     raise BenchError(
         f"prior: expected a conservative model among {REJECTIONS} draws of uncertainty "
@@ -214,7 +217,7 @@ def draw_conservative(metric: Metric, strength: Strength, rng: np.random.Generat
     )
 
 
-def _bounded(case: Case, ceiling: float | None, seeds: Sequence[int]) -> list[Drawn]:
+def _bounded(case: Case, ceiling: float, seeds: Sequence[int]) -> list[Drawn]:
     truth = case.functionals @ case.truth
     again = resampler(case.regression)
     found: list[Drawn] = []
@@ -249,10 +252,8 @@ def _bent(folder: Path, truth: Truth, seeds: Sequence[int]) -> list[Drawn]:
         scenario = Scenario(arm=folder.name, truth=truth, workspace_poses=BENT_POSES)
         campaign = simulate(cell, scenario, seed)
         regression, where = reduce(cell.vjm, structure, campaign.identification), campaign.workspace
-        rows = deflection_rows(
-            cell.vjm, structure, where.q, where.wrench, where.point, targets=cell.vjm.markers[:1]
-        )
-        seen = intervals(linearise(gco_with(regression, own, strength), own, strength), rows, CONFIDENCE)
+        rows = _deflections(cell, structure, where, cell.vjm.markers[:1])
+        seen = linearise(gco_with(regression, own, strength)).intervals(rows, CONFIDENCE)
         moved = where.deflection[:, 0].ravel()
         found.append({f"GCO with prior, {truth} truth": _judge(moved, (seen.lower, seen.upper))})
     return found

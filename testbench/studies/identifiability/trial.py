@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.bench.campaign import MODELS, Campaign, Cell, Scenario, build_cell, simulate, stream
-from testbench.bench.fit import ROBUST_UNCERTAINTY
+from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, named_models, simulate, stream
 from testbench.data.dataset import Dataset
 from testbench.data.outliers import spoil
 from testbench.errors import Array
-from testbench.identify import Estimate, reduce
+from testbench.identify import Estimate, Method, gco, least_squares, reduce, robust, with_prior
 from testbench.identify.crossval import (
     FOLDS,
     Fold,
@@ -24,13 +23,13 @@ from testbench.identify.crossval import (
     fold_poses,
     held_out_errors,
     one_standard_error,
-    with_prior,
 )
 from testbench.identify.evaluate import predict, score
-from testbench.identify.prior import Metric, Prior, cad_prior, distorted, metric, rescaled
+from testbench.identify.method import ROBUST_UNCERTAINTY
+from testbench.identify.metric import Metric, metric, rescaled
+from testbench.identify.prior import Prior, Strength, cad_prior, distorted
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import Strength, gco_least_trace, gco_with, least_squares_with
-from testbench.identify.robust import gco_robust
+from testbench.identify.regularised import gco_least_trace, gco_with, least_squares_with
 from testbench.identify.stein import gco_stein
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
 from testbench.views.report import Report, estimate_report, merge, score_report
@@ -129,8 +128,10 @@ def _all_methods(
     data = campaign.identification
     rows = []
     for name in PLAIN:
-        structure, estimator = MODELS[name](cell)
-        rows.append(_row(cell, campaign, name, partial(estimator, cell.vjm, structure, data), clock))
+        [model] = named_models(cell, [name])
+        rows.append(
+            _row(cell, campaign, name, partial(model.estimator, cell.vjm, model.structure, data), clock)
+        )
     for name in study.structures:
         structure = STRUCTURES[name](cell)
         own = _metric(cell, data, structure, prior)
@@ -187,19 +188,19 @@ def _workspace_mm(cell: Cell, campaign: Campaign, estimate: Estimate) -> float:
     return 1e3 * score(predict(cell.vjm, estimate, data), data.deflection).rms
 
 
-def _fit(cell: Cell, data: Dataset, name: str, prior: Prior, fit: Regularised) -> Estimate:
-    """With a prior whose strength is chosen by cross-validation."""
-    return with_prior(cell.vjm, STRUCTURES[name](cell), data, prior=prior, fit=fit)
+def _fit(cell: Cell, data: Dataset, name: str, method: Method) -> Estimate:
+    """A named structure's unknowns by a method."""
+    return method(cell.vjm, STRUCTURES[name](cell), data)
 
 
 def _prior_only(cell: Cell, campaign: Campaign, prior: Prior) -> Report:
     """Errors over the workspace with a prior, by structure and method [mm]."""
     return {
         f"{name}, {method}": _workspace_mm(
-            cell, campaign, _fit(cell, campaign.identification, name, prior, METHODS[method])
+            cell, campaign, _fit(cell, campaign.identification, name, with_prior(plain, prior))
         )
         for name in ("MGCO56", "MGCO68")
-        for method in ("LS + prior", "GCO + prior")
+        for method, plain in (("LS + prior", least_squares), ("GCO + prior", gco))
     }
 
 
@@ -228,10 +229,9 @@ def _poses(cell: Cell, scenario: Scenario, count: int, prior: Prior, seed: int) 
     update = {"truth": "linear", "identification_poses": count, "identification_runs": runs}
     campaign = simulate(cell, scenario.model_copy(update=update), seed)
     data = campaign.identification
-    plain = {name: MODELS[name](cell) for name in PLAIN}
-    found = {name: estimator(cell.vjm, s, data) for name, (s, estimator) in plain.items()}
+    found = {m.name: m.estimator(cell.vjm, m.structure, data) for m in named_models(cell, PLAIN)}
     for name in ("MGCO56", "MGCO68"):
-        found[f"{name}, GCO + prior"] = _fit(cell, data, name, prior, gco_with)
+        found[f"{name}, GCO + prior"] = _fit(cell, data, name, with_prior(gco, prior))
     return {"poses": count, **{name: _workspace_mm(cell, campaign, e) for name, e in found.items()}}
 
 
@@ -267,14 +267,13 @@ def _outliers(cell: Cell, campaign: Campaign, prior: Prior, seed: int) -> Report
         gco_with(reduce(cell.vjm, structure, data), _metric(cell, data, structure, prior), strength)
         for data in (campaign.identification, spoiled)
     )
-    own = _metric(cell, spoiled, structure, prior)
-    robust = gco_robust(cell.vjm, structure, spoiled, metric=own, strength=strength)
+    fit = robust(with_prior(gco, prior, strength))(cell.vjm, structure, spoiled)
     return {
         "spoiled": int(where.sum()),
-        "rejected": len(robust.rejected),
+        "rejected": len(fit.rejected),
         "clean_mm": _workspace_mm(cell, campaign, clean),
         "plain_mm": _workspace_mm(cell, campaign, plain),
-        "robust_mm": _workspace_mm(cell, campaign, robust.estimate),
+        "robust_mm": _workspace_mm(cell, campaign, fit),
     }
 
 

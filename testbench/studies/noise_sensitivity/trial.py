@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import MODELS, Cell, Scenario, build_cell, simulate, stream
+from testbench.bench.campaign import Cell, Model, Scenario, build_cell, named_models, simulate, stream
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.data.dataset import Dataset
@@ -27,14 +27,9 @@ from testbench.data.tracker import (
     read_orientations,
     read_positions,
 )
-from testbench.identify import Estimate, reduce
-from testbench.identify.conic import optimum
+from testbench.identify import Estimate, with_prior
 from testbench.identify.evaluate import predict, score
-from testbench.identify.least_squares import minimum_norm
-from testbench.identify.prior import cad_prior, distorted, metric, rescaled
-from testbench.identify.regression import Regression
-from testbench.identify.regularised import Strength, gco_with
-from testbench.model.structure import Structure
+from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.views.report import UM
 
 NAME = "noise_sensitivity"
@@ -109,33 +104,31 @@ Way = Callable[[Cell, Dataset, int], Estimate]
 """Identify an arm from a dataset; the seed is that of the prior's errors."""
 
 
-def ways(cell: Cell, plain: Sequence[str], with_prior: Sequence[str]) -> dict[str, Way]:
+def ways(cell: Cell, plain: Sequence[str], filled: Sequence[str]) -> dict[str, Way]:
     """Methods by name, their structures built once.
 
     Args:
         cell: The arm.
         plain: Keys of bench.MODELS.
-        with_prior: Keys of bench.MODELS that are GCO, to be fitted with a prior.
+        filled: Keys of bench.MODELS to be fitted with a prior.
     """
     found: dict[str, Way] = {}
     for name in plain:
-        solve = minimum_norm if name.startswith("MLS") else optimum
-        found[name] = _plain(MODELS[name](cell)[0], solve)
-    for name in with_prior:
-        found[name + PRIOR] = _with_prior(MODELS[name](cell)[0])
+        found[name] = _plain(named_models(cell, [name])[0])
+    for name in filled:
+        found[name + PRIOR] = _with_prior(named_models(cell, [name])[0])
     return found
 
 
-def _plain(structure: Structure, solve: Callable[[Regression], Estimate]) -> Way:
-    return lambda cell, data, _: solve(reduce(cell.vjm, structure, data))
+def _plain(model: Model) -> Way:
+    return lambda cell, data, _: model.estimator(cell.vjm, model.structure, data)
 
 
-def _with_prior(structure: Structure) -> Way:
+def _with_prior(model: Model) -> Way:
     def fit(cell: Cell, data: Dataset, seed: int) -> Estimate:
         prior = distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
-        regression = reduce(cell.vjm, structure, data)
-        own = rescaled(metric(prior, cell.vjm, structure), regression)
-        return gco_with(regression, own, Strength(UNCERTAINTY))
+        method = with_prior(model.estimator, prior, Strength(UNCERTAINTY))
+        return method(cell.vjm, model.structure, data)
 
     return fit
 
@@ -207,7 +200,7 @@ INSTRUMENT_MODEL = "MGCO56"
 
 def _instruments(cell: Cell, study: Study, seed: int) -> Iterator[Row]:
     """The same poses read by several instruments, MGCO56 with prior; linear truth tells their noise alone."""
-    fit = _with_prior(MODELS[INSTRUMENT_MODEL](cell)[0])
+    fit = _with_prior(named_models(cell, [INSTRUMENT_MODEL])[0])
     for truth in ("linear", "nonlinear"):
         scenario = Scenario(arm=cell.arm.name, noise=False, truth=truth)
         campaign = simulate(cell, scenario, seed)

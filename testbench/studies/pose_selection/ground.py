@@ -16,7 +16,8 @@ from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Ids, Load
 from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
 from testbench.errors import Array
-from testbench.identify.prior import Prior, cad_prior, distorted, metric
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior, cad_prior, distorted
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure, mgco68, template56
 from testbench.plant import Payload

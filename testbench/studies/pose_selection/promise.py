@@ -17,8 +17,9 @@ from testbench.design.specification import Specification, Tasks, promise_of, tas
 from testbench.errors import Array
 from testbench.identify import reduce
 from testbench.identify.evaluate import predict, score
-from testbench.identify.prior import Metric, metric, rescaled
-from testbench.identify.regularised import Strength, gco_with, least_squares_with
+from testbench.identify.metric import Metric, metric, rescaled
+from testbench.identify.prior import Strength
+from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.vjm import Vjm
 from testbench.plant import Plant
 from testbench.studies.pose_selection.ground import (

@@ -12,8 +12,9 @@ from testbench.errors import Array
 from testbench.identify import Estimate, reduce
 from testbench.identify.conic import optimum
 from testbench.identify.evaluate import predict, score
-from testbench.identify.prior import Metric, Prior, metric, rescaled
-from testbench.identify.regularised import Strength, gco_with
+from testbench.identify.metric import Metric, metric, rescaled
+from testbench.identify.prior import Prior, Strength
+from testbench.identify.regularised import gco_with
 from testbench.model.vjm import Vjm
 from testbench.plant import Equilibrium
 from testbench.studies.pose_selection.ground import STRUCTURES, UNCERTAINTY, Chosen, Ground, hung

@@ -20,7 +20,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
-from testbench.identify.factorised import LARGEST_ORDER, gco_factorised
+from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.model.structure import Structure, free36
 from testbench.views.report import UM, Report
 
@@ -258,4 +258,4 @@ def of_every_order(cell: Cell, data: Dataset, starts: int, seed: int) -> Iterabl
     structure = models(cell)[-1].structure
     for m in range(1, LARGEST_ORDER + 1):
         rng = stream(seed, 10 + m)
-        yield m, gco_factorised(cell.vjm, structure, data, rng=rng, m=m, starts=starts)
+        yield m, LocalSolves(rng, m, starts)(cell.vjm, structure, data)

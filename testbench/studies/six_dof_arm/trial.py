@@ -1,7 +1,6 @@
 """Section 5.2 as a study: the illustrative 6R arm, five models, two kinds of truth, and the order m."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from testbench.arm.stiffness import eigenvalue_scale
 from testbench.bench.campaign import Cell, Model, build_cell, named_models, stream
 from testbench.bench.full_pose import Campaign, FullPose, Result, identify, judge, simulate
 from testbench.errors import Array
-from testbench.identify import Estimate, gco, gco_factorised
+from testbench.identify import Estimate, LocalSolves, gco
 from testbench.identify.factorised import LARGEST_ORDER
 from testbench.studies.paper import SECTION_5_2
 from testbench.studies.six_dof_arm.words import claims, which_m
@@ -94,7 +93,7 @@ def _order(cell: Cell, campaign: Campaign, name: str, starts: int) -> list[Repor
     best = gco(cell.vjm, model.structure, campaign.identification)
     rows = []
     for m in range(1, LARGEST_ORDER + 1):
-        estimator = partial(gco_factorised, rng=stream(campaign.seed, 10 + m), m=m, starts=starts)
+        estimator = LocalSolves(stream(campaign.seed, 10 + m), m, starts)
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
         check = judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0).check
         scaled = _scaled_eigenvalues(estimate)

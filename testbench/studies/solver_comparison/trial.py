@@ -6,7 +6,7 @@ convex, and the dual of one conic program tells how far any other solution can b
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +127,7 @@ def search(budget: Budget) -> OverB:
     """The paper's optimiser, run through its whole budget: no threshold stops it."""
 
     def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-        found = explore(problem, 0.0, budget, rng, observe)
+        found = explore(problem, budget, rng, observe)
         return Found(found.best, found.evaluations, found.descents)
 
     return solver
@@ -163,7 +163,7 @@ def gco_model(cell: Cell, name: str) -> Model:
         BenchError: When there is none of that name, or least squares identifies it.
     """
     [model] = named_models(cell, [name])
-    if model.estimator is not gco:
+    if model.estimator != gco:
         raise BenchError(f"model: expected one that GCO identifies, such as MGCO69, got {name}")
     return model
 
@@ -250,7 +250,9 @@ def _over_b(
         method = f"GCO over b, m = {study.m}"
         status = "budget spent" if key.startswith("a") else "local optimum"
         pi = parameters(problem, found.b)
-        estimate = make_estimate(problem.regression, pi, method=method, status=status, constraint="psd")
+        estimate = replace(
+            make_estimate(problem.regression, pi, method=method, constraint="psd"), status=status
+        )
         rows.append(
             Solved(key, estimate, stamps.way, clock() - stamps.start, found.evaluations, found.solves)
         )

@@ -1,0 +1,176 @@
+"""How sure a prediction is: the linearised distribution of an estimate, and intervals of deflections.
+
+The covariance (M^T M)^+ is that of weighted least squares, Eq. (14)-(15), M the rows of the data over their
+standard deviation and, with a prior, those of the prior below them. A direction that M does not see has an
+infinite standard deviation. GCO away from the boundary of the cone has the same distribution.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, check_array
+from testbench.identify.conic import sensitivity_units
+from testbench.identify.estimate import Estimate
+from testbench.identify.metric import precision_root
+from testbench.identify.regression import RANK_TOLERANCE, marker_points
+from testbench.model.vjm import Vjm, observation
+
+UNSEEN = 1e-8
+"""Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
+BINDS = 0.1
+"""Distance from the optimum without a cone that counts as moved by it [standard deviations]."""
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Intervals of linear functionals of pi, such as deflections.
+
+    Attributes:
+        centre: By the estimate, of any shape.
+        lower: -inf where the data see nothing.
+        upper: inf where the data see nothing.
+        confidence: Of each interval by itself [1].
+        on_boundary: Whether the cone holds the estimate: then the intervals are not exact.
+    """
+
+    centre: Array
+    lower: Array
+    upper: Array
+    confidence: float
+    on_boundary: bool
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A normal distribution around an estimate.
+
+    Attributes:
+        pi: Its centre, (n,).
+        root: Covariance of pi is root^T root along the seen directions, (r, n).
+        unseen: Rows whose product with a functional is zero where it is seen, (f, n).
+        scale: Of each parameter, for what counts as zero, (n,).
+        pull: Distance between the estimate and the optimum without a cone [standard deviations].
+        on_boundary: Whether the cone holds the estimate.
+    """
+
+    pi: Array
+    root: Array
+    unseen: Array
+    scale: Array
+    pull: float
+    on_boundary: bool
+
+    def deviations(self, functionals: Array) -> Array:
+        """Standard deviations of linear functionals of pi, infinite where they are not seen.
+
+        Args:
+            functionals: Rows a of a . pi, (k, n); the unit matrix for the parameters themselves.
+
+        Returns:
+            (k,).
+
+        Raises:
+            BenchError: When a functional has another length or is not finite.
+        """
+        a = check_array(functionals, (None, len(self.pi)), "functionals [m per unit of pi]")
+        seen = np.linalg.norm(a @ self.root.T, axis=1)
+        size = np.linalg.norm(a * self.scale, axis=1)
+        unseen = np.linalg.norm(a @ self.unseen.T, axis=1) > UNSEEN * size
+        return np.where(unseen, np.inf, seen)
+
+    def intervals(self, functionals: Array, confidence: float = CONFIDENCE) -> Intervals:
+        """Normal quantiles around the estimate.
+
+        Args:
+            functionals: Rows a of a . pi, (k, n).
+            confidence: Of each interval.
+
+        Raises:
+            BenchError: When the confidence is outside (0, 1) or a functional has another length.
+        """
+        check_confidence(confidence)
+        half = float(stats.norm.ppf((1 + confidence) / 2)) * self.deviations(functionals)
+        centre = functionals @ self.pi
+        return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
+
+
+def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
+    """Intervals of the deflections that an estimate predicts.
+
+    Args:
+        vjm: The model.
+        estimate: From least squares, or with a prior; of GCO without a prior away from the cone's boundary.
+        data: Gives poses, loads and markers; its readings are not used.
+        confidence: Of each interval by itself.
+
+    Returns:
+        World x, y and z of every marker in every run, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When the confidence is outside (0, 1).
+    """
+    points = marker_points(vjm, data.markers)
+    rows = observation(vjm, estimate.structure, data.q, data.wrench, data.point, targets=points)
+    found = linearise(estimate).intervals(rows.reshape(-1, estimate.structure.n), confidence)
+    centre, lower, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.lower, found.upper))
+    return Intervals(centre, lower, upper, confidence, found.on_boundary)
+
+
+def linearise(estimate: Estimate) -> Linearised:
+    """The distribution of an estimate's parameters, by its information matrix.
+
+    Args:
+        estimate: Of any method; the prior that it was made with counts as data.
+    """
+    regression, belief = estimate.regression, estimate.belief
+    L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
+    x = np.linalg.solve(L, estimate.pi)
+    weights = [math.sqrt(t.equations / 3) for t in regression.terms]
+    rows = [w * t.R @ L for w, t in zip(weights, regression.terms, strict=True)]
+    residuals = [B @ x - w * t.z for B, w, t in zip(rows, weights, regression.terms, strict=True)]
+    if belief is not None:
+        B, c = precision_root(belief.metric, belief.strength)
+        rows, residuals = [*rows, B], [*residuals, B @ x - c]
+    _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack(rows), mode="r"))
+    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
+    back = Vt[:r] / s[:r, None]
+    pull = _pull(estimate, [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)], residuals)
+    return Linearised(
+        pi=estimate.pi,
+        root=back @ L.T,
+        unseen=Vt[r:] @ L.T,
+        scale=np.linalg.norm(L, axis=1),
+        pull=pull,
+        on_boundary=estimate.conservative and pull > BINDS,
+    )
+
+
+def _pull(estimate: Estimate, steps: list[Array], residuals: list[Array]) -> float:
+    """Length of the step to the optimum without a cone, Eq. (14) or (19), whichever is nearer.
+
+    Args:
+        estimate: The estimate.
+        steps: The step that every term asks for, in standard deviations along the seen directions.
+        residuals: Of every term, in standard deviations.
+    """
+    pull = float(np.linalg.norm(sum(steps)))
+    if estimate.belief is None and len(steps) > 1:  # F_M weights its terms by their residuals
+        terms = zip(steps, residuals, estimate.regression.terms, strict=True)
+        tilted = [g / (math.sqrt((e @ e) / t.equations + t.rest / 3) or 1.0) for g, e, t in terms]
+        pull = min(pull, float(np.linalg.norm(sum(tilted))))
+    return pull
+
+
+def check_confidence(confidence: float) -> None:
+    """Refuse what is no confidence.
+
+    Raises:
+        BenchError: When it is not between 0 and 1.
+    """
+    if not 0 < confidence < 1:
+        raise BenchError(f"confidence: expected a number between 0 and 1, got {confidence}")

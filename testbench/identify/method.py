@@ -1,0 +1,131 @@
+"""A method is a value: what it asks of the blocks, which prior it believes, which loss it has.
+
+A method is called like an estimator of your own: method(vjm, structure, data) -> Estimate.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from testbench.data.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.identify.crossval import Fit, choose_strength, every_fold
+from testbench.identify.estimate import Constraint, Estimate, Estimator
+from testbench.identify.huber import without_outliers
+from testbench.identify.metric import Belief, metric, rescaled
+from testbench.identify.prior import Prior, Strength
+from testbench.identify.regression import Regression, reduce
+from testbench.identify.regularised import WITH_PRIOR, fit_reduced
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
+
+LEAST_POSES = 2
+ROBUST_UNCERTAINTY = 0.3
+"""Relative uncertainty of a prior beside a robust loss, where none is given."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """How to identify.
+
+    Attributes:
+        constraint: "none" for least squares, "psd" for GCO.
+        prior: Expected compliances, their common scale left to the data; None for none.
+        strength: How firmly the prior is believed; None to choose by cross-validation over poses, or
+            `ROBUST_UNCERTAINTY` with a robust loss: cross-validation would see the outliers.
+        loss: "robust" looks for outliers and does without them.
+    """
+
+    constraint: Constraint = "psd"
+    prior: Prior | None = None
+    strength: Strength | None = None
+    loss: Literal["plain", "robust"] = "plain"
+
+    def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        """Identify a structure from a dataset.
+
+        Args:
+            vjm: The model.
+            structure: The unknowns; with a prior, or GCO with a robust loss, of whole blocks.
+            data: The runs.
+
+        Raises:
+            BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
+                symmetric where it must be, or the prior does not fit the structure or the data.
+        """
+        regression = reduce(vjm, structure, data)
+        belief = self.belief(vjm, regression, data)
+        if self.loss == "robust":
+            return without_outliers(vjm, data, regression, self.constraint, belief)
+        return fit_reduced(regression, self.constraint, belief)
+
+    def belief(self, vjm: Vjm, regression: Regression, data: Dataset) -> Belief | None:
+        """The prior in the scale of the data, and how firmly it is believed; None without a prior.
+
+        Args:
+            vjm: The model.
+            regression: The dataset, reduced.
+            data: The same, to split into folds where the strength is to be chosen.
+
+        Raises:
+            BenchError: When the prior does not fit, or there is only one pose to choose its strength from.
+        """
+        if self.prior is None:
+            return None
+        own = rescaled(metric(self.prior, vjm, regression.structure), regression)
+        if self.strength is not None:
+            return Belief(own, self.strength)
+        if self.loss == "robust":
+            return Belief(own, Strength(ROBUST_UNCERTAINTY))
+        poses = len(np.unique(data.pose))
+        if poses < LEAST_POSES:
+            raise BenchError(
+                f"prior: expected at least {LEAST_POSES} poses to cross-validate its uncertainty, got "
+                f"{poses}; give it (--uncertainty-percent)"
+            )
+        folds = every_fold(vjm, regression.structure, data)
+        return Belief(own, choose_strength(folds, own, WITH_PRIOR[self.constraint])[0])
+
+    def on_reduced(self, vjm: Vjm, structure: Structure, data: Dataset) -> Fit:
+        """The method on any part of a dataset, its prior that of the whole; outliers stay in."""
+        belief = self.belief(vjm, reduce(vjm, structure, data), data)
+        return partial(fit_reduced, constraint=self.constraint, belief=belief)
+
+
+least_squares = Method("none")
+"""Weighted least squares, Eq. (14)-(15); of minimum norm where the data leave directions free."""
+
+gco = Method("psd")
+"""GCO to global optimality: the conservative model of least F_M, Eq. (19), with a certificate."""
+
+
+def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = None) -> Method:
+    """A method that fills with a prior what the data cannot see.
+
+    Args:
+        estimator: A method; not an estimator of your own.
+        prior: Expected compliances.
+        strength: How firmly they are believed; None to choose.
+
+    Raises:
+        BenchError: When the estimator is your own.
+    """
+    return replace(_method(estimator, "prior"), prior=prior, strength=strength)
+
+
+def robust(estimator: Estimator) -> Method:
+    """A method that looks for outliers and does without them.
+
+    Raises:
+        BenchError: When the estimator is your own.
+    """
+    return replace(_method(estimator, "robust loss"), loss="robust")
+
+
+def _method(estimator: Estimator, what: str) -> Method:
+    if isinstance(estimator, Method):
+        return estimator
+    name = getattr(estimator, "__name__", type(estimator).__name__)
+    raise BenchError(f"{name}: an estimator of your own runs as it is, it cannot be given a {what}")

@@ -1,0 +1,189 @@
+"""The metric of a prior, in which all compliances are of order one.
+
+A prior names a positive definite compliance P for every block. In its metric a compliance is
+C = P^1/2 X P^1/2, and X = 1 is what was expected. x is svec(X): distances in x are Frobenius distances of X,
+and C is positive semi-definite where X is.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.errors import Array, BenchError, check_array
+from testbench.identify import cone
+from testbench.identify.prior import Prior, Strength, aggregate
+from testbench.identify.regression import Ids, Regression, check_symmetric
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
+
+SMALLEST = 1e-9
+"""Eigenvalue of a block of the prior of unit diagonal below which it counts as singular."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A structure in the metric of a prior.
+
+    Attributes:
+        prior: Its name.
+        structure: The unknowns.
+        L: pi = L x, (n, n), block by block.
+        expected: x of X = 1, (n,).
+        sizes: Size of every block, in the order of `structure.blocks`.
+    """
+
+    prior: str
+    structure: Structure
+    L: Array
+    expected: Array
+    sizes: tuple[int, ...]
+
+    def matrices(self, x: Array) -> list[Array]:
+        """X of every block."""
+        ends = np.cumsum([cone.triangle(n) for n in self.sizes])[:-1]
+        return [cone.smat(part) for part in np.split(x, ends)]
+
+    def project(self, x: Array) -> Array:
+        """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
+        return np.concatenate([cone.svec(cone.psd_part(X)) for X in self.matrices(x)])
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A prior in the metric of a structure, and how firmly it is believed."""
+
+    metric: Metric
+    strength: Strength
+
+
+def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
+    """A structure in the metric of a prior.
+
+    A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
+    paper's aggregation. A link that it leaves out is rigid.
+
+    Args:
+        prior: Expected compliances.
+        vjm: The model, for the joints' axes.
+        structure: The unknowns: every block with all its entries.
+
+    Raises:
+        BenchError: When the prior has another size, is not symmetric or not positive definite in a block, or
+            the structure lacks entries inside a block.
+    """
+    check_symmetric(structure)
+    P = check_array(prior.C_theta, (structure.n_theta,) * 2, f"prior {prior.name} [m/N, rad/(N m)]")
+    sizes = tuple(len(block) for block in structure.blocks)
+    if not structure.whole:
+        raise BenchError(
+            f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
+        )
+    P = aggregate(P, vjm, structure)
+    L, first = np.zeros((structure.n, structure.n)), 0
+    for block in structure.blocks:
+        root = _root(P[np.ix_(block, block)], f"prior {prior.name}, {structure.labels[block[0]]} ...")
+        own = np.flatnonzero(np.isin(structure.a, block))
+        L[own, first : first + len(own)] = _congruence(structure, block, own, root)
+        first += len(own)
+    expected = np.concatenate([cone.svec(np.eye(n)) for n in sizes])
+    return Metric(prior.name, structure, L, expected, sizes)
+
+
+def check_metric(metric: Metric, structure: Structure) -> None:
+    """Refuse the metric of another structure.
+
+    Raises:
+        BenchError: When its parameters are not those of the structure.
+    """
+    own = metric.structure
+    if not (np.array_equal(own.a, structure.a) and np.array_equal(own.b, structure.b)):
+        raise BenchError(f"metric: expected one of {structure.name}, got one of {own.name}")
+
+
+def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
+    """All terms' rows in the metric, so that |A x - y|^2 is chi squared less what nothing explains.
+
+    Returns:
+        A, (terms n, n) [1], and y, (terms n,).
+    """
+    rows = [math.sqrt(term.equations / 3) * np.c_[term.R @ metric.L, term.z] for term in regression.terms]
+    A, y = np.split(np.vstack(rows), [metric.structure.n], axis=1)
+    return A, y[:, 0]
+
+
+def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
+    """Rows that the prior adds to those of the data: B and c with |B x - c|^2 its penalty.
+
+    With s left to the data, |x - s e|^2 is least at s = <x, e> / <e, e>: a projection. A finite uncertainty v
+    of s gives back (s - 1)^2 / v^2 along e.
+
+    Returns:
+        B, (n, n), and c, (n,).
+    """
+    size = np.linalg.norm(metric.expected)
+    e = metric.expected / size
+    along = 1 / np.hypot(strength.uncertainty, size * strength.scale_uncertainty)
+    B = (np.eye(len(e)) - np.outer(e, e)) / strength.uncertainty + along * np.outer(e, e)
+    return B, along * size * e
+
+
+def with_prior_rows(regression: Regression, metric: Metric, strength: Strength) -> tuple[Array, Array]:
+    """Rows of the data and of the prior: what weighted least squares with a prior solves.
+
+    Returns:
+        M, (rows, n), and r, (rows,).
+    """
+    (A, y), (B, c) = whitened(regression, metric), precision_root(metric, strength)
+    return np.vstack([A, B]), np.r_[y, c]
+
+
+def rescaled(metric: Metric, regression: Regression) -> Metric:
+    """The metric of a prior whose common scale is that of the data, fitted as the only unknown.
+
+    An uncertainty is then relative to compliances of the right size, however wrong the prior's own scale is.
+
+    Args:
+        metric: The structure in the metric of the prior.
+        regression: The reduced dataset.
+
+    Raises:
+        BenchError: When the data want a scale that is not above 0.
+    """
+    A, y = whitened(regression, metric)
+    moved = A @ metric.expected
+    size = float(moved @ moved)
+    scale = float(moved @ y) / size if size > 0 else 1.0
+    if not scale > 0:
+        raise BenchError(
+            f"prior {metric.prior}: expected data that move with the load, its best scale is {scale:.3g}"
+        )
+    return replace(metric, L=scale * metric.L)
+
+
+def _root(P: Array, what: str) -> Array:
+    """Symmetric square root of a block of the prior.
+
+    Raises:
+        BenchError: When it is not symmetric positive definite.
+    """
+    d = np.sqrt(np.maximum(np.diag(P), 0))
+    if not (d > 0).all() or np.abs(P - P.T).max() > 1e-9 * np.abs(P).max():
+        raise BenchError(f"{what}: expected a symmetric block with a positive diagonal")
+    values, Q = np.linalg.eigh(P / np.outer(d, d))
+    if values[0] <= SMALLEST:
+        raise BenchError(
+            f"{what}: expected a positive definite block, got smallest eigenvalue {values[0]:.3g} (of the "
+            "block scaled to unit diagonal)"
+        )
+    return np.asarray(d[:, None] * (Q * np.sqrt(values)) @ Q.T)
+
+
+def _congruence(structure: Structure, block: Ids, own: Ids, root: Array) -> Array:
+    """Parameters of a block per unit of each entry of its x: C = root X root^T, (own, own)."""
+    position = np.full(structure.n_theta, -1)
+    position[block] = np.arange(len(block))
+    row, column = cone.upper(len(block))
+    a, b = root[position[structure.a[own]]], root[position[structure.b[own]]]
+    weight = np.where(row == column, 0.5, math.sqrt(0.5))
+    return np.asarray(weight * (a[:, row] * b[:, column] + a[:, column] * b[:, row]))

@@ -1,0 +1,138 @@
+"""A method is a value: what it asks, believes and weighs; and an estimator of one's own runs as it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.bench.campaign import Model, Scenario, identify, named_models, simulate
+from testbench.bench.fit import recommend
+from testbench.data.outliers import spoil
+from testbench.errors import BenchError
+from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
+from testbench.identify.evaluate import predict
+from testbench.identify.method import ROBUST_UNCERTAINTY
+from testbench.identify.metric import metric, rescaled
+from testbench.identify.prior import Strength, cad_prior, distorted
+from testbench.identify.regularised import gco_with, least_squares_with
+from testbench.model.structure import template56
+
+HALF = Strength(0.5)
+
+
+@pytest.fixture(scope="module")
+def campaign(kr500):
+    return simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=10), 1)
+
+
+@pytest.fixture(scope="module")
+def prior(kr500):
+    return distorted(cad_prior(kr500.arm), scale=2, shape=0.3, rng=np.random.default_rng(5))
+
+
+def rigid(vjm, structure, data):
+    """An estimator of one's own: nothing moves but by a hair."""
+    return make_estimate(reduce(vjm, structure, data), np.full(structure.n, 1e-12), method="a hair")
+
+
+def test_an_estimator_of_ones_own_is_called_and_its_answer_comes_out(kr500, campaign):
+    model = Model("mine", template56(kr500.arm), rigid)
+    [result] = identify(kr500, campaign, [model], lambda: 0.0)
+    assert result.estimate.method == "a hair"
+    np.testing.assert_array_equal(result.estimate.pi, 1e-12)
+
+
+@pytest.mark.parametrize("combine", [lambda own, prior: with_prior(own, prior), lambda own, _: robust(own)])
+def test_an_estimator_of_ones_own_takes_neither_prior_nor_robust_loss(prior, combine):
+    with pytest.raises(BenchError, match="rigid: an estimator of your own runs as it is"):
+        combine(rigid, prior)
+
+
+def test_a_recommendation_holds_poses_out_of_an_estimator_of_ones_own_too(kr500, campaign):
+    seen = []
+
+    def mine(vjm, structure, data):
+        seen.append(np.unique(data.pose))
+        return rigid(vjm, structure, data)
+
+    plain = named_models(kr500, ["MGCO47"])
+    data = campaign.identification
+    best, found = recommend(kr500, [*plain, Model("mine", template56(kr500.arm), mine)], data)
+    assert best == "MGCO47"
+    assert [c.name for c in found] == ["MGCO47", "mine"]
+    assert [len(poses) for poses in seen] == [7] * 8  # every one of the eight poses left out once
+    # a rigid arm's F_M is the RMS deflection over sqrt(2) sigma, fold by fold
+    moved = [data.deflection[data.pose == pose] for pose in np.unique(data.pose)]
+    expected = [np.sqrt((d**2).sum() / d[..., 0].size) / (np.sqrt(2) * data.sigma) for d in moved]
+    np.testing.assert_allclose(found[1].errors, expected, rtol=1e-3)  # a hair is a ten-thousandth of C
+
+
+def test_an_answer_of_another_structure_is_refused_by_name(kr500, campaign):
+    def mine(vjm, _, data):
+        return rigid(vjm, named_models(kr500, ["MGCO47"])[0].structure, data)
+
+    with pytest.raises(BenchError, match="parameters found by mine"):
+        recommend(kr500, [Model("mine", template56(kr500.arm), mine)], campaign.identification)
+
+
+@pytest.mark.parametrize(("method", "call"), [(gco, gco_with), (least_squares, least_squares_with)])
+def test_a_method_with_a_prior_is_the_fit_in_the_scale_of_the_data(kr500, campaign, prior, method, call):
+    s, data = template56(kr500.arm), campaign.identification
+    estimate = with_prior(method, prior, HALF)(kr500.vjm, s, data)
+    regression = reduce(kr500.vjm, s, data)
+    by_hand = call(regression, rescaled(metric(prior, kr500.vjm, s), regression), HALF)
+    np.testing.assert_array_equal(estimate.pi, by_hand.pi)
+    assert estimate.constraint == method.constraint
+    assert estimate.belief.strength == HALF
+
+
+def test_a_prior_without_a_strength_takes_that_of_cross_validation_or_a_fixed_one_beside_outliers(
+    kr500, campaign, prior
+):
+    s, data = template56(kr500.arm), campaign.identification
+    chosen = with_prior(gco, prior)(kr500.vjm, s, data).belief.strength.uncertainty
+    errors = {}
+    for uncertainty in (chosen / 4, chosen, 4 * chosen):
+        model = Model("x", s, with_prior(gco, prior, Strength(uncertainty)))
+        errors[uncertainty] = recommend(kr500, [model], data)[1][0].error
+    assert min(errors, key=errors.get) == chosen
+    assert robust(with_prior(gco, prior))(kr500.vjm, s, data).belief.strength == Strength(ROBUST_UNCERTAINTY)
+    one = replace(data, pose=np.ones_like(data.pose))
+    with pytest.raises(BenchError, match="at least 2 poses to cross-validate its uncertainty, got 1"):
+        with_prior(gco, prior)(kr500.vjm, s, one)
+
+
+def test_a_robust_method_names_the_readings_that_it_does_without(kr500, campaign, prior):
+    s = template56(kr500.arm)
+    data, mask = spoil(campaign.identification, 0.05, 5e-3, np.random.default_rng(1))
+    for method in (robust(gco), robust(least_squares), robust(with_prior(gco, prior, HALF))):
+        estimate = method(kr500.vjm, s, data)
+        wanted = {(data.run[i], data.markers[j]) for i, j in np.argwhere(mask)}
+        assert {(r.run, r.marker) for r in estimate.rejected} >= wanted
+    assert gco(kr500.vjm, s, data).rejected == ()
+
+
+def test_methods_are_equal_by_what_they_ask(prior):
+    assert Method("psd") == gco != least_squares
+    assert robust(with_prior(gco, prior, HALF)) == Method("psd", prior, HALF, "robust")
+
+
+@pytest.mark.parametrize("with_a_prior", [False, True])
+@pytest.mark.parametrize("method", [least_squares, gco])
+def test_last_digits_of_the_readings_move_no_prediction(kr500, campaign, prior, method, with_a_prior):
+    """Every marker moved by 1e-15 of its position, as another processor rounds: 1e-9 of the deflections.
+
+    Predictions of the measured poses are the well determined ones; with a prior those elsewhere are too.
+    """
+    data, rng = campaign.identification, np.random.default_rng(2)
+    if with_a_prior:
+        method = with_prior(method, prior, HALF)
+    turned = [p * (1 + 1e-15 * rng.choice([-1, 1], p.shape)) for p in (data.before, data.after)]
+    assert not np.array_equal(turned[0], data.before)
+    other = replace(data, before=turned[0], after=turned[1])
+    for model in named_models(kr500, ["MGCO56", "MGCO47", "MGCO68"]):
+        one, two = (method(kr500.vjm, model.structure, runs) for runs in (data, other))
+        for where in (data, campaign.workspace) if with_a_prior else (data,):
+            moved = predict(kr500.vjm, one, where)
+            change = np.abs(predict(kr500.vjm, two, where) - moved).max()
+            assert change <= 1e-9 * np.abs(moved).max()
