@@ -2,12 +2,32 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Normality, Score
 from testbench.trials.spread import Number, Share
 
 MM, UM = 1e3, 1e6
+
+
+@dataclass(frozen=True)
+class DatasetRow:
+    """What a dataset holds: counts, and the least and largest deflection of a marker."""
+
+    runs: int
+    points: int
+    deflection_min_mm: Number
+    deflection_max_mm: Number
+    sigma_um: float
+
+
+def dataset_row(data: Dataset) -> DatasetRow:
+    """What a dataset holds."""
+    size = MM * np.linalg.norm(data.deflection, axis=-1)
+    return DatasetRow(data.runs, data.points, float(size.min()), float(size.max()), UM * data.sigma)
 
 
 @dataclass(frozen=True)

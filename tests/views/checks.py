@@ -17,10 +17,12 @@ from testbench.trials.spread import Spread
 from testbench.views import markdown, terminal
 
 UNITS = {
-    "mm": "mm", "um": "um", "m": "m", "percent": "%", "seconds": "s", "s": "s", "kg": "kg", "N": "N",
-    "deg": "deg", "mrad": "mrad", "urad": "urad",
+    "mm": 1e-3, "um": 1e-6, "m": 1.0, "%": 1e-2, "s": 1.0, "ms": 1e-3, "kg": 1.0, "N": 1.0, "deg": 1.0,
+    "mrad": 1e-3, "urad": 1e-6,
 }  # fmt: skip
-"""Unit by the last word of a field's name; other names have none."""
+"""What a unit is in SI."""
+WORDS = {"percent": "%", "seconds": "s"}
+"""Last words of a field's name that are units by another name; those that are no unit have none."""
 NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 
 
@@ -37,7 +39,21 @@ def unit_of(path):
     """The unit that a field's name promises, empty for none."""
     name = path.split(".")[-1]
     *words, last = name.split("_")
-    return UNITS.get(last, "") if words and name != "f_m" else ""
+    unit = WORDS.get(last, last)
+    return unit if words and unit in UNITS and name != "f_m" else ""
+
+
+def in_unit(title, path, value):
+    """A report's value in the unit of a heading; the heading must have one where the field's name has one."""
+    _, _, unit = title.rpartition(", ")
+    own = unit_of(path)
+    assert not own or unit in UNITS, (title, path)
+    factor = UNITS.get(own, 1.0) / UNITS.get(unit, 1.0) if own or unit == "%" else 1.0
+    if isinstance(value, bool | str) or value is None or factor == 1:
+        return value
+    if isinstance(value, Spread):
+        return Spread(factor * value.median, factor * value.p05, factor * value.p95)
+    return factor * value
 
 
 def shows(text, value):
@@ -93,18 +109,12 @@ def check_table(table, rows, means, known=None):
     for row, line in zip(rows, cells, strict=True):
         for (title, path), cell in zip(means.items(), line, strict=True):
             own, paper = re.fullmatch(r"(.*?)(?: \[(.*)\])?", cell).groups()
-            assert shows(own, _shown(table, title, at(row, path))), (title, path, cell, at(row, path))
+            value = in_unit(title, path, at(row, path))
+            assert shows(own, _shown(table, title, value)), (title, path, cell, value)
             if paper or (known and title in known and at(row, known[title]) is not None):
-                assert float(paper) == pytest.approx(at(row, known[title]), rel=0.01), (title, cell)
-    check_units(means)
+                value = in_unit(title, known[title], at(row, known[title]))
+                assert float(paper) == pytest.approx(value, rel=0.01), (title, cell)
     check_terminal(table, rows, means)
-
-
-def check_units(means):
-    """A heading ends with the unit that its field's name promises."""
-    for title, path in means.items():
-        unit = unit_of(path)
-        assert not unit or title.endswith(f", {unit}"), (title, path)
 
 
 def check_terminal(table, rows, means):
@@ -112,7 +122,7 @@ def check_terminal(table, rows, means):
     shown = terminal.grid(table)
     lines = list(zip(*(list(column.cells) for column in shown.columns), strict=True))
     for column, (title, path) in zip(shown.columns, means.items(), strict=True):
-        assert str(column.header).split()[-1] == (unit_of(path) or str(column.header).split()[-1]), title
+        assert not unit_of(path) or str(column.header).split()[-1] == title.rpartition(", ")[2], title
     for row in rows:
         first, *others = lines.pop(0)
         assert first.removeprefix("* ") == str(at(row, next(iter(means.values()))))
@@ -122,7 +132,7 @@ def check_terminal(table, rows, means):
             ends[{"  5 %": "p05", "  95 %": "p95"}.get(name, "paper")] = cells
         ends.pop("paper", None)
         for k, (title, path) in enumerate(list(means.items())[1:]):
-            value = at(row, path)
+            value = in_unit(title, path, at(row, path))
             for end, cells in ends.items():
                 spread = isinstance(_shown(table, title, value), Spread)
                 own = getattr(value, end) if isinstance(value, Spread) else value

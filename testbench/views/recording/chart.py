@@ -7,6 +7,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from testbench.errors import Array
 from testbench.views.recording.style import NOISE, Colour
 
 ROW, WIDTH = 60.0, 1000.0
@@ -21,15 +22,15 @@ BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
 
 @dataclass(frozen=True)
 class Dot:
-    """One line of the chart.
+    """A value of the chart, on a line of its own or on one with others.
 
     Attributes:
-        name: What it is.
+        name: What it is; dots of the same name share a line.
         low: Low end of the spread; the value itself where there is none.
         value: Positive.
         high: High end of the spread.
         colour: Of its role.
-        text: The value for people, unit included.
+        text: The value for people, unit included; on a shared line what the colour means.
     """
 
     name: str
@@ -49,10 +50,11 @@ def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> N
         dots: From top to bottom.
     """
     first, last = _decades(dots)
-    rows = ROW * (np.arange(len(dots)) + 0.5)
+    names = _names(dots)
+    rows = ROW * _heights(dots)
     x = np.array([[_place(v, first, last) for v in (d.low, d.value, d.high)] for d in dots])
     colours = [d.colour for d in dots]
-    bottom = ROW * len(dots)
+    bottom = ROW * len(names)
     unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (bottom + ROW) / PANE[1])  # of the chart a ui point
     ticks = [_place(10.0**k, first, last) for k in range(first, last + 1)]
     lines = [[(t, 0), (t, bottom)] for t in ticks]
@@ -72,19 +74,60 @@ def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> N
         rr.Points2D(np.column_stack([x[:, 1], rows]), colors=colours, radii=-6.0),
         static=True,
     )
-    for entity, at, texts in (
-        ("name", -LEFT / 2, [d.name for d in dots]),
-        ("number", None, [d.text for d in dots]),
-    ):
-        ahead = [x[k, 2] + unit * (SPACE + LETTER * len(text)) for k, text in enumerate(texts)]
-        places = [(ahead[k] if at is None else at, y) for k, y in enumerate(rows - BELOW * unit)]
-        labels = rr.Points2D(places, labels=texts, colors=colours, radii=0.0, show_labels=True)
-        stream.log(f"{path}/{entity}", labels, static=True)
+    lift = BELOW * unit
+    own = [dots[[d.name for d in dots].index(name)].colour for name in names]
+    places = [(-LEFT / 2, ROW * (k + 0.5) - lift) for k in range(len(names))]
+    _write_labels(stream, f"{path}/name", places, names, NOISE if _shared(dots) else own)
+    if _shared(dots):
+        _write_legend(stream, path, dots)
+        return
+    texts = [d.text for d in dots]
+    ahead = [x[k, 2] + unit * (SPACE + LETTER * len(text)) for k, text in enumerate(texts)]
+    _write_labels(stream, f"{path}/number", list(zip(ahead, rows - lift, strict=True)), texts, colours)
+
+
+def _write_labels(
+    stream: rr.RecordingStream,
+    path: str,
+    places: Sequence[tuple[float, float]],
+    texts: Sequence[str],
+    colours: Colour | Sequence[Colour],
+) -> None:
+    labels = rr.Points2D(places, labels=texts, colors=colours, radii=0.0, show_labels=True)
+    stream.log(path, labels, static=True)
+
+
+def _write_legend(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> None:
+    """What the colours mean, in a line above the others."""
+    meaning = {d.text: d.colour for d in dots}
+    places = [(WIDTH * (k + 0.5) / len(meaning), -ROW) for k in range(len(meaning))]
+    marks = rr.Points2D(
+        places, labels=list(meaning), colors=list(meaning.values()), radii=-6.0, show_labels=True
+    )
+    stream.log(f"{path}/legend", marks, static=True)
+
+
+def _names(dots: Sequence[Dot]) -> list[str]:
+    """Of the lines, from top to bottom."""
+    return list(dict.fromkeys(d.name for d in dots))
+
+
+def _shared(dots: Sequence[Dot]) -> bool:
+    return len(_names(dots)) < len(dots)
+
+
+def _heights(dots: Sequence[Dot]) -> Array:
+    """Height of every dot [lines]: the middle of its line; several share it out."""
+    names = [d.name for d in dots]
+    order = [names[:k].count(name) for k, name in enumerate(names)]
+    line = [_names(dots).index(name) for name in names]
+    return np.array([i + (k + 0.5) / names.count(n) for i, k, n in zip(line, order, names, strict=True)])
 
 
 def chart_view(path: str, name: str, dots: Sequence[Dot]) -> rrb.Spatial2DView:
     """The view of a chart, its unit in the name."""
-    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(-ROW / 4, ROW * (len(dots) + 1)))
+    top = -1.5 * ROW if _shared(dots) else -ROW / 4
+    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, ROW * (len(_names(dots)) + 1)))
     return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
 
 

@@ -22,6 +22,8 @@ SHAPES = (
     MarkerShape.Plus,
 )
 """One a shade of a family; with a prior a cross."""
+TINT = 0.45
+"""Share of white in the colour of a model with a prior: a plot's legend shows colours only."""
 
 
 @dataclass(frozen=True)
@@ -47,4 +49,5 @@ def drawn(look: Look, bold: bool) -> Drawn:
         bold: Whether it is one to look at first.
     """
     shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
-    return Drawn(look.colour, shape, 3.0 if bold else 1.5)
+    colour = tuple(round(c + TINT * (255 - c)) for c in look.colour) if look.prior else look.colour
+    return Drawn(colour, shape, 3.0 if bold else 1.5)
