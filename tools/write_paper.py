@@ -8,17 +8,19 @@ import re
 import shutil
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
+from pydantic import TypeAdapter
 
 from testbench.errors import InputError
 from testbench.shell import command
-from testbench.studies.loaded_stiffness import words as loaded_text
+from testbench.studies import gravity_calibration, loaded_stiffness
 from testbench.studies.single_link import words as single_link_text
 from testbench.studies.six_dof_arm import words as six_dof_text
 from testbench.studies.solver_comparison import words as solvers_text
-from testbench.views import tables
+from testbench.studies.study import Study
+from testbench.views.markdown import Words, grid
 from testbench.views.report import show, show_truth
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,9 +52,9 @@ def main(
 
 
 def fill(runs: Path, place: str) -> str:
-    """What stands at a place: `study path/to/number format`, `table study number` or `words study`.
+    """What stands at a place: `study path/to/number format`, `table study name` or `words study`.
 
-    A table is one of the study's report.md, from 1; words are its verdict.
+    A table is one of the study's, by name; words are its answer and statements.
 
     A part of a path is a key, the name of a list's member, or its number from 0. A format of `%` shows a
     share, `?` a truth, another one is Python's.
@@ -65,6 +67,12 @@ def fill(runs: Path, place: str) -> str:
         InputError: When a report or what is asked of it does not exist.
     """
     study, *rest = place.split()
+    if study == "table" and rest[0] in STUDIES:
+        known = STUDIES[rest[0]]
+        return grid(known.tables(typed(runs, known))[rest[1]])
+    if study == "words" and rest[0] in STUDIES:
+        known = STUDIES[rest[0]]
+        return in_words(known.words(typed(runs, known)))
     if study == "table":
         text = MARKDOWN[rest[0]](report(runs, rest[0]))
         return tables_of(text)[int(rest[1]) - 1].rstrip()
@@ -91,6 +99,16 @@ def report(runs: Path, study: str) -> dict[str, Any]:
     except (OSError, ValueError) as err:
         raise InputError(file, "", f"expected the report of a run: {err}") from err
     return found
+
+
+def typed(runs: Path, study: Study[Any, Any, Any, Any]) -> Any:
+    """report.json of a study as its dataclass."""
+    return TypeAdapter(get_type_hints(study.summary)["return"]).validate_python(report(runs, study.name))
+
+
+def in_words(words: Words) -> str:
+    """What a study found: its answer, then what else is to be said."""
+    return "\n\n".join([words.block("answer"), words.block("statements")])
 
 
 def look_up(value: Any, path: str, place: str) -> Any:
@@ -122,17 +140,15 @@ def tables_of(text: str) -> list[str]:
     return re.findall(r"^(?:\|.*\n)+", text + "\n", re.MULTILINE)
 
 
+STUDIES = {study.name: study for study in (gravity_calibration.STUDY, loaded_stiffness.STUDY)}
 MARKDOWN = {
     "single_link": single_link_text.markdown,
     "six_dof_arm": six_dof_text.markdown,
     "solver_comparison": solvers_text.markdown,
-    "loaded_stiffness": loaded_text.markdown,
-    "gravity_calibration": tables.markdown,
 }
 """report.md of a report, by study."""
 WORDS = {
     "solver_comparison": lambda r: "\n".join(f"- {claim}" for claim in solvers_text.claims(r)),
-    "loaded_stiffness": loaded_text.verdict,
 }
 """Verdict of a report, by study."""
 

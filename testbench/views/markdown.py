@@ -37,7 +37,7 @@ def lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 class Words:
-    """The words of one report.
+    """The words of one report; macros of the template serve all of its blocks.
 
     Args:
         folder: Where the study's template is.
@@ -47,13 +47,14 @@ class Words:
 
     def __init__(self, folder: Path, values: Mapping[str, object], name: str = NAME) -> None:
         self._template: Template = _environment(folder).get_template(f"own/{name}")
-        self._values = dict(values)
+        module = vars(self._template.make_module(dict(values)))
+        self._values = {**values, **{k: v for k, v in module.items() if not k.startswith("_")}}
 
     def block(self, name: str) -> str:
         """One block; of `question`, `title` and `answer` a single line."""
         context = self._template.new_context(self._values)
         text = "".join(self._template.blocks[name](context)).strip()
-        return " ".join(text.split()) if name in ("question", "title", "answer") else text
+        return line(text) if name in ("question", "title", "answer") else text
 
     def has(self, name: str) -> bool:
         """Whether the template fills a block."""
@@ -75,7 +76,13 @@ def _environment(folder: Path) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
+    found.filters["line"] = line
     return found
+
+
+def line(text: str) -> str:
+    """Words on one line."""
+    return " ".join(text.split())
 
 
 def listed(names: list[str]) -> str:

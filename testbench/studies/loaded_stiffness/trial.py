@@ -1,15 +1,16 @@
-"""Eq. (7) as a study: what the linear model loses under heavy loads, and what K_w gives back."""
+"""Eq. (7) tried: true deflections under heavy weights all over the workspace, and predicted ones."""
 
-import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+import typer
 from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.folder import Arm
-from testbench.bench.campaign import Cell, stream
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.model.loaded import (
@@ -23,26 +24,33 @@ from testbench.model.loaded import (
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import chain
 from testbench.plant import Plant, build_plant, collisions, settle
-from testbench.views.report import MM, Report
 
 NAME = "loaded_stiffness"
-TRUTHS = ("weightless", "own weight")
-METHODS = {
-    "linear": "Eq. (6): J C_theta J^T w, all at theta = 0",
-    "secant": "Eq. (7) with K_w at theta = 0, as one stiffness for the whole load",
-    "integrated": "Eq. (7) from no load to the whole: equilibrium under load",
-}
+POSES, QUICK_POSES = 200, 30
+LOADS, QUICK_LOADS = 7, 4
 AT_TOOL = np.zeros((1, 3))
 
+Truth = Literal["weightless", "own weight"]
+Method = Literal["linear", "secant", "integrated"]
+"""Eq. (6); Eq. (7) with K_w at theta = 0 for the whole load; Eq. (7) from no load to the whole."""
 
-class Study(BaseModel):
-    """The study as data: what a manifest must hold to run it again.
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the study."""
+
+    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    max_load_n: Annotated[float, typer.Option(help="Heaviest hung weight; the least is a tenth.")] = 10_000.0
+
+
+class Settings(BaseModel):
+    """What is tried.
 
     Attributes:
-        arm: The arm's folder.
+        arm: Folder or name of the arm.
         max_load: Heaviest hung weight [N]; the lightest is a tenth of it.
         loads: How many weights, evenly spread on a log scale.
-        poses: How many poses.
+        poses: How many poses a seed.
         workspace: Where the tool has to be.
     """
 
@@ -50,9 +58,42 @@ class Study(BaseModel):
 
     arm: str
     max_load: float = Field(default=10_000.0, ge=1, le=100_000)
-    loads: int = Field(default=7, ge=2, le=100)
-    poses: int = Field(default=200, ge=1, le=10_000)
+    loads: int = Field(default=LOADS, ge=2, le=100)
+    poses: int = Field(default=POSES, ge=1, le=10_000)
     workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+
+    @property
+    def weights(self) -> list[float]:
+        """The hung weights, ascending, (loads,) [N]."""
+        return [float(w) for w in np.geomspace(self.max_load / 10, self.max_load, self.loads)]
+
+
+@dataclass(frozen=True)
+class PoseRow:
+    """One weight in one pose, by one truth and one method.
+
+    Attributes:
+        run: Number of load and pose, from 1.
+        pose: Number of the pose, from 1.
+        q_rad: Actuated joint angles, (n,).
+        load_N: Hung weight.
+        truth: With or without the arm's own weight.
+        method: What predicts.
+        deflection_m: True deflection of the tool, world, (3,).
+        error_m: Predicted minus true, world, (3,).
+        tangent_difference: Of the tangent compliance under load, model against weightless truth [1]; None but
+            in the rows of the integrated method and the weightless arm.
+    """
+
+    run: int
+    pose: int
+    q_rad: tuple[float, ...]
+    load_N: float
+    truth: Truth
+    method: Method
+    deflection_m: tuple[float, ...]
+    error_m: tuple[float, ...]
+    tangent_difference: float | None
 
 
 @dataclass(frozen=True)
@@ -63,13 +104,35 @@ class Loading:
         load: The weight [N].
         true: Deflection of the tool by truth, (poses, 3) [m].
         predicted: The same by method, (poses, 3) [m].
-        tangent_difference: Largest relative difference of the tangent compliance between model and truth [1].
+        tangent_difference: Relative difference of the tangent compliance, model to truth, (poses,) [1].
     """
 
     load: float
-    true: dict[str, Array]
-    predicted: dict[str, Array]
-    tangent_difference: float
+    true: Mapping[Truth, Array]
+    predicted: Mapping[Method, Array]
+    tangent_difference: Array
+
+
+def settings(options: Options, quick: bool, _: range) -> Settings:
+    """What the flags ask for."""
+    return Settings(
+        arm=options.arm,
+        max_load=options.max_load_n,
+        loads=QUICK_LOADS if quick else LOADS,
+        poses=QUICK_POSES if quick else POSES,
+    )
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
+    """Rows of some seeds, each with poses of its own."""
+    cell = build_cell(find_arm(asked.arm))
+    plants: dict[Truth, Plant] = {"weightless": weightless(cell.arm), "own weight": cell.plant}
+    found = []
+    for seed in seeds:
+        q = draw(cell, asked, seed)
+        loadings = [hang(cell, plants, q, load, asked.max_load / 100) for load in asked.weights]
+        found.append(list(rows(q, loadings)))
+    return found
 
 
 def weightless(arm: Arm) -> Plant:
@@ -79,16 +142,16 @@ def weightless(arm: Arm) -> Plant:
     return plant
 
 
-def draw(cell: Cell, study: Study, seed: int) -> Array:
+def draw(cell: Cell, asked: Settings, seed: int) -> Array:
     """Poses all over the workspace, free of collision, (poses, n) [rad]."""
 
     def clear(q: Array) -> Mask:
         return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
 
-    return random_poses(cell.vjm, study.workspace, study.poses, clear, stream(seed))
+    return random_poses(cell.vjm, asked.workspace, asked.poses, clear, stream(seed))
 
 
-def hang(cell: Cell, plants: dict[str, Plant], q: Array, load: float, increment: float) -> Loading:
+def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> Loading:
     """One weight in every pose: true deflections, predicted ones, and the tangents under it.
 
     Args:
@@ -101,12 +164,12 @@ def hang(cell: Cell, plants: dict[str, Plant], q: Array, load: float, increment:
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load
     point = np.tile(cell.vjm.load, (len(q), 1))
-    true = {name: deflect(plant, q, wrench, point) for name, plant in plants.items()}
+    true = {truth: deflect(plant, q, wrench, point) for truth, plant in plants.items()}
     theta = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, wrench, point).theta
     C = tangent(cell, q, theta, wrench, point)
     expected = numerical_tangent(plants["weightless"], q, wrench, point, increment)
     off = np.linalg.norm(C - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))
-    return Loading(load, true, predict(cell, q, theta, wrench, point), float(off.max()))
+    return Loading(load, true, predict(cell, q, theta, wrench, point), off)
 
 
 def deflect(plant: Plant, q: Array, wrench: Array, point: Array) -> Array:
@@ -114,16 +177,15 @@ def deflect(plant: Plant, q: Array, wrench: Array, point: Array) -> Array:
     return np.asarray(settle(plant, q, wrench, point).tool - settle(plant, q).tool)
 
 
-def predict(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> dict[str, Array]:
+def predict(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> dict[Method, Array]:
     """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
     K_w = geometric_stiffness(unloaded, wrench, point)
-    predictions = (
-        secant_deflection(unloaded, C_theta, wrench, point, AT_TOOL),
-        secant_deflection(unloaded, C_theta, wrench, point, AT_TOOL, K_w),
-        loaded_deflection(cell.vjm, q, theta, AT_TOOL),
-    )
-    return {name: moved[:, 0] for name, moved in zip(METHODS, predictions, strict=True)}
+    return {
+        "linear": secant_deflection(unloaded, C_theta, wrench, point, AT_TOOL)[:, 0],
+        "secant": secant_deflection(unloaded, C_theta, wrench, point, AT_TOOL, K_w)[:, 0],
+        "integrated": loaded_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
+    }
 
 
 def tangent(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> Array:
@@ -146,74 +208,26 @@ def numerical_tangent(plant: Plant, q: Array, wrench: Array, point: Array, incre
     return np.stack(columns, axis=2)
 
 
-def errors(loading: Loading) -> Iterator[tuple[str, str, Array, Array]]:
-    """Truth, method, error (predicted minus true) and true deflection of every pose, (poses, 3) [m]."""
-    for truth, moved in loading.true.items():
-        for method, predicted in loading.predicted.items():
-            yield truth, method, predicted - moved, moved
-
-
-def summary(study: Study, seed: int, loadings: list[Loading]) -> Report:
-    """The numbers of report.json."""
-    return {
-        "scenario": NAME,
-        "seed": seed,
-        "arm": study.arm,
-        "poses": study.poses,
-        "loads_N": [loading.load for loading in loadings],
-        "methods": METHODS,
-        "rows": [
-            {"load_N": loading.load, "truth": truth, "method": method, **statistics(error, moved)}
-            for loading in loadings
-            for truth, method, error, moved in errors(loading)
-        ],
-        "tangent": [
-            {"load_N": loading.load, "max_relative_difference": loading.tangent_difference}
-            for loading in loadings
-        ],
-    }
-
-
-def statistics(error: Array, moved: Array) -> dict[str, float]:
-    """Errors over all poses in millimetres, and as a share of each pose's deflection.
+def rows(q: Array, loadings: Sequence[Loading]) -> Iterator[PoseRow]:
+    """Every pose under every weight, by truth and method.
 
     Args:
-        error: Of every pose, (poses, 3) [m].
-        moved: True deflection, (poses, 3) [m].
+        q: Poses, (poses, n) [rad].
+        loadings: One a weight.
     """
-    distance, size = np.linalg.norm(error, axis=1), np.linalg.norm(moved, axis=1)
-    share = 100 * distance / size
-    values = {
-        "deflection_rms_mm": MM * rms(size),
-        "rms_mm": MM * rms(distance),
-        "max_mm": MM * distance.max(),
-        "vertical_rms_mm": MM * rms(error[:, 2]),
-        "rms_percent": 100 * rms(distance) / rms(size),
-        "max_percent": share.max(),
-    }
-    for unit, sample in (("mm", MM * distance), ("percent", share)):
-        p05, median, p95 = np.percentile(sample, [5, 50, 95])
-        values |= {f"median_{unit}": median, f"p05_{unit}": p05, f"p95_{unit}": p95}
-    return {key: float(value) for key, value in values.items()}
-
-
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def write_errors(file: Path, arm: Arm, q: Array, loadings: list[Loading]) -> None:
-    """A row for each pose, load, truth and method; world axes, error is predicted minus true."""
-    angles = [[repr(float(angle)) for angle in pose] for pose in q]
-    names = [f"{joint.name}_rad" for joint in arm.joints]
-    vectors = [f"{what}_{x}_m" for what in ("deflection", "error") for x in "xyz"]
-    with file.open("w", encoding="utf-8", newline="") as text:
-        rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(["run", "pose", *names, "load_N", "truth", "method", *vectors, "error_m"])
-        for k, loading in enumerate(loadings):
-            for truth, method, error, moved in errors(loading):
-                distance = np.linalg.norm(error, axis=1)
-                numbers = np.column_stack([moved, error, distance]).tolist()
-                for i, pose in enumerate(angles):
-                    case = [loading.load, truth, method]
-                    rows.writerow([k * len(q) + i + 1, i + 1, *pose, *case, *numbers[i]])
+    for k, loading in enumerate(loadings):
+        for truth, moved in loading.true.items():
+            for method, predicted in loading.predicted.items():
+                own = truth == "weightless" and method == "integrated"
+                for i, angles in enumerate(q):
+                    yield PoseRow(
+                        run=k * len(q) + i + 1,
+                        pose=i + 1,
+                        q_rad=tuple(angles.tolist()),
+                        load_N=loading.load,
+                        truth=truth,
+                        method=method,
+                        deflection_m=tuple(moved[i].tolist()),
+                        error_m=tuple((predicted[i] - moved[i]).tolist()),
+                        tangent_difference=float(loading.tangent_difference[i]) if own else None,
+                    )
