@@ -1,1 +1,3 @@
 """A virtual calibration cell for heavy industrial robot arms."""
+
+__version__ = "0.1.0"

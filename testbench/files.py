@@ -11,11 +11,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from testbench import __version__
 from testbench.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 """The checkout, where the package runs from one."""
-PACKAGES = ("testbench", "mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
+PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
 @contextlib.contextmanager
@@ -80,7 +81,7 @@ def write_manifest(
 
 def versions() -> dict[str, str]:
     """Versions of the packages that numbers depend on."""
-    return {name: metadata.version(name) for name in PACKAGES}
+    return {"testbench": __version__, **{name: metadata.version(name) for name in PACKAGES}}
 
 
 def sources() -> str:
@@ -99,7 +100,9 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def git_commit(folder: Path) -> str:
-    """Commit of the checkout that holds a folder, "-dirty" behind it if changed; "unknown" outside of one."""
+    """Commit of a checkout, "-dirty" behind it if changed; "unknown" for any other folder."""
+    if not (folder / ".git").exists():  # an installed package may lie inside of another project's checkout
+        return "unknown"
     command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=40"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True)

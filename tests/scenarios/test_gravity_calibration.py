@@ -147,7 +147,10 @@ BAD_FLAGS = [
     (["--payload-kg", "-5"], "payload"),
     (["--payload-kg", "nan"], "payload"),
     (["--sigma-um", "0"], "sigma"),
-    (["--arm", "no/such/arm"], "no/such/arm: expected an arm's folder or one of arm_6r"),
+    (
+        ["--arm", "no/such/arm"],
+        "no/such/arm: expected a folder with rigid.xml and elastic.toml, or one of arm_6r",
+    ),
     (["--payload-kg", "20000"], "payload"),
 ]
 
