@@ -171,8 +171,12 @@ def _nest(kind: type, flat: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     for field, kinds in _kinds(kind).items():
         if nested := _nested(kinds):
             own = _nest(nested, flat, f"{prefix}{field}.")
-            empty = NoneType in kinds and all(v is None for v in own.values())
-            found[field] = None if empty else own
+            found[field] = None if NoneType in kinds and _empty(own) else own
         elif prefix + field in flat:
             found[field] = flat[prefix + field]
     return found
+
+
+def _empty(value: Any) -> bool:
+    """Whether all columns of a nested dataclass are None."""
+    return all(map(_empty, value.values())) if isinstance(value, dict) else value is None

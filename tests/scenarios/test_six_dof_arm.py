@@ -1,26 +1,29 @@
 """Section 5.2 as a stranger runs it: its files, its contract, its claims."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
 from testbench.data.csvfile import read_csv
-from testbench.studies.six_dof_arm.words import which_m
+from testbench.bench.rows import ErrorRow
+from testbench.studies.six_dof_arm.summary import enough
+from testbench.studies.six_dof_arm.trial import Order
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "six_dof_arm.py"
-FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "six_dof_arm.png", "recording.rrd"}
+FILES = {
+    "dataset.csv", "report.json", "report.md", "manifest.json", "six_dof_arm.png", "recording.rrd",
+    "trials.parquet",
+}  # fmt: skip
 MODELS = {"MLS56": 56, "MLS32": 32, "MGCO147": 147, "MGCO69": 69, "MGCO56": 56}
 
 
 def run(*args):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)
+    return here(app_of(SCRIPT), *args)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +54,7 @@ def test_report_has_tables_i_and_ii_for_both_truths(report):
     for models in (report["models"], report["nonlinear"]["models"]):
         assert {m["name"]: m["parameters"] for m in models} == MODELS
         for m in models:
-            assert m["conservative"] is m["name"].startswith("MGCO")
+            assert m["conservative"] is (m["constraint"] == "psd")
             assert m["status"] == "solved"
             for group in ("identification", "check", "readings"):
                 assert set(m[group]) == {
@@ -85,12 +88,14 @@ def test_every_statement_has_a_verdict_and_its_numbers(quick, report):
     assert report["which_m"] in words
 
 
-def test_which_m_is_the_least_that_serves():
+def test_the_order_that_is_enough_is_the_least_that_serves():
     def row(m, f_m, p95):
-        return {"m": m, "f_m": f_m, "check": {"p95_mm": p95}}
+        return Order(m, f_m, 1.0, m, 0.0, 0.0, 1.0, True, ErrorRow(p95, p95, p95, None, None))
 
     rows = [row(m, 3.0 if m >= 3 else 4.0, 0.1 if m >= 4 else 0.2) for m in range(1, 7)]
-    assert "X from m = 4 on" in which_m({"X": rows})
+    found = enough("X", rows)
+    assert found.m == 4
+    assert [own.m for own in found.rows] == [3, 4, 6]
 
 
 def test_dataset_is_the_first_seeds_with_orientations(quick):
@@ -117,7 +122,7 @@ def test_results_do_not_depend_on_workers_or_on_other_seeds(quick, report, tmp_p
         (["--per", "pose"], "--per"),
         (["--seeds", "0"], "--seeds"),
         (["--workers", "0"], "--workers"),
-        (["--arm", "no/such/arm"], "no/such/arm: expected a folder"),
+        (["--arm", "no/such/arm"], "no/such/arm: expected an arm's folder or one of"),
         (["--arm", str(ROOT / "models" / "single_link")], "expected an arm of at least 4 links"),
     ],
 )

@@ -1,116 +1,230 @@
-"""Section 5.2 as a study: the illustrative 6R arm, five models, two kinds of truth, and the order m."""
+"""Section 5.2, a seed at a time: five models under two kinds of truth, and the order m."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+import typer
 
+from testbench.arm.library import find_arm
 from testbench.arm.stiffness import eigenvalue_scale
-from testbench.bench.campaign import Cell, Model, build_cell, named_models, stream
+from testbench.bench.campaign import Cell, Model, Truth, build_cell, named_models, stream
 from testbench.bench.full_pose import Campaign, FullPose, Result, identify, judge, simulate
+from testbench.bench.rows import MM, UM, ErrorRow, FitRow, error_row, fit_row
 from testbench.errors import Array
 from testbench.identify import Estimate, LocalSolves, gco
 from testbench.identify.factorised import LARGEST_ORDER
-from testbench.studies.paper import SECTION_5_2
-from testbench.studies.six_dof_arm.words import claims, which_m
-from testbench.views.report import MM, UM, Report, estimate_report, merge, score_report
+from testbench.trials.spread import Number, Share
 
 NAME = "six_dof_arm"
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")
 """The models of Table I, in the paper's order."""
 ORDER_MODELS = ("MGCO69", "MGCO56")
+ORDER_SEEDS, QUICK_ORDER_SEEDS = 20, 1
+ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
 RANK_TOLERANCE = 1e-6
 """Eigenvalue of a block of unit diagonal below which it counts as zero."""
 
 
-def trials(
-    folder: Path,
-    scenario: FullPose,
-    ordered: Sequence[int],
-    starts: int,
-    clock: Callable[[], float],
-    seeds: Sequence[int],
-) -> list[Report]:
-    """Reports of some seeds.
+@dataclass(frozen=True)
+class Options:
+    """Flags of the study."""
 
-    Args:
-        folder: The arm's.
-        scenario: What to measure; its truth is replaced by each in turn.
-        ordered: Seeds in which the order m is studied too.
+    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "arm_6r"
+    per: Annotated[
+        Literal["deflection", "reading"],
+        typer.Option(help="What the noise of 25 um and 250 urad is that of."),
+    ] = "deflection"
+    magnification: Annotated[
+        float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
+    ] = 10.0
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried.
+
+    Attributes:
+        arm: Folder or name of the arm.
+        per: What the paper's noise is taken to be that of.
+        scenario: What is measured; its truth is replaced by each in turn.
+        first: The first seed.
+        ordered: Seeds, from the first, in which the order m is studied too.
         starts: Local solves of every order m: below 6 there are local minima that are not global.
-        clock: Wall time [s].
-        seeds: Roots of randomness.
+        magnification: Of the drawn deflections [1].
     """
-    cell = build_cell(folder)
+
+    arm: str
+    per: Literal["deflection", "reading"]
+    scenario: FullPose
+    first: int
+    ordered: int
+    starts: int
+    magnification: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured: counts, and the least and largest deflection of a check run."""
+
+    runs: int
+    points: int
+    poses: int
+    check_runs: int
+    check_runs_drawn: Number
+    deflection_min_mm: Number
+    deflection_max_mm: Number
+    sigma_um: float
+    sigma_urad: float
+
+
+@dataclass(frozen=True)
+class Judged(FitRow):
+    """A model judged: `check` against the truth, `readings` against the readings of the check runs."""
+
+    identification: ErrorRow
+    check: ErrorRow
+    readings: ErrorRow
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the order m of the vector space costs.
+
+    Attributes:
+        m: The order.
+        f_m: Cost of Eq. (19), best of several local solves.
+        f_m_over_optimum: The same over the least possible.
+        rank: Largest of a block.
+        min_eigenvalue: Smallest of a block [m/N, rad/(N m)].
+        min_scaled_eigenvalue: The same of blocks scaled to unit diagonal [1].
+        max_eigenvalue: Largest of a block [m/N, rad/(N m)].
+        conservative: Whether every block is positive semi-definite.
+        check: Errors against the truth.
+    """
+
+    m: int
+    f_m: Number
+    f_m_over_optimum: Number
+    rank: Number
+    min_eigenvalue: Number
+    min_scaled_eigenvalue: Number
+    max_eigenvalue: Number
+    conservative: Share
+    check: ErrorRow
+
+
+@dataclass(frozen=True)
+class SixDofRow:
+    """One fit: of a model under one truth, or (`order`) of one order m.
+
+    Attributes:
+        truth: Kind of truth.
+        model: What was found.
+        measured: What it was found from.
+        order: What the order m costs; None where the model's own method was used.
+    """
+
+    truth: Truth
+    model: Judged
+    measured: Measured
+    order: Order | None
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for."""
+    share = math.sqrt(2) if options.per == "deflection" else 1.0
+    scenario = FullPose(
+        arm=find_arm(options.arm).resolve().name,
+        sigma=25e-6 / share,
+        sigma_rotation=250e-6 / share,
+        least=9e-3,
+        most=41e-3,
+    )
+    return Settings(
+        arm=options.arm,
+        per=options.per,
+        scenario=scenario,
+        first=seeds[0],
+        ordered=min(len(seeds), QUICK_ORDER_SEEDS if quick else ORDER_SEEDS),
+        starts=QUICK_ORDER_STARTS if quick else ORDER_STARTS,
+        magnification=options.magnification,
+    )
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SixDofRow]]:
+    """Rows of some seeds: five models under two truths, and in the first seeds every order m."""
+    cell = build_cell(find_arm(asked.arm))
     models = named_models(cell, MODELS)
-    reports = []
-    for seed in seeds:
-        campaigns = {
-            t: simulate(cell, scenario.model_copy(update={"truth": t}), seed) for t in ("linear", "nonlinear")
-        }
-        report = {
-            t: {
-                "dataset": _dataset(campaign),
-                "models": [_model(r) for r in identify(cell, campaign, models, clock)],
-            }
-            for t, campaign in campaigns.items()
-        }
-        if seed in ordered:
-            report["order"] = {name: _order(cell, campaigns["linear"], name, starts) for name in ORDER_MODELS}
-        reports.append({"seed": seed, **report})
-    return reports
+    return [list(_trial(cell, models, asked, seed)) for seed in seeds]
 
 
-def _dataset(campaign: Campaign) -> Report:
+def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[SixDofRow]:
+    truths: tuple[Truth, ...] = ("linear", "nonlinear")
+    for truth in truths:
+        campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
+        own = measured(campaign)
+        for result in identify(cell, campaign, models, time.perf_counter):
+            yield SixDofRow(truth, judged(result), own, None)
+        if truth == "linear" and seed < asked.first + asked.ordered:
+            for name in ORDER_MODELS:
+                yield from _orders(cell, campaign, name, asked.starts)
+
+
+def measured(campaign: Campaign) -> Measured:
+    """Counts and deflections of a campaign."""
     scenario = campaign.scenario
     size = MM * np.linalg.norm(campaign.truth.deflection, axis=-1)
-    return {
-        "runs": campaign.identification.runs,
-        "points": campaign.identification.points,
-        "poses": scenario.poses,
-        "check_runs": campaign.truth.runs,
-        "check_runs_drawn": campaign.drawn,
-        "deflection_min_mm": float(size.min()),
-        "deflection_max_mm": float(size.max()),
-        "sigma_um": UM * scenario.sigma,
-        "sigma_urad": UM * scenario.sigma_rotation,
-    }
+    return Measured(
+        runs=campaign.identification.runs,
+        points=campaign.identification.points,
+        poses=scenario.poses,
+        check_runs=campaign.truth.runs,
+        check_runs_drawn=campaign.drawn,
+        deflection_min_mm=float(size.min()),
+        deflection_max_mm=float(size.max()),
+        sigma_um=UM * scenario.sigma,
+        sigma_urad=UM * scenario.sigma_rotation,
+    )
 
 
-def _model(result: Result) -> Report:
-    return {
-        **estimate_report(result.model.name, result.estimate, result.seconds),
-        "identification": score_report(result.identification),
-        "check": score_report(result.check),
-        "readings": score_report(result.readings),
-        "paper": SECTION_5_2.get(result.model.name),
-    }
+def judged(result: Result) -> Judged:
+    """One model of one campaign."""
+    return Judged(
+        **vars(fit_row(result.model.name, result.estimate, result.seconds)),
+        identification=error_row(result.identification),
+        check=error_row(result.check),
+        readings=error_row(result.readings),
+    )
 
 
-def _order(cell: Cell, campaign: Campaign, name: str, starts: int) -> list[Report]:
+def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[SixDofRow]:
     """F_M, rank, eigenvalues and check error of every order m of one model."""
     [model] = named_models(cell, [name])
     best = gco(cell.vjm, model.structure, campaign.identification)
-    rows = []
     for m in range(1, LARGEST_ORDER + 1):
         estimator = LocalSolves(stream(campaign.seed, 10 + m), m, starts)
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
-        check = judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0).check
-        scaled = _scaled_eigenvalues(estimate)
-        rows.append(
-            {
-                "m": m,
-                "f_m": estimate.f_m,
-                "f_m_over_optimum": estimate.f_m / best.f_m,
-                "rank": max(int((e > RANK_TOLERANCE * e[-1]).sum()) for e in scaled),
-                "min_eigenvalue": estimate.min_eigenvalue,
-                "min_scaled_eigenvalue": float(min(e[0] for e in scaled if len(e) > 1)),
-                "max_eigenvalue": float(max(e[-1] for e in estimate.eigenvalues)),
-                "conservative": estimate.conservative,
-                "check": score_report(check),
-            }
-        )
-    return rows
+        own = judged(judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0))
+        yield SixDofRow("linear", own, measured(campaign), _order(m, estimate, best, own))
+
+
+def _order(m: int, estimate: Estimate, best: Estimate, own: Judged) -> Order:
+    scaled = _scaled_eigenvalues(estimate)
+    return Order(
+        m=m,
+        f_m=estimate.f_m,
+        f_m_over_optimum=estimate.f_m / best.f_m,
+        rank=max(int((e > RANK_TOLERANCE * e[-1]).sum()) for e in scaled),
+        min_eigenvalue=estimate.min_eigenvalue,
+        min_scaled_eigenvalue=float(min(e[0] for e in scaled if len(e) > 1)),
+        max_eigenvalue=float(max(e[-1] for e in estimate.eigenvalues)),
+        conservative=estimate.conservative,
+        check=own.check,
+    )
 
 
 def _scaled_eigenvalues(estimate: Estimate) -> list[Array]:
@@ -121,49 +235,3 @@ def _scaled_eigenvalues(estimate: Estimate) -> list[Array]:
         d = eigenvalue_scale(C)
         found.append(np.asarray(np.linalg.eigvalsh(C / np.outer(d, d))))
     return found
-
-
-def summary(folder: Path, scenario: FullPose, per: str, reports: Sequence[Report]) -> Report:
-    """report.json of all seeds.
-
-    Args:
-        folder: The arm's.
-        scenario: What was measured.
-        per: Whether the paper's sigma is one of a "deflection" or of a "reading".
-        reports: One a seed.
-    """
-    seeds = [r["seed"] for r in reports]
-    linear, nonlinear = (merge([r[truth] for r in reports]) for truth in ("linear", "nonlinear"))
-    ordered = [r for r in reports if "order" in r]
-    final = {
-        "scenario": NAME,
-        "seed": seeds[0] if len(seeds) == 1 else seeds,
-        "arm": folder.resolve().name,
-        "noise": scenario.noise,
-        "noise_per": per,
-        "truth": "linear",
-        "dataset": linear["dataset"],
-        "models": linear["models"],
-        "nonlinear": nonlinear,
-        "order": {"seeds": [r["seed"] for r in ordered], **merge([r["order"] for r in ordered])},
-        "paired": _paired(reports),
-    }
-    orders = {name: final["order"][name] for name in ORDER_MODELS}
-    return {**final, "which_m": which_m(orders), "claims": claims(final)}
-
-
-def _paired(reports: Sequence[Report]) -> Report:
-    """On the same data: how much MGCO56 differs from MLS32 at most, and how often it is the better one."""
-
-    def p95(report: Report, name: str, group: str) -> float:
-        return float(next(m[group]["p95_mm"] for m in report["linear"]["models"] if m["name"] == name))
-
-    def ratio(group: str) -> list[float]:
-        return [p95(r, "MGCO56", group) / p95(r, "MLS32", group) for r in reports]
-
-    return {
-        "seeds": len(reports),
-        "mgco56_better_than_mls32": sum(x < 1 for x in ratio("check")),
-        "mgco56_over_mls32_p95_check": merge(ratio("check")),
-        "mgco56_over_mls32_p95_readings": merge(ratio("readings")),
-    }

@@ -1,0 +1,48 @@
+"""What section 5.2 leaves beside its report: dataset and recording of the first seed, linear truth."""
+
+import time
+
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import build_cell, named_models
+from testbench.bench.full_pose import identify, simulate
+from testbench.data.csvfile import write_csv
+from testbench.studies.six_dof_arm.summary import SixDofReport
+from testbench.studies.six_dof_arm.trial import MODELS, Settings
+from testbench.studies.study import Run
+from testbench.views.markdown import grid
+from testbench.views.recording import write_calibration
+from testbench.views.recording.drawing import Calibration
+
+
+def write(run: Run[Settings, SixDofReport]) -> None:
+    """dataset.csv and recording.rrd."""
+    cell = build_cell(find_arm(run.settings.arm))
+    campaign = simulate(cell, run.settings.scenario, run.seeds[0])
+    write_csv(campaign.identification, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
+    results = identify(cell, campaign, named_models(cell, MODELS), time.perf_counter)
+    write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
+
+
+def about(run: Run[Settings, SixDofReport]) -> Calibration:
+    """Words and models; the runs are sorted by the best model, the best of the other method is shown too."""
+    report, words = run.report, run.words
+    names = [m.name for m in report.models]
+    held = [name for name in report.best if report.models[names.index(name)].constraint == "psd"]
+    best = names.index((held or report.best)[0])
+    rivals = [m for m in report.models if m.constraint != report.models[best].constraint]
+    parts = [
+        f"### {words.block('question')}",
+        f"#### **{words.block('answer')}**",
+        grid(run.tables["short"]),
+    ]
+    return Calibration(
+        scenario=report.scenario,
+        parameters=run.parameters,
+        summary="\n\n".join(parts),
+        notes="\n\n".join([words.block("title"), grid(run.tables["claims"]), words.block("statements")]),
+        errors=run.tables["errors"],
+        models=report.models,
+        best=best,
+        shown=(best, *(names.index(m.name) for m in rivals[:1])),
+        magnification=run.settings.magnification,
+    )
