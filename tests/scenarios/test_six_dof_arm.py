@@ -4,12 +4,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
-from testbench.data.csvfile import read_csv
 from testbench.bench.rows import ErrorRow
+from testbench.data.csvfile import read_csv
 from testbench.studies.six_dof_arm.summary import enough
 from testbench.studies.six_dof_arm.trial import Order
 
@@ -62,6 +63,21 @@ def test_report_has_tables_i_and_ii_for_both_truths(report):
                 }  # fmt: skip
     cells = {m["name"]: m["paper"] for m in report["models"]}
     assert cells["MGCO56"] == {"readings_p95_mm": 0.072, "readings_max_relative_percent": 0.62}
+
+
+def test_the_report_is_medians_of_the_trials_by_model_and_truth(quick, report):
+    rows = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+    for truth, models in (("linear", report["models"]), ("nonlinear", report["nonlinear"]["models"])):
+        for m in models:
+            own = [r for r in rows if (r["truth"], r["model.name"], r["order.m"]) == (truth, m["name"], None)]
+            assert len(own) == 2
+            for group in ("check", "readings", "identification"):
+                for key in ("p95_mm", "rms_mm"):
+                    found = np.median([row[f"model.{group}.{key}"] for row in own])
+                    assert m[group][key]["median"] == pytest.approx(found, rel=1e-12)
+    # MuJoCo's truth bends: the linear model cannot follow it, ten times the error of the linear truth
+    straight, bent = (r["models"][4]["check"]["p95_mm"] for r in (report, report["nonlinear"]))
+    assert bent["p05"] > 3 * straight["p95"]
 
 
 def test_order_m_falls_to_the_optimum(report):
@@ -122,7 +138,7 @@ def test_results_do_not_depend_on_workers_or_on_other_seeds(quick, report, tmp_p
         (["--per", "pose"], "--per"),
         (["--seeds", "0"], "--seeds"),
         (["--workers", "0"], "--workers"),
-        (["--arm", "no/such/arm"], "no/such/arm: expected an arm's folder or one of"),
+        (["--arm", "no/such/arm"], "no/such/arm: expected a folder with rigid.xml"),
         (["--arm", str(ROOT / "models" / "single_link")], "expected an arm of at least 4 links"),
     ],
 )
