@@ -49,6 +49,22 @@ def whole_folder(out: Path) -> Iterator[Path]:
             out.rmdir()
 
 
+def write_whole(text: str, path: Path) -> None:
+    """Write a text file; an existing one is replaced only by a whole one.
+
+    Raises:
+        InputError: When the file cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(text.encode())
+        part.replace(path)
+    except OSError as err:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+
+
 def write_json(value: Any, file: Path) -> None:
     """Write JSON for people and programs: indented, keys in their order, no NaN."""
     file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")

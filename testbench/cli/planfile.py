@@ -11,9 +11,9 @@ from testbench import files
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import LOAD_RANGE, Planned
-from testbench.data.csvcells import read_lines, write_whole
-from testbench.data.csvfile import XYZ, check_limits, column, plan_columns
+from testbench.data.posefile import XYZ, check_limits, plan_columns
 from testbench.data.station import Station
+from testbench.data.table import Table, read_table
 from testbench.design.rows import Load
 from testbench.design.specification import Tasks
 from testbench.errors import Array, BenchError, InputError
@@ -54,28 +54,29 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
     """
-    header, lines = read_lines(path)
-    angles = _check_header(path, header, cell.arm)
-    if not 1 <= len(lines) <= MAX_TASKS:
-        place = "line 2" if not lines else f"line {MAX_TASKS + 2}"
-        raise InputError(path, place, f"expected 1 to {MAX_TASKS} tasks, got {len(lines)}")
-    q = np.transpose([column(path, header, lines, name) for name in angles])
+    table = read_table(path)
+    angles = _check_header(table, cell.arm)
+    if not 1 <= table.rows <= MAX_TASKS:
+        row = 0 if not table.rows else MAX_TASKS
+        raise table.error(row, "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}")
+    q = table.numbers(angles)
     unit = angles[0].rsplit("_", 1)[1]
     q = np.deg2rad(q) if unit == "deg" else q
     check_limits(path, cell.arm, q, unit=unit)
     for line, pair in enumerate(collisions(cell.room, q), start=2):
         if pair:
             raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
-    return Tasks(q, _read_load(path, header, lines, hung))
+    return Tasks(q, _read_load(table, hung))
 
 
-def _check_header(path: Path, header: list[str], arm: Arm) -> list[str]:
+def _check_header(table: Table, arm: Arm) -> list[str]:
     """The columns of the angles, all in one unit."""
+    path, header = table.path, table.columns.keys()
     radians, degrees = ([f"{j.name}_{unit}" for j in arm.joints] for unit in ("rad", "deg"))
-    angles = degrees if set(degrees) & set(header) else radians
-    groups = [group for group in (FORCE, MOMENT, POINT) if set(group) & set(header)]
+    angles = degrees if header & set(degrees) else radians
+    groups = [group for group in (FORCE, MOMENT, POINT) if header & set(group)]
     expected = {*angles, *(name for group in groups for name in group)}
-    if set(header) != expected or len(set(header)) < len(header):
+    if header != expected:
         raise InputError(
             path,
             "line 1",
@@ -87,27 +88,26 @@ def _check_header(path: Path, header: list[str], arm: Arm) -> list[str]:
     return angles
 
 
-def _read_load(path: Path, header: list[str], lines: list[list[str]], hung: Load) -> Load:
+def _read_load(table: Table, hung: Load) -> Load:
     """The load of every task."""
 
     def three(names: list[str], default: Array) -> Array:
-        if names[0] not in header:
-            return np.tile(default, (len(lines), 1))
-        values = np.transpose([column(path, header, lines, name) for name in names])
+        if names[0] not in table.columns:
+            return np.tile(default, (table.rows, 1))
+        values = table.numbers(names)
         most = FARTHEST[names[0].split("_")[0]]
         far = np.argwhere(np.abs(values) > most)
         if len(far):
             i, k = far[0]
-            place = f"line {i + 2}, column {names[k]}"
-            raise InputError(path, place, f"expected {-most:g} to {most:g}, got {values[i, k]:g}")
+            raise table.error(i, names[k], f"expected {-most:g} to {most:g}, got {values[i, k]:g}")
         return values
 
-    if not {FORCE[0], MOMENT[0]} & set(header):
-        return Load(np.tile(hung.wrench, (len(lines), 1)), np.tile(hung.point, (len(lines), 1)))
+    if not {FORCE[0], MOMENT[0]} & table.columns.keys():
+        return Load(np.tile(hung.wrench, (table.rows, 1)), np.tile(hung.point, (table.rows, 1)))
     wrench = np.hstack([three(FORCE, np.zeros(3)), three(MOMENT, np.zeros(3))])
     idle = np.flatnonzero(~wrench.any(axis=1))
     if len(idle):
-        raise InputError(path, f"line {idle[0] + 2}", "expected a load, got zero force and moment")
+        raise table.error(idle[0], "", "expected a load, got zero force and moment")
     return Load(wrench, three(POINT, hung.point))
 
 
@@ -117,15 +117,15 @@ def read_payload(path: Path) -> Array | None:
     Raises:
         InputError: When one is no number, or no weight that could be meant.
     """
-    header, lines = read_lines(path)
-    if "load_kg" not in header:
+    table = read_table(path)
+    if "load_kg" not in table.columns:
         return None
-    mass = column(path, header, lines, "load_kg")
+    mass = table.numbers(["load_kg"])[:, 0]
     low, high = LOAD_RANGE
     bad = np.flatnonzero((mass < low) | (mass > high))
     if len(bad):
         problem = f"expected {low:g} to {high:g}, got {mass[bad[0]]:g}"
-        raise InputError(path, f"line {bad[0] + 2}, column load_kg", problem)
+        raise table.error(bad[0], "load_kg", problem)
     return mass
 
 
@@ -177,7 +177,7 @@ def _write(head: list[str], rows: list[list[object]], path: Path) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerows([head, *rows])
-    write_whole(text.getvalue(), path)
+    files.write_whole(text.getvalue(), path)
 
 
 def write_all(cell: Cell, planned: Planned, report: Report, *, arm: Path, task: Path, out: Path) -> None:

@@ -11,7 +11,8 @@ from rich.console import Console
 from testbench.bench.campaign import Scenario, build_cell, measure, stream
 from testbench.cli import planfile
 from testbench.cli.arguments import ArmName
-from testbench.data.csvfile import read_poses, write_csv
+from testbench.data.csvfile import write_csv
+from testbench.data.posefile import read_poses
 from testbench.data.tracker import Tracker
 from testbench.errors import InputError
 from testbench.plant import check_poses

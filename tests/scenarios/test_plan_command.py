@@ -13,7 +13,7 @@ from testbench.bench.campaign import Scenario, measure, stream
 from testbench.bench.plan import hung, straight_way
 from testbench.cli import program
 from testbench.cli.planfile import read_tasks
-from testbench.data.csvfile import plan_columns, read_poses
+from testbench.data.posefile import plan_columns, read_poses
 from testbench.data.station import Station
 from testbench.data.tracker import Tracker
 from testbench.model.poses import in_area

@@ -8,8 +8,8 @@ import pytest
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.data.csvfile import COVARIANCES as COLUMNS
 from testbench.data.csvfile import read_csv, write_csv
-from testbench.data.csvprecision import COLUMNS
 from testbench.data.tracker import LaserTracker, precision
 from testbench.errors import InputError
 
@@ -72,5 +72,7 @@ def test_a_wrong_cell_is_named(file, name, value, said):
 
 def test_a_missing_column_is_named(file):
     edit(file, 0, COLUMNS[3], "something")
-    with pytest.raises(InputError, match=rf"line 1: covariances: expected the columns \['{COLUMNS[3]}'\]"):
+    with pytest.raises(
+        InputError, match=rf"line 1: missing columns \['{COLUMNS[3]}'\], unknown columns \['some"
+    ):
         read_csv(file, ARM)

@@ -11,9 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.data.csvcells import MAX_BYTES
 from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
+from testbench.data.table import MAX_BYTES
 from testbench.errors import BenchError, InputError
 
 MODELS = Path(__file__).parents[2] / "models"

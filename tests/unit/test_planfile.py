@@ -14,7 +14,7 @@ from testbench.cli.planfile import (
     read_tasks,
     write_plan,
 )
-from testbench.data.csvfile import plan_columns, read_poses
+from testbench.data.posefile import plan_columns, read_poses
 from testbench.errors import BenchError, InputError
 
 NAMES = [f"joint_{k}" for k in range(1, 7)]
@@ -65,7 +65,7 @@ BROKEN = [
     (RAD[:1] + DEG[1:], POSES, "line 1: expected the columns joint_1_rad"),
     ([*DEG, "speed"], WIDE[:, :7], "line 1: expected the columns joint_1_rad"),
     (DEG + FORCE[:2], WIDE[:, :8], "line 1: expected the columns joint_1_rad"),
-    ([*DEG[:5], DEG[0]], POSES, "line 1: expected the columns joint_1_rad"),
+    ([*DEG[:5], DEG[0]], POSES, "line 1: expected every column once, got ['joint_1_deg']"),
     (DEG + POINT, WIDE, "line 1: expected force_x_N,force_y_N,force_z_N where point_x_m"),
     (
         DEG,
