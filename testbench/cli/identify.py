@@ -11,19 +11,16 @@ from rich.console import Console
 
 from testbench import files
 from testbench.bench.campaign import MODELS, Cell, Model, build_cell, named_models
-from testbench.bench.fit import recommend
-from testbench.cli.arguments import ArmName
-from testbench.cli.arguments import Dataset as File
+from testbench.bench.fits import Runs, fit
+from testbench.cli.arguments import ArmName, Dataset
 from testbench.data.csvfile import read_csv
-from testbench.data.dataset import Dataset, split
+from testbench.data.dataset import split
 from testbench.errors import BenchError, InputError
 from testbench.identify import robust, with_prior
-from testbench.identify.evaluate import predict, score
-from testbench.identify.plausibility import doubts
 from testbench.identify.prior import Strength, cad_prior
 from testbench.shell.options import takes
-from testbench.views import tables
-from testbench.views.report import fit_report
+from testbench.views import fits as views
+from testbench.views import terminal
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    dataset: File
+    dataset: Dataset
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify")
     model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None
     check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None
@@ -47,50 +44,24 @@ class Options:
         typer.Option(help="Of the prior; cross-validated over poses if not given, 30 with --robust."),
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
+    intervals: Annotated[
+        bool, typer.Option("--intervals", help="95 % intervals of the predicted deflections.")
+    ] = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Fit, judge, write models.json, and say which model to take."""
-    console = Console(highlight=False)
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
         raise BenchError("--uncertainty-percent: expected --prior with it")
-    chosen = _models(cell, asked)
-    data = read_csv(asked.dataset, cell.arm)
-    if asked.full_pose and data.rotation_before is None:
-        problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
-        raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
-    check, used = _held_back(data, asked.check_pose)
-    fits = []
-    for entry in chosen:
-        start = time.perf_counter()
-        estimate = entry.estimator(cell.vjm, entry.structure, used)
-        seconds = time.perf_counter() - start
-        sets = {"identification": used} if check is None else {"identification": used, "check": check}
-        scores = {
-            k: score(predict(cell.vjm, estimate, d)[d.seen], d.deflection[d.seen]) for k, d in sets.items()
-        }
-        outliers = [asdict(reading) for reading in estimate.rejected]
-        fits.append(fit_report(entry.name, estimate, scores, seconds, cell.arm) | {"rejected": outliers})
+    models = _models(cell, asked)
+    found = fit(cell, models, _runs(cell, asked), time.perf_counter, widths=asked.intervals)
     with files.whole_folder(asked.out) as folder:
-        whole = {"dataset": asked.dataset.name, "arm": cell.arm.name, "models": fits}
-        files.write_json(whole, folder / "models.json")
-    console.print(tables.fits(fits))
-    for sentence in doubts(cell.vjm, data):
-        console.print(f"- DOUBT: {sentence}")
-    if len(chosen) > 1 and len(np.unique(used.pose)) > 1:
-        name, candidates = recommend(cell, chosen, used)
-        listed = ", ".join(f"{c.name} {c.error:.2f} +- {c.standard_error:.2f}" for c in candidates)
-        console.print(
-            f"- recommended: {name}, the simplest within one standard error of the best; F_M on poses and "
-            f"load levels held out in turn: {listed}"
-        )
-    if check is None:
-        console.print("- no pose was held back (--check-pose): how well a model fits is not how it predicts")
-    for sentence in dict.fromkeys(text for row in fits for text in row["advice"]):
-        console.print(f"- {sentence}")
-    console.print(f"models     {asked.out / 'models.json'}", soft_wrap=True)
+        files.write_json(asdict(found), folder / "models.json")
+    console = Console(highlight=False)
+    terminal.print_words(console, views.words(found), list(views.tables(found).values()))
+    console.print(f"models     {asked.out / 'models.json'}", soft_wrap=True, markup=False)
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:
@@ -106,16 +77,22 @@ def _models(cell: Cell, asked: Options) -> list[Model]:
     return models
 
 
-def _held_back(data: Dataset, check_pose: list[int] | None) -> tuple[Dataset | None, Dataset]:
-    """The runs in the poses held back, None if there are none, and those to fit.
+def _runs(cell: Cell, asked: Options) -> Runs:
+    """The runs, those to fit, and those in the poses held back.
 
     Raises:
+        InputError: When the file is wrong, or lacks the orientations that were insisted on.
         BenchError: When a pose is not in the data, none is left on one side, or no target was read in those
             held back.
     """
-    if not check_pose:
-        return None, data
-    check, used = split(data, np.array(check_pose))
+    data = read_csv(asked.dataset, cell.arm)
+    if asked.full_pose and data.rotation_before is None:
+        problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
+        raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
+    if not asked.check_pose:
+        return Runs(asked.dataset.name, data, data, None)
+    check, used = split(data, np.array(asked.check_pose))
     if not check.seen.any():
-        raise BenchError(f"--check-pose: expected readings in pose {check_pose}, every target was lost there")
-    return check, used
+        poses = asked.check_pose
+        raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
+    return Runs(asked.dataset.name, data, used, check)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from testbench.arm.folder import Arm
 from testbench.bench.campaign import Campaign, Result
 from testbench.identify import Estimate
 from testbench.identify.certify import total_trace
@@ -103,29 +102,6 @@ def score_report(score: Score) -> Report:
         "max_mm": MM * score.max,
         "p95_relative_percent": None if score.p95_relative is None else 100 * score.p95_relative,
         "max_relative_percent": None if score.max_relative is None else 100 * score.max_relative,
-    }
-
-
-def fit_report(name: str, estimate: Estimate, scores: dict[str, Score], seconds: float, arm: Arm) -> Report:
-    """One model identified from a user's own runs, its compliances included.
-
-    Args:
-        name: Of the model.
-        estimate: What was found.
-        scores: Errors by set: "identification", and "check" where poses were held back.
-        seconds: Wall time of the estimator.
-        arm: Names the links and joints.
-    """
-    C, first = estimate.C_theta, 6 * len(arm.links)
-    return {
-        **estimate_report(name, estimate, seconds),
-        "equations": estimate.regression.equations,
-        **{group: score_report(error) for group, error in scores.items()},
-        "links": {
-            link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist() for i, link in enumerate(arm.links)
-        },
-        "joints": {joint.name: float(C[first + i, first + i]) for i, joint in enumerate(arm.joints)},
-        "units": "link compliances in their beam frames, m/N and rad/(N m); joints rad/(N m)",
     }
 
 

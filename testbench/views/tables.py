@@ -59,33 +59,6 @@ def _form(number: str) -> str:
     return ".2f" if number.endswith("percent") else ".3f"
 
 
-def fits(rows: list[Report]) -> Table:
-    """Models identified from a user's own runs."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
-    table.add_column("model", no_wrap=True)
-    headings = ["un-\nknowns", "seen", "conser-\nvative", "F_M", "floor"]
-    groups = [group for group in ("identification", "check") if group in rows[0]]
-    for group in groups:
-        word = "fit" if group == "identification" else "check"
-        headings += [f"RMS\n{word}\nmm", f"max\n{word}\nmm"]
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("status")
-    for row in rows:
-        errors = [row[group][key] for group in groups for key in ("rms_mm", "max_mm")]
-        table.add_row(
-            row["name"],
-            str(row["parameters"]),
-            str(row["rank"]),
-            show_truth(row["conservative"]),
-            f"{row['f_m']:.2f}",
-            f"{row['f_m_floor']:.2f}",
-            *(show(error) for error in errors),
-            row["status"],
-        )
-    return table
-
-
 def title(report: Report) -> str:
     """What was measured, in one line."""
     data = report["dataset"]

@@ -249,9 +249,29 @@ def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp
     flags = ["--prior", "--uncertainty-percent", "30", "--model", "MGCO56", "--model", "MGCO47"]
     done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
+    written = json.loads((tmp_path / "models.json").read_text())
     words = " ".join(done.stdout.split())
-    assert "recommended: MGCO" in words
-    assert "held out in turn: MGCO56 " in words
+    assert f"Recommended, marked with *: {written['recommended']}, the simplest" in words
+    assert [c["name"] for c in written["held_out"]] == ["MGCO56", "MGCO47"]
+
+
+def test_intervals_are_of_the_poses_held_back_and_none_where_the_data_see_nothing(simulated, tmp_path):
+    flags = ["--model", "MLS56", "--intervals", "--check-pose", "2", "--out", tmp_path]
+    done = run("identify", ARM, simulated / "data.csv", *flags)
+    assert done.returncode == 0, done.stderr
+    [model] = json.loads((tmp_path / "models.json").read_text())["models"]
+    found = model["intervals"]
+    assert {(d["run"], d["marker"]) for d in found["deflections"]} == {(2, "P1"), (2, "P2"), (2, "P3")}
+    widths = [
+        (high - low) / 2
+        for d in found["deflections"]
+        for low, high in zip(d["lower_mm"], d["upper_mm"], strict=True)
+        if low is not None
+    ]
+    assert found["components"] == 9 == len(widths) + found["unbounded"]
+    assert max(widths) == pytest.approx(found["half_width_max_mm"], rel=1e-9)
+    assert found["confidence"] == 0.95
+    assert "95 % intervals of predicted deflections" in done.stdout
 
 
 def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
@@ -266,7 +286,7 @@ def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     models = ["--model", "MGCO56", "--model", "MGCO47"]
     done = run("identify", ARM, data, *models, "--out", out)
     assert done.returncode == 0, done.stderr
-    assert "DOUBT" not in done.stdout
+    assert "Doubt" not in done.stdout
     held = run("identify", ARM, data, *models, "--check-pose", 3, "--out", out)
     assert held.returncode == 2
     assert "every target was lost there" in held.stderr

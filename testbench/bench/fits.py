@@ -1,0 +1,213 @@
+"""A user's runs fitted by several models: the rows of models.json, and which model to take."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.bench.campaign import Cell, Model
+from testbench.bench.fit import recommend
+from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify import Estimate, intervals
+from testbench.identify.estimate import Rejected
+from testbench.identify.evaluate import predict, score
+from testbench.identify.plausibility import doubts
+
+UNITS = "link compliances in their beam frames, m/N and rad/(N m); joints rad/(N m)"
+Bound = float | None
+
+
+@dataclass(frozen=True)
+class IntervalRow:
+    """The interval of one predicted deflection, world axes; None where the data leave it without a bound."""
+
+    run: int
+    marker: str
+    centre_mm: tuple[float, ...]
+    lower_mm: tuple[Bound, ...]
+    upper_mm: tuple[Bound, ...]
+
+
+@dataclass(frozen=True)
+class IntervalsRow:
+    """Intervals of predicted deflections.
+
+    Attributes:
+        confidence: Of each interval by itself [1].
+        on_boundary: Whether the cone holds the estimate: then they are not exact.
+        unbounded: Components that the data leave without a bound.
+        components: How many there are.
+        half_width_mm: Median over those with a bound.
+        half_width_max_mm: The largest of those.
+        deflections: One a run and marker.
+    """
+
+    confidence: float
+    on_boundary: bool
+    unbounded: int
+    components: int
+    half_width_mm: Bound
+    half_width_max_mm: Bound
+    deflections: tuple[IntervalRow, ...]
+
+
+@dataclass(frozen=True)
+class Fitted(FitRow):
+    """A model fitted to a user's runs.
+
+    Attributes:
+        equations: Of the readings.
+        identification: Errors on the runs that were fitted, against their readings.
+        check: The same on those held back; None if there are none.
+        intervals: Of the deflections predicted where it is checked, or was fitted; None if not asked for.
+        links: Compliance of every link in its beam frame.
+        joints: Compliance of every joint.
+        units: Of both.
+        rejected: Readings that the fit does without.
+    """
+
+    equations: int
+    identification: ErrorRow
+    check: ErrorRow | None
+    intervals: IntervalsRow | None
+    links: Mapping[str, list[list[float]]]
+    joints: Mapping[str, float]
+    units: str
+    rejected: tuple[Rejected, ...]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Mean F_M of a model on poses and load levels held out in turn, and its standard error."""
+
+    name: str
+    f_m: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class Fits:
+    """models.json.
+
+    Attributes:
+        dataset: Name of the file.
+        arm: Name of the arm.
+        runs: That were fitted.
+        poses: They are in.
+        models: What was found.
+        recommended: Name of the model to take; None where nothing can be held out, or there is one model.
+        held_out: What the recommendation rests on.
+        doubts: What looks wrong with the runs.
+    """
+
+    dataset: str
+    arm: str
+    runs: int
+    poses: int
+    models: tuple[Fitted, ...]
+    recommended: str | None
+    held_out: tuple[HeldOut, ...]
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A user's runs.
+
+    Attributes:
+        name: Of the file.
+        every: All of them.
+        used: Those to fit.
+        check: Those held back; None if there are none.
+    """
+
+    name: str
+    every: Dataset
+    used: Dataset
+    check: Dataset | None
+
+
+def fit(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float], *, widths: bool = False
+) -> Fits:
+    """Fit every model, judge it, and recommend one.
+
+    Args:
+        cell: The arm.
+        models: Structures and methods.
+        runs: What was measured.
+        clock: Wall time [s], such as time.perf_counter.
+        widths: Whether intervals of the predicted deflections are wanted.
+
+    Raises:
+        BenchError: When a method cannot fit a structure to the runs.
+    """
+    fitted = tuple(_fit(cell, model, runs, clock, widths=widths) for model in models)
+    poses = len(np.unique(runs.used.pose))
+    name, held_out = recommend(cell, models, runs.used) if len(models) > 1 and poses > 1 else (None, [])
+    return Fits(
+        dataset=runs.name,
+        arm=cell.arm.name,
+        runs=runs.used.runs,
+        poses=poses,
+        models=fitted,
+        recommended=name,
+        held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in held_out),
+        doubts=doubts(cell.vjm, runs.every),
+    )
+
+
+def _fit(cell: Cell, model: Model, runs: Runs, clock: Callable[[], float], *, widths: bool) -> Fitted:
+    start = clock()
+    estimate = model.estimator(cell.vjm, model.structure, runs.used)
+    seconds = clock() - start
+
+    def judge(data: Dataset) -> ErrorRow:
+        return error_row(score(predict(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
+
+    C, first = estimate.C_theta, 6 * len(cell.arm.links)
+    return Fitted(
+        **vars(fit_row(model.name, estimate, seconds, prior=estimate.belief is not None)),
+        equations=estimate.regression.equations,
+        identification=judge(runs.used),
+        check=None if runs.check is None else judge(runs.check),
+        intervals=_intervals(cell, estimate, runs.check or runs.used) if widths else None,
+        links={
+            link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist()
+            for i, link in enumerate(cell.arm.links)
+        },
+        joints={joint.name: float(C[first + i, first + i]) for i, joint in enumerate(cell.arm.joints)},
+        units=UNITS,
+        rejected=estimate.rejected,
+    )
+
+
+def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:
+    found = intervals(cell.vjm, estimate, data)
+    half = MM * (found.upper - found.lower) / 2
+    known = half[np.isfinite(half)]
+    return IntervalsRow(
+        confidence=found.confidence,
+        on_boundary=found.on_boundary,
+        unbounded=half.size - known.size,
+        components=half.size,
+        half_width_mm=float(np.median(known)) if known.size else None,
+        half_width_max_mm=float(known.max()) if known.size else None,
+        deflections=tuple(
+            IntervalRow(
+                run=int(data.run[i]),
+                marker=marker,
+                centre_mm=tuple((MM * found.centre[i, k]).tolist()),
+                lower_mm=_bounds(found.lower[i, k]),
+                upper_mm=_bounds(found.upper[i, k]),
+            )
+            for i in range(data.runs)
+            for k, marker in enumerate(data.markers)
+        ),
+    )
+
+
+def _bounds(metres: Array) -> tuple[Bound, ...]:
+    return tuple(MM * float(x) if np.isfinite(x) else None for x in metres)

@@ -1,0 +1,43 @@
+"""What people see of their own runs' fits: the table, and the words around it."""
+
+from testbench.bench.fits import Fits
+from testbench.views.markdown import TEMPLATES, Words
+from testbench.views.schema import Column, Table
+
+COLUMNS = (
+    Column("name", "model"),
+    Column("parameters", "unknowns", form="d", short="un-\nknowns"),
+    Column("rank", "seen", form=".0f"),
+    Column("conservative", "conservative", form="yes", short="conser-\nvative"),
+    Column("f_m", "F_M", form=".2f"),
+    Column("f_m_floor", "floor", form=".2f"),
+    Column("identification.rms_mm", "RMS fit", "mm"),
+    Column("identification.max_mm", "max fit", "mm"),
+)
+CHECK = (
+    Column("check.rms_mm", "RMS check", "mm"),
+    Column("check.max_mm", "max check", "mm"),
+)
+INTERVALS = (
+    Column("name", "model"),
+    Column("intervals.half_width_mm", "median half width", "mm"),
+    Column("intervals.half_width_max_mm", "largest half width", "mm"),
+    Column("intervals.components", "components", form="d"),
+    Column("intervals.unbounded", "without bound", form="d"),
+)
+"""Of the 95 % intervals of predicted deflections, each component by itself."""
+
+
+def tables(fits: Fits) -> dict[str, Table]:
+    """Every model with its errors, and the intervals of its predictions where they were asked for."""
+    best, first = fits.recommended or "", fits.models[0]
+    found = {"models": Table((*COLUMNS, *(CHECK if first.check else ())), fits.models, bold=best)}
+    if first.intervals:
+        title = f"{100 * first.intervals.confidence:g} % intervals of predicted deflections"
+        found["intervals"] = Table(INTERVALS, fits.models, title, best)
+    return found
+
+
+def words(fits: Fits) -> Words:
+    """Title, answer and statements."""
+    return Words(TEMPLATES, {"fits": fits, "checked": fits.models[0].check is not None}, "fits.md.j2")

@@ -1,0 +1,119 @@
+"""What `testbench identify` prints: the numbers of models.json, and the model that it recommends."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from checks import check_report, check_table, tables_of
+from made_up import fill, filled, single
+
+from testbench.bench.fits import Fits, Fitted, HeldOut
+from testbench.views import fits as views
+from testbench.views import markdown
+
+NAMES = ("MLS56", "MGCO56", "MGCO147")
+MEANS = {
+    "model": "name",
+    "unknowns": "parameters",
+    "seen": "rank",
+    "conservative": "conservative",
+    "F_M": "f_m",
+    "floor": "f_m_floor",
+    "RMS fit, mm": "identification.rms_mm",
+    "max fit, mm": "identification.max_mm",
+    "RMS check, mm": "check.rms_mm",
+    "max check, mm": "check.max_mm",
+}
+INTERVALS = {
+    "model": "name",
+    "median half width, mm": "intervals.half_width_mm",
+    "largest half width, mm": "intervals.half_width_max_mm",
+    "components": "intervals.components",
+    "without bound": "intervals.unbounded",
+}
+
+
+@pytest.fixture
+def fits(rng):
+    models = filled(Fitted, rng, [{"name": name} for name in NAMES], status="solved", parameters=56)
+    models = tuple(replace(single(m), advice=("seen",), conservative=True) for m in models)
+    held_out = tuple(HeldOut(name, *rng.uniform(1, 9, 2)) for name in NAMES)
+    return fill(Fits, rng, models=models, recommended="MGCO56", held_out=held_out)
+
+
+def printed(fits):
+    """Everything that the command prints, as it would be in Markdown."""
+    tables = views.tables(fits)
+    study = SimpleNamespace(tables=views.tables, words=_paged, printed=tuple(tables))
+    return check_report(study, fits)
+
+
+def _paged(fits):
+    words = views.words(fits)
+    blocks = [words.block(name) for name in ("title", "answer", "statements")]
+    return SimpleNamespace(block=words.block, has=words.has, whole=lambda: "\n".join(blocks))
+
+
+def test_tables_show_the_numbers_of_models_json(fits):
+    tables = views.tables(fits)
+    check_table(tables["models"], fits.models, MEANS)
+    check_table(tables["intervals"], fits.models, INTERVALS)
+    assert "95" in views.tables(_with(fits, confidence=0.95))["intervals"].title
+    printed(fits)
+
+
+def _with(fits, **changes):
+    models = tuple(replace(m, intervals=replace(m.intervals, **changes)) for m in fits.models)
+    return replace(fits, models=models)
+
+
+def test_what_was_not_asked_for_is_not_shown(fits):
+    plain = replace(fits, models=tuple(replace(m, check=None, intervals=None) for m in fits.models))
+    [(head, _)] = tables_of(markdown.grid(views.tables(plain)["models"]))
+    assert head == [title for title in MEANS if "check" not in title]
+    assert list(views.tables(plain)) == ["models"]
+    assert "No pose was held back" in printed(plain)
+    assert "No pose was held back" not in printed(fits)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_model_that_is_recommended_is_named_and_marked_whichever_it_is(fits, name):
+    fits = replace(fits, recommended=name)
+    assert views.words(fits).block("answer").startswith(f"Recommended, marked with *: {name}, the simplest")
+    for table in views.tables(fits).values():
+        assert [line for line in markdown.grid(table).splitlines() if "**" in line][0].startswith(
+            f"| **{name}**"
+        )
+    for c in fits.held_out:
+        assert f"{c.name} {c.f_m:.2f} +- {c.standard_error:.2f}" in printed(fits)
+
+
+def test_without_a_recommendation_it_says_why(fits):
+    alone = replace(fits, models=fits.models[:1], recommended=None, held_out=())
+    row = alone.models[0]
+    answer = views.words(alone).block("answer")
+    assert f"MLS56 fits to {row.identification.rms_mm:.3f} mm RMS" in answer
+    assert f"held back to {row.check.rms_mm:.3f} mm" in answer
+    assert "nothing can be held out" in views.words(replace(fits, recommended=None)).block("answer")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_wrong_with_a_model_is_said_of_that_model(fits, name):
+    def only(m, **changes):
+        return replace(m, **changes) if m.name == name else m
+
+    stalled = replace(fits, models=tuple(only(m, status="stalled") for m in fits.models))
+    assert f"Not certified: {name} (stalled)." in printed(stalled)
+    assert "Not certified" not in printed(fits)
+    free, held = (_with(fits, on_boundary=state, unbounded=0) for state in (False, True))
+    mixed = tuple(h if h.name == name else f for f, h in zip(free.models, held.models, strict=True))
+    assert f"The intervals of {name} are not exact" in printed(replace(free, models=mixed))
+    assert "not exact" not in printed(free)
+    assert "has no bound" not in printed(free)
+    assert "has no bound" in printed(_with(free, unbounded=2))
+
+
+def test_doubts_and_advice_are_said_once(fits):
+    fits = replace(fits, doubts=("the frame is another one?",))
+    assert printed(fits).count("Doubt: the frame is another one?") == 1
+    assert printed(fits).count("- seen") == 1
