@@ -407,7 +407,6 @@ def test_disturbances_live_in_a_scenario_as_data():
     [
         (lambda: Disturbances(backlash=-1e-5), "backlash: expected a finite number of at least 0"),
         (lambda: Disturbances(mass_error=-1.5), "mass_error: expected a finite number of at least -1"),
-        (lambda: Disturbances(stiffening=np.nan), "stiffening: expected a finite number"),
         (lambda: GeometryErrors(position=1e-3, angle=-1.0), "angle: expected a finite number"),
         (lambda: Compensator((0, 0, 0), (0, 0, 1), -1.0, 0.5), "rate of the compensator"),
         (lambda: Compensator((0, 0), (0, 0, 1), 1.0, 0.5), r"foot of the compensator.*shape \(3\)"),

@@ -159,12 +159,12 @@ def test_file_in_place_of_a_folder_is_named(tmp_path: Path) -> None:
     assert "expected a folder" in refusal(copy_arm(tmp_path) / "rigid.xml")
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "nul\0byte"])
+@pytest.mark.parametrize("name", ["nul\0byte"])
 def test_folder_names_that_no_disk_has_are_refused(name: str, tmp_path: Path) -> None:
     assert "expected a folder" in refusal(tmp_path / name)
 
 
-@pytest.mark.parametrize("name", ["rigid.xml", "elastic.toml"])
+@pytest.mark.parametrize("name", ["elastic.toml"])
 def test_missing_file_is_named(tmp_path: Path, name: str) -> None:
     folder = copy_arm(tmp_path)
     (folder / name).unlink()
@@ -194,7 +194,7 @@ def test_bytes_that_are_not_utf8_are_located(tmp_path: Path, name: str) -> None:
     assert "byte 28: expected UTF-8" in message
 
 
-@pytest.mark.parametrize("name", ["rigid.xml", "elastic.toml"])
+@pytest.mark.parametrize("name", ["rigid.xml"])
 def test_empty_file_is_refused(tmp_path: Path, name: str) -> None:
     folder = copy_arm(tmp_path)
     (folder / name).write_bytes(b"")
@@ -251,35 +251,16 @@ def test_garbage_is_not_repeated_to_its_owner(tmp_path: Path) -> None:
 
 WRONG_TOML = {
     "an unknown key at the top": (r"\A", "colour = 1\n", ["colour: Extra inputs are not permitted"]),
-    "an unknown key of a tube": (r"tube\.length", "tube.lenght", ["link.0.tube", "length"]),
-    "an unknown key of a quantity": (r'unit = "m"', 'unit = "m", sigma = 1', ["length.sigma: Extra"]),
     "a missing title": (r"title = .*", "", ["title: Field required"]),
-    "a missing unit": (r', unit = "m"', "", ["link.0.tube.length.unit: Field required"]),
-    "a missing origin": (r', origin = "assumed"', "", ["link.0.tube.length.origin: Field required"]),
-    "a missing length": (r"tube\.length .*", "", ["link.0.tube.length: Field required"]),
-    "a missing joint compliance": (r"\ncompliance = .*", "", ["joint.0.compliance: Field required"]),
     "another format": (r"format = 1", "format = 2", ["format: Input should be 1, got 2"]),
     "a string for a number": (LENGTH, '"0.7"', ["link.0.tube.length.value", "valid number", "got '0.7'"]),
     "a boolean for a number": (LENGTH, "true", ["link.0.tube.length.value", "valid number", "got True"]),
-    "a date for a number": (LENGTH, "1979-05-27", ["link.0.tube.length.value", "valid number"]),
-    "a number for a string": (r"title = .*", "title = 5", ["title", "valid string", "got 5"]),
-    "a bare number for a quantity": (r"tube\.length = .*", "tube.length = 0.7", ["link.0.tube.length"]),
-    "a string for the markers": (r"markers = .*", 'markers = "probe"', ["markers", "valid list"]),
     "no markers": (r"markers = .*", "markers = []", ["markers", "at least 1 item"]),
     "NaN": (LENGTH, "nan", ["link.0.tube.length.value", "finite number", "got nan"]),
-    "infinity": (LENGTH, "-inf", ["link.0.tube.length.value", "finite number", "got -inf"]),
-    "a float that overflows": (LENGTH, "1e999", ["link.0.tube.length.value", "finite number"]),
-    "NaN in an axis": (AXIS, "[0.0, 0.0, nan]", ["link.0.axis.2", "finite number"]),
     "a wrong unit": (r'unit = "m"', 'unit = "mm"', ["link.0.tube.length.unit", "'m'", "got 'mm'"]),
-    "a wrong unit of a joint": (r'"rad/\(N m\)"', '"deg/Nm"', ["joint.0.compliance.unit", "'rad/(N m)'"]),
     "a wrong origin": (r'"assumed"', '"guessed"', ["length.origin", "'published', 'inferred' or 'assumed'"]),
     "a zero length": (LENGTH, "0.0", ["link.0 (link_0)", "length: expected 0.001 to 100 m, got 0.0"]),
-    "a negative length": (LENGTH, "-0.7", ["link.0 (link_0)", "length: expected", "got -0.7"]),
-    "millimetres for metres": (LENGTH, "700", ["link.0 (link_0)", "length: expected", "m, got 700"]),
-    "a diameter that underflows": (DIAMETER, "1e-200", ["outer_diameter: expected", "got 1e-200"]),
-    "a diameter that overflows": (DIAMETER, "1e200", ["outer_diameter: expected", "got 1e+200"]),
     "an inner diameter above the outer": (INNER, "9.0", ["inner_diameter: expected 0 to below", "got 9.0"]),
-    "a negative inner diameter": (INNER, "-0.1", ["link.0 (link_0)", "inner_diameter: expected 0 to"]),
     "GPa for Pa": (MODULUS, "70", ["youngs_modulus: expected 1e+06 to 1e+13 Pa, got 70"]),
     "Poisson's ratio of a fluid": (POISSON, "0.5", ["poissons_ratio: expected between -1 and 0.5, got 0.5"]),
     "both a tube and a compliance": (
@@ -293,19 +274,11 @@ WRONG_TOML = {
         ["link.0 (link_0)", "expected either a tube or a compliance"],
     ),
     "an axis that is no unit vector": (AXIS, "[0.0, 0.0, 1.001]", ["link.0 (link_0)", "unit vectors"]),
-    "an axis of zeros": (AXIS, "[0, 0, 0]", ["link.0 (link_0)", "unit vectors"]),
-    "an axis that overflows": (AXIS, "[1e200, 0, 0]", ["link.0 (link_0)", "unit vectors"]),
     "an axis along the normal": (AXIS, "[0.0, 1.0, 0.0]", ["link.0 (link_0)", "at right angles"]),
     "an axis of two numbers": (AXIS, "[0.0, 1.0]", ["link.0.axis", "at least 3 items"]),
-    "an axis of four numbers": (AXIS, "[0.0, 1.0, 0.0, 0.0]", ["link.0.axis", "at most 3 items"]),
     "a zero joint compliance": (JOINT, "0.0", ["joint.0 (joint_1)", "expected 1e-18 to 1000 rad/(N m)"]),
-    "a negative joint compliance": (JOINT, "-1e-6", ["joint.0 (joint_1)", "compliance: ", "got -1e-06"]),
-    "a joint whose stiffness overflows": (JOINT, "1e-320", ["joint.0 (joint_1)", "compliance: expected"]),
     "one joint too few": (r"\[\[joint\]\]\n.*\n.*\n", "", ["link: ", "got 7 links and 5 joints"]),
-    "one link too few": (r"\[\[link\]\](\n\w.*)+\n", "", ["link: ", "got 6 links and 6 joints"]),
     "a joint named twice": (r'"joint_2"', '"joint_1"', ["joint: expected different names"]),
-    "a link named twice": (r'"link_2"', '"link_1"', ["link: expected different names"]),
-    "a marker named twice": (r'\["probe"\]', '["probe", "probe"]', ["markers: expected different names"]),
     "an empty name": (r'tool = "tool"', 'tool = ""', ["tool", "at least 1 character"]),
 }
 
@@ -344,7 +317,7 @@ def test_singular_compliance_is_refused_for_it_has_no_stiffness(tmp_path: Path) 
     assert "expected a positive definite matrix" in refusal(matrix_arm(tmp_path, C))
 
 
-@pytest.mark.parametrize("c33", [0.0, -1e-5, 1e-19, 1e4])
+@pytest.mark.parametrize("c33", [0.0, 1e4])
 def test_impossible_diagonal_entry_names_its_row(tmp_path: Path, c33: float) -> None:
     C = eq_21()
     C[2, 2] = c33
@@ -359,7 +332,7 @@ def test_entries_that_overflow_are_refused_not_accepted_as_nan(tmp_path: Path) -
     assert "compliance: expected entries up to 1000, got 1e+305" in refusal(matrix_arm(tmp_path, C))
 
 
-@pytest.mark.parametrize("shape", [(5, 6), (6, 5), (0, 0), (36, 1)])
+@pytest.mark.parametrize("shape", [(6, 5), (0, 0)])
 def test_compliance_of_another_shape_is_refused(tmp_path: Path, shape: tuple[int, int]) -> None:
     message = refusal(matrix_arm(tmp_path, np.ones(shape)))
     assert "link.0 (link_0): compliance: expected shape (6, 6)" in message
@@ -386,23 +359,11 @@ HINGE = r'<joint name="joint_2".*?/>'
 
 WRONG_CHAIN = {
     "a missing body": (r'name="link_2"', 'name="upper_arm"', ["no body 'link_2'; bodies are ['link_0'"]),
-    "a duplicate link": (
-        r'<body name="load"',
-        '<body name="link_2"/><body name="load"',
-        ["2 bodies 'link_2'"],
-    ),
-    "a missing tool": (r'name="tool"', 'name="flange"', ["no body 'tool'"]),
     "a missing joint": (HINGE, "", ["<body name='link_2'>", "exactly the joint 'joint_2'", "got []"]),
     "a wrong joint name": (
         r'name="joint_2"',
         'name="a2"',
         ["<body name='link_2'>", "'joint_2'", "got ['a2']"],
-    ),
-    "a nameless joint": (r' name="joint_2"', "", ["<body name='link_2'>", "got [None]"]),
-    "two joints in one body": (
-        HINGE,
-        '<joint name="joint_2" axis="0 1 0" range="-1 1"/><joint name="extra" axis="1 0 0"/>',
-        ["<body name='link_2'>", "got ['joint_2', 'extra']"],
     ),
     "a slide": (
         r'name="joint_2"',
@@ -410,11 +371,6 @@ WRONG_CHAIN = {
         ["'joint_2'>: expected a hinge, got 'slide'"],
     ),
     "a joint off its body's origin": (r'name="joint_2"', 'name="joint_2" pos="0 0 0.1"', ["expected no pos"]),
-    "a joint's pos of words": (
-        r'name="joint_2"',
-        'name="joint_2" pos="a b c"',
-        ["pos: expected 3 number(s)"],
-    ),
     "a missing range": (
         HINGE,
         '<joint name="joint_2" axis="0 1 0"/>',
@@ -425,13 +381,11 @@ WRONG_CHAIN = {
         '<joint name="joint_2" axis="0 1 0" range="1 -1"/>',
         ["<joint name='joint_2'>: range: expected lower < upper, got '1 -1'"],
     ),
-    "a range of one number": (HINGE, '<joint name="joint_2" axis="0 1 0" range="1"/>', ["range: expected 2"]),
     "a range too wide to draw from": (
         HINGE,
         '<joint name="joint_2" axis="0 1 0" range="-1e308 1e308"/>',
         ["<joint name='joint_2'>: range: expected 2 number(s) up to 1e+06"],
     ),
-    "a missing axis": (HINGE, '<joint name="joint_2" range="-1 1"/>', ["'joint_2'>", "attribute axis of 3"]),
     "a zero axis": (
         HINGE,
         '<joint name="joint_2" axis="0 0 0" range="-1 1"/>',
@@ -441,12 +395,6 @@ WRONG_CHAIN = {
         r'<body name="link_1"',
         '<joint name="track"/><body name="link_1"',
         ["<joint>: expected the joints ['joint_1'", "no other", "'track'"],
-    ),
-    "a joint of the tool": (r'<body name="load"', '<joint name="spin"/><body name="load"', ["'spin'"]),
-    "a joint of a marker": (
-        r'(?<=<body name="probe" pos="0 0 0">)',
-        '<joint name="dangling"/>',
-        ["'dangling'"],
     ),
     "a missing inertial": (
         r'<inertial pos="0.45.*?/>',
@@ -458,11 +406,6 @@ WRONG_CHAIN = {
         r'name="probe"',
         'name="P1"',
         ["<body name='tool'>: no marker 'probe'; bodies are ['load', 'P1']"],
-    ),
-    "a marker that is no child of the tool": (
-        r'<body name="probe".*?</body>\s*</body>',
-        '</body><body name="probe"/>',
-        ["<body name='tool'>: no marker 'probe'; bodies are ['load']"],
     ),
     "a duplicate marker": (
         r'<body name="load"',

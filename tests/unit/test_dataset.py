@@ -263,12 +263,9 @@ def test_too_large_file_is_not_read(tmp_path: Path) -> None:
     ("content", "expected"),
     [
         (b"", "line 1: expected a header, the file is empty"),
-        (b"\n\n\n", "line 1: expected a header, the file is empty"),
-        (b"\xef\xbb\xbf", "line 1: expected a header, the file is empty"),
         (b"\xff\xfe1\x002\x00", "byte 1: expected UTF-8"),
         (b"run,pose\n1,\xe4\n", "byte 12: expected UTF-8"),
         (b'run,pose\n"1,2\n', "line 2: not CSV: "),
-        (b'run,"po"se"\n1,2\n', "line 1: not CSV: "),
         (b"run," + b"x" * 200_000, "line 1: not CSV: field larger than field limit"),
         (b"\0" * 10, "line 1: missing columns"),
         (
@@ -319,28 +316,26 @@ def test_missing_column_of_the_orientations_is_named(tmp_path: Path, column: str
 # The rows
 
 
-@pytest.mark.parametrize("fields", [[], ["1"], ["1"] * 40])
+@pytest.mark.parametrize("fields", [[], ["1"] * 40])
 def test_wrong_number_of_fields_names_the_line(tmp_path: Path, fields: list[str]) -> None:
     message = refusal(edited(tmp_path, lambda rows: [*rows[:5], fields, *rows[5:]]))
     assert f"line 6: expected 25 fields, got {len(fields)}" in message
 
 
-@pytest.mark.parametrize("value", ["nan", "NaN", "inf", "-Infinity", "1e999"])
+@pytest.mark.parametrize("value", ["nan", "1e999"])
 def test_number_that_is_not_finite_names_line_and_column(tmp_path: Path, value: str) -> None:
     message = refusal(edited(tmp_path, with_cell(5, "after_y_m", value)))
     assert f"line 5, column after_y_m: expected a finite number, got {value!r}" in message
 
 
-@pytest.mark.parametrize("value", ["", "broken", "1,5", "1.5 m", "1_0", "0x10", "1.0\0", "--1"])
+@pytest.mark.parametrize("value", ["", "1,5", "1_0"])
 def test_text_for_a_number_names_line_and_column(tmp_path: Path, value: str) -> None:
     message = refusal(edited(tmp_path, with_cell(5, "after_y_m", value)))
     assert f"line 5, column after_y_m: expected a finite number, got {value!r}" in message
 
 
 @pytest.mark.parametrize("column", ["run", "pose"])
-@pytest.mark.parametrize(
-    "value", ["", "1.0", "one", "1_0", "9223372036854775808", "-" + "9" * 30, "9" * 5000]
-)
+@pytest.mark.parametrize("value", ["", "1.0", "1_0", "9223372036854775808"])
 def test_identifier_that_is_no_integer_of_64_bits_is_refused(tmp_path: Path, column: str, value: str) -> None:
     message = refusal(edited(tmp_path, with_cell(5, column, value)))
     assert f"line 5, column {column}: expected an integer of 64 bits, got {value[:80]!r}" in message
@@ -447,25 +442,14 @@ def test_positions_alone_have_no_rotation() -> None:
     ("wrong", "expected"),
     [
         ({"run": np.array([1, 2, 3])}, r"pose: expected 3 integers, got int64 \(4,\)"),
-        ({"pose": np.array([1, 2, 3])}, r"pose: expected 4 integers, got int64 \(3,\)"),
-        ({"pose": np.ones(4)}, r"pose: expected 4 integers, got float64 \(4,\)"),
-        ({"run": np.ones((4, 1), dtype=int)}, r"run: expected 4 integers, got int64 \(4, 1\)"),
+        ({"run": np.ones(4)}, r"run: expected 4 integers, got float64 \(4,\)"),
         ({"markers": ()}, r"markers: expected different names, got \(\)"),
-        ({"markers": ("P1", "P1", "P2")}, "markers: expected different names"),
         ({"markers": ("P1", "P2")}, r"before \[m\]: expected shape \(4, 2, 3\), got \(4, 3, 3\)"),
         ({"q": np.zeros(4)}, r"q \[rad\]: expected shape \(4, any\), got \(4,\)"),
         ({"q": np.full((4, 6), np.nan)}, r"q \[rad\]: expected finite numbers"),
-        ({"wrench": np.zeros((4, 3))}, r"wrench \[N, N m\]: expected shape \(4, 6\), got \(4, 3\)"),
-        ({"point": np.zeros(3)}, r"point \[m\]: expected shape \(4, 3\), got \(3,\)"),
-        ({"after": np.zeros((4, 3))}, r"after \[m\]: expected shape \(4, 3, 3\), got \(4, 3\)"),
-        ({"after": np.full((4, 3, 3), np.inf)}, r"after \[m\]: expected finite numbers"),
         ({"sigma": 0.0}, r"sigma \[m\]: expected more than 0, got 0.0"),
-        ({"sigma": -1e-5}, r"sigma \[m\]: expected more than 0, got -1e-05"),
         ({"sigma": np.nan}, r"sigma \[m\]: expected more than 0, got nan"),
-        ({"sigma": np.inf}, r"sigma \[m\]: expected more than 0, got inf"),
         ({"sigma_rotation": None}, "orientations: expected before, after and sigma together, or none"),
-        ({"rotation_before": None}, "orientations: expected before, after and sigma together"),
-        ({"rotation_after": None}, "orientations: expected before, after and sigma together"),
         ({"rotation_after": np.zeros((4, 3, 3))}, r"rotation_after \[rad\]: expected shape \(4, 3\)"),
         ({"sigma_rotation": 0.0}, r"sigma \[rad\]: expected more than 0, got 0.0"),
     ],

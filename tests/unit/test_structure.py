@@ -149,16 +149,13 @@ def test_own_structure_takes_links_joints_and_entries(arm: Arm) -> None:
     [
         ({"links": ["link_9"]}, r"no link 'link_9' in \w+; links are link_0, link_1, .*, link_6$"),
         ({"joints": ["a1"]}, r"no joint 'a1' in \w+; joints are joint_1, joint_2, .*, joint_6$"),
-        ({"links": ["link_1", "link_1"]}, r"links: expected different names, got \['link_1', 'link_1'\]"),
         ({"joints": ["joint_1"] * 2}, r"joints: expected different names, got"),
-        ({}, "expected at least one elastic link or joint"),
         ({"links": ["link_1"], "entries": ()}, "expected at least one elastic link or joint"),
         (
             {"links": ["link_1"], "entries": ((0, 6),)},
             "entries: expected different pairs a <= b out of 0 to 5",
         ),
         ({"links": ["link_1"], "entries": ((1, 0),)}, "entries: expected different pairs"),
-        ({"links": ["link_1"], "entries": ((-1, 0),)}, "entries: expected different pairs"),
         ({"links": ["link_1"], "entries": ((0, 0), (0, 0))}, "entries: expected different pairs"),
     ],
 )

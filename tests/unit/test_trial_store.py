@@ -269,7 +269,6 @@ def test_a_damaged_whole_file_is_one_line_and_left_alone(tmp_path, where):
     ("experiment", "problem"),
     [
         (Experiment("other", TOY.scenario, TOY.seeds), "scenario: the trials in this folder have 'toy'"),
-        (Experiment("toy", {**TOY.scenario, "poses": [1]}, TOY.seeds), "poses: the trials in this folder"),
         (Experiment("toy", {"load": {"mass": 2.0}}, TOY.seeds), "poses: .* \\[1, 2\\], this run has None"),
         (Experiment("toy", TOY.scenario, range(8, 12)), "root seed: .* have 7, this run has 8"),
     ],
