@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.dataset import select
-from testbench.data.tracker import LaserTracker
+from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import BenchError
-from testbench.identify import reduce
+from testbench.identify import gco, least_squares, reduce, with_prior
+from testbench.identify.evaluate import predict
 from testbench.identify.least_squares import solve
+from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.readings import weigh
 from testbench.model.structure import mgco68, template56
 from testbench.model.vjm import observation
@@ -132,3 +134,24 @@ def test_weights_of_the_laser_tracker_beat_flat_ones(cell, data):
     assert np.linalg.eigvalsh(gain)[0] > -1e-9 * np.trace(gain)  # better in every direction
     ratio = np.trace(root.T @ of_weighted @ root) / np.trace(root.T @ of_flat @ root)
     assert np.sqrt(ratio) < 0.85  # 0.827
+
+
+@pytest.mark.parametrize("prior", [False, True])
+def test_the_last_digit_of_a_marker_moves_no_prediction(cell, prior):
+    """As another processor would give it; of a tracker whose noise turns with the beam."""
+    campaign = simulate(cell, Scenario(arm="kr500_l480", truth="linear", noise=False), 1)
+    wrong = distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=stream(1, 5))
+    method = with_prior(gco, wrong, Strength(0.3)) if prior else least_squares
+    tracker, rng = LaserTracker((2.2, -5.5, 1.6)), np.random.default_rng(1)
+    predicted = []
+    for digit in (0.0, 1e-15):
+        clean = campaign.identification
+        true = [p * (1 + digit * rng.uniform(-1, 1, p.shape)) for p in (clean.before, clean.after)]
+        noise = stream(2, 1)
+        before, after = (read_positions(tracker, p, noise) for p in true)
+        data = replace(clean, before=before, after=after, precision=precision(tracker, before, after))
+        estimate = method(cell.vjm, template56(cell.arm), data)
+        predicted.append(predict(cell.vjm, estimate, campaign.workspace))
+    assert (predicted[0] != predicted[1]).any()
+    # of 10 mm: the conic solver stops at 1e-8 of the cost, least squares at rounding
+    np.testing.assert_allclose(predicted[1], predicted[0], rtol=0, atol=1e-9 if prior else 1e-12)
