@@ -1,3 +1,73 @@
-"""A virtual calibration cell for heavy industrial robot arms."""
+"""A virtual calibration cell for heavy industrial robot arms.
+
+    import testbench as tb
+
+Every name below is imported from its room when it is first asked for.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from testbench.arm.folder import load_arm as load_arm
+    from testbench.bench.campaign import MODELS as MODELS
+    from testbench.bench.campaign import Scenario as Scenario
+    from testbench.bench.campaign import build_cell as build_cell
+    from testbench.bench.campaign import simulate as simulate
+    from testbench.data.csvfile import read_csv as read_csv
+    from testbench.data.csvfile import write_csv as write_csv
+    from testbench.data.dataset import Dataset as Dataset
+    from testbench.errors import BenchError as BenchError
+    from testbench.identify import Estimate as Estimate
+    from testbench.identify import certify as certify
+    from testbench.identify import gco as gco
+    from testbench.identify import intervals as intervals
+    from testbench.identify import least_squares as least_squares
+    from testbench.identify import make_estimate as make_estimate
+    from testbench.identify import robust as robust
+    from testbench.identify import with_prior as with_prior
+    from testbench.identify.evaluate import predict as predict
+    from testbench.identify.evaluate import score as score
+    from testbench.identify.prior import cad_prior as cad_prior
+    from testbench.model.structure import Structure as Structure
+
+HOMES = {
+    "load_arm": "arm.folder",
+    "build_cell": "bench.campaign",
+    "Scenario": "bench.campaign",
+    "simulate": "bench.campaign",
+    "MODELS": "bench.campaign",
+    "Dataset": "data.dataset",
+    "read_csv": "data.csvfile",
+    "write_csv": "data.csvfile",
+    "Structure": "model.structure",
+    "least_squares": "identify",
+    "gco": "identify",
+    "cad_prior": "identify.prior",
+    "with_prior": "identify",
+    "robust": "identify",
+    "Estimate": "identify",
+    "make_estimate": "identify",
+    "certify": "identify",
+    "intervals": "identify",
+    "predict": "identify.evaluate",
+    "score": "identify.evaluate",
+    "BenchError": "errors",
+}
+"""The module of every public name."""
+
+__all__ = list(HOMES)
+
+
+if not TYPE_CHECKING:  # a type checker knows every name from above, and no other
+
+    def __getattr__(name: str) -> object:
+        if name not in HOMES:
+            raise AttributeError(f"testbench has no attribute {name!r}; names are {', '.join(HOMES)}")
+        return getattr(import_module(f"{__name__}.{HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -13,7 +13,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_positions
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, Estimator, Method, gco, least_squares
+from testbench.identify import Estimate, Estimator, gco, least_squares
 from testbench.identify.evaluate import Normality, Score, normality, predict, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
@@ -147,6 +147,12 @@ class Result:
 def build_cell(folder: str | Path) -> Cell:
     """Load an arm and build its truth, its model and its room.
 
+    Args:
+        folder: The arm's; the name of an arm that comes with testbench does as well.
+
+    Returns:
+        The arm, its plant, its model and its room, for any number of campaigns.
+
     Raises:
         InputError: When the arm's folder is wrong.
     """
@@ -159,18 +165,22 @@ def stream(seed: int, trial: int = 0) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
 
 
-def simulate(cell: Cell, scenario: Scenario, seed: int) -> Campaign:
+def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Campaign:
     """Choose poses, load the true arm in each, and read the markers.
 
     Args:
         cell: The arm.
-        scenario: What to measure.
+        scenario: What to measure; None for the campaign of section 6, 460.3 kg.
         seed: Root of all randomness.
+
+    Returns:
+        The runs to identify from, those to check with, and true deflections over the workspace.
 
     Raises:
         PoseError: When too few feasible poses exist.
         NoEquilibrium: When the arm cannot carry the payload.
     """
+    scenario = Scenario(arm=cell.arm.name) if scenario is None else scenario
     poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
 
     def clear(q: Array) -> Mask:
@@ -260,20 +270,21 @@ def settle_both(
     return settle(plant, q), settle(plant, q, wrench, point)
 
 
-def _mls32(cell: Cell) -> Structure:
-    return non_redundant(cell.vjm, template56(cell.arm), name="MLS32")
+def _mls32(cell: Cell) -> Model:
+    kept = non_redundant(cell.vjm, template56(cell.arm), name="MLS32")
+    return Model("MLS32", kept, least_squares)
 
 
-MODELS: dict[str, tuple[Callable[[Cell], Structure], Method]] = {
-    "MLS32": (_mls32, least_squares),
-    "MLS56": (lambda cell: template56(cell.arm, name="MLS56"), least_squares),
-    "MGCO47": (lambda cell: mgco47(cell.arm), gco),
-    "MGCO56": (lambda cell: template56(cell.arm), gco),
-    "MGCO68": (lambda cell: mgco68(cell.arm), gco),
-    "MGCO69": (lambda cell: mgco69(cell.arm), gco),
-    "MGCO147": (lambda cell: mgco147(cell.arm), gco),
+MODELS: dict[str, Callable[[Cell], Model]] = {
+    "MLS32": _mls32,
+    "MLS56": lambda cell: Model("MLS56", template56(cell.arm, name="MLS56"), least_squares),
+    "MGCO47": lambda cell: Model("MGCO47", mgco47(cell.arm), gco),
+    "MGCO56": lambda cell: Model("MGCO56", template56(cell.arm), gco),
+    "MGCO68": lambda cell: Model("MGCO68", mgco68(cell.arm), gco),
+    "MGCO69": lambda cell: Model("MGCO69", mgco69(cell.arm), gco),
+    "MGCO147": lambda cell: Model("MGCO147", mgco147(cell.arm), gco),
 }
-"""The paper's models by name: structure and method."""
+"""The paper's models by name: MODELS["MGCO56"](cell) has structure and method."""
 
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""
@@ -292,8 +303,7 @@ def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
     for name in names:
         if name not in MODELS:
             raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
-    found = [(name, *MODELS[name]) for name in names]
-    return [Model(name, structure(cell), method) for name, structure, method in found]
+    return [MODELS[name](cell) for name in names]
 
 
 def identify(

@@ -51,7 +51,7 @@ def command(asked: Options) -> None:
     check_poses(cell.room, q)
     ids, tracker = np.arange(len(q)) + 1, Tracker(scenario.sigma)
     data, _, _ = measure(cell, scenario, q, ids, tracker, stream(asked.seed, 1), payload=payload)
-    write_csv(data, tuple(j.name for j in cell.arm.joints), asked.out)
+    write_csv(data, cell.arm, asked.out)
     size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
     Console(highlight=False).print(text, soft_wrap=True)

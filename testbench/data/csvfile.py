@@ -50,18 +50,19 @@ def _load() -> list[str]:
     return [pattern.format(x) for pattern in ("force_{}_N", "moment_{}_Nm", "point_{}_m") for x in XYZ]
 
 
-def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
+def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
     """Write the dataset; an existing file is replaced only by a whole one.
 
     Args:
         data: The runs.
-        joints: Names of the arm's joints, for the header.
+        arm: The arm that was measured, or the names of its joints: they head the columns.
         path: The file.
 
     Raises:
         BenchError: When the names are not as many as the joint angles.
         InputError: When the file cannot be written.
     """
+    joints = tuple(j.name for j in arm.joints) if isinstance(arm, Arm) else arm
     if len(joints) != data.q.shape[1]:
         raise BenchError(f"joints: expected {data.q.shape[1]} names, got {list(joints)}")
     m, turned, P = len(data.markers), data.rotation_before is not None, data.precision
@@ -83,19 +84,23 @@ def write_csv(data: Dataset, joints: tuple[str, ...], path: Path) -> None:
     writer.writerow(header)
     ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), data.markers * data.runs, strict=True)
     writer.writerows([*own, *line] for own, line in zip(ids, lines, strict=True))
-    files.write_whole(text.getvalue(), path)
+    files.write_whole(text.getvalue(), Path(path))
 
 
-def read_csv(path: Path, arm: Arm) -> Dataset:
+def read_csv(path: str | Path, arm: Arm) -> Dataset:
     """Read and check a dataset of an arm.
 
     Args:
         path: The file; `columns` documents its header.
         arm: The arm that was measured.
 
+    Returns:
+        Readings before and after loading, with poses and loads.
+
     Raises:
         InputError: Names the line and what was expected.
     """
+    path = Path(path)
     table, joints = read_table(path), tuple(j.name for j in arm.joints)
     turned, covariance = (not table.columns.keys().isdisjoint(own) for own in (TURNED, COVARIANCES))
     expected = columns(joints, rotation=turned, covariance=covariance)

@@ -48,6 +48,9 @@ def certify(
         dual: Proof of the bound, such as that of a better estimate; None for the estimate's own gradients,
             which prove much only near an optimum.
 
+    Returns:
+        How far F_M is at most above its least value, and the traces within which that holds.
+
     Raises:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or a trace bound
             is negative, not finite or missing.

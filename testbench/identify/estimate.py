@@ -151,6 +151,9 @@ def make_estimate(
         constraint: What the method asked of the blocks.
         advice: Sentences for a person.
 
+    Returns:
+        The estimate: costs, eigenvalues of every block, whether it is conservative.
+
     Raises:
         BenchError: When pi has another shape or is not finite.
     """

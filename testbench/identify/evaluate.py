@@ -50,12 +50,15 @@ class Normality:
 
 
 def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
-    """Deflections of a dataset's markers by a model, Eq. (11), (runs, m, 3) [m].
+    """Deflections of a dataset's markers by a model, Eq. (11).
 
     Args:
         vjm: The model's kinematics.
         estimate: The identified compliances.
         data: Gives poses, loads and markers; its readings are not used.
+
+    Returns:
+        World x, y and z of every marker in every run, (runs, m, 3) [m].
     """
     points = marker_points(vjm, data.markers)
     blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
@@ -74,8 +77,12 @@ def score(predicted: Array, reference: Array) -> Score:
     """Distance errors of predictions against measured (or true) deflections.
 
     Args:
-        predicted: (runs, m, 3) [m].
-        reference: (runs, m, 3) [m].
+        predicted: Such as `predict` returns, (runs, m, 3) [m].
+        reference: Such as `Dataset.deflection`, (runs, m, 3) [m]; index both with `Dataset.seen` where
+            targets were lost.
+
+    Returns:
+        Root mean square, 95th percentile and largest error, absolute and relative.
     """
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()

@@ -51,6 +51,9 @@ class Method:
             structure: The unknowns; with a prior, or GCO with a robust loss, of whole blocks.
             data: The runs.
 
+        Returns:
+            Compliances, and what there is to say of them.
+
         Raises:
             BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
                 symmetric where it must be, or the prior does not fit the structure or the data.
@@ -107,7 +110,10 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
     Args:
         estimator: A method; not an estimator of your own.
         prior: Expected compliances.
-        strength: How firmly they are believed; None to choose.
+        strength: How firmly they are believed; None to choose by cross-validation over poses.
+
+    Returns:
+        The method with the prior; call it as any other.
 
     Raises:
         BenchError: When the estimator is your own.
@@ -117,6 +123,12 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
 
 def robust(estimator: Estimator) -> Method:
     """A method that looks for outliers and does without them.
+
+    Args:
+        estimator: A method; not an estimator of your own.
+
+    Returns:
+        The method with a robust loss; `Estimate.rejected` lists what it does without.
 
     Raises:
         BenchError: When the estimator is your own.

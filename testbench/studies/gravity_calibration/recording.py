@@ -17,7 +17,7 @@ def write(run: Run[Settings, GravityReport]) -> None:
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
     results = trial.results(cell, campaign)
-    write_csv(campaign.measured, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
+    write_csv(campaign.measured, cell.arm, run.folder / "dataset.csv")
     figure.residuals(campaign, results).savefig(run.folder / "residuals.png", dpi=120)
     write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
 

@@ -18,7 +18,7 @@ def write(run: Run[Settings, SixDofReport]) -> None:
     """dataset.csv and recording.rrd."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
-    write_csv(campaign.identification, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
+    write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
     results = identify(cell, campaign, named_models(cell, MODELS), time.perf_counter)
     write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
 

@@ -1,0 +1,82 @@
+"""`import testbench as tb`: what a user writes, and what it costs."""
+
+import ast
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import testbench as tb
+from testbench.identify import Method
+
+HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "numpy"}
+TABLES = {"MODELS", "__version__"}
+
+
+@pytest.mark.parametrize("name", [name for name in tb.__all__ if name not in TABLES])
+def test_every_public_name_says_what_it_takes_and_gives(name):
+    thing = getattr(tb, name)
+    text = inspect.getdoc(thing.__call__ if isinstance(thing, Method) else thing)
+    if inspect.isclass(thing):
+        assert issubclass(thing, Exception) or "Attributes:" in text
+        return
+    assert "Args:" in text
+    returns = inspect.signature(thing).return_annotation
+    assert returns in (None, "None") or "Returns:" in text
+
+
+def test_a_type_checker_sees_the_same_names():
+    tree = ast.parse(Path(tb.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    typed = {alias.asname: node.module for node in block.body for alias in node.names}
+    assert typed == {name: f"testbench.{home}" for name, home in tb.HOMES.items()}
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    with pytest.raises(AttributeError, match=r"no attribute 'least_square'; names are .*least_squares"):
+        _ = tb.least_square
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    code = "import sys, testbench; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not HEAVY & set(done.stdout.split())
+
+
+def clipped(vjm, structure, data):
+    """An estimator of one's own."""
+    plain = tb.least_squares(vjm, structure, data)
+    return tb.make_estimate(plain.regression, np.maximum(plain.pi, 0), method="LS, negative values clipped")
+
+
+def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_path):
+    cell = tb.build_cell("kr500_l480")
+    runs = tb.simulate(cell, seed=1)
+    tb.write_csv(runs.measured, cell.arm, tmp_path / "runs.csv")
+    assert tb.read_csv(str(tmp_path / "runs.csv"), tb.load_arm("kr500_l480")).runs == 21
+    structure = tb.MODELS["MGCO56"](cell).structure
+    prior = tb.cad_prior(cell.arm)
+    methods = {
+        "LS": tb.least_squares,
+        "GCO": tb.gco,
+        "prior": tb.with_prior(tb.gco, prior),
+        "robust": tb.robust(tb.with_prior(tb.gco, prior)),
+        "clipped": clipped,
+    }
+    found = {name: method(cell.vjm, structure, runs.identification) for name, method in methods.items()}
+    rms = {
+        name: tb.score(tb.predict(cell.vjm, e, runs.workspace), runs.workspace.deflection).rms
+        for name, e in found.items()
+    }
+    assert rms["prior"] < rms["LS"] / 2  # the prior is the truth: ten times better here
+    assert isinstance(found["clipped"], tb.Estimate)
+    assert found["clipped"].pi.min() == 0
+    assert 0 <= tb.certify(found["GCO"]).gap < 0.01 * found["GCO"].f_m
+    known = tb.intervals(cell.vjm, found["prior"], runs.check)
+    inside = (known.lower <= known.centre) & (known.centre <= known.upper)
+    assert inside.all()
+    with pytest.raises(tb.BenchError, match="clipped: an estimator of your own runs as it is"):
+        tb.with_prior(clipped, prior)
