@@ -1,7 +1,8 @@
 """The command of a study: trials on the engine, then its report and every view of it, all or nothing."""
 
 import json
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -96,14 +97,22 @@ def _seeds(study: Study[O, S, W, R], common: Common) -> range:
 
 
 def to_json(report: Any) -> Any:
-    """A report as JSON data: its fields are the keys.
+    """A report as JSON data: its fields are the keys, or what their metadata name as "key".
 
     Raises:
         BenchError: When a number is not finite.
     """
-    plain = asdict(report)
+    plain = _plain(report)
     try:
         json.dumps(plain, allow_nan=False)
     except ValueError as err:
         raise BenchError(f"{report.scenario}: expected finite numbers in the report: {err}") from err
     return plain
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        return {f.metadata.get("key", f.name): _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _plain(v) for key, v in value.items()}
+    return [_plain(v) for v in value] if isinstance(value, list | tuple) else value

@@ -5,15 +5,18 @@ convex, and the dual of one conic program tells how far any other solution can b
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from time import perf_counter
+from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+import typer
 
+from testbench.arm.library import find_arm
 from testbench.bench.campaign import Cell, Model, build_cell, named_models, stream
 from testbench.bench.full_pose import Campaign, FullPose, judge, simulate
+from testbench.bench.rows import UM, ErrorRow, error_row
 from testbench.errors import Array, BenchError
 from testbench.identify import Budget, Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
@@ -28,11 +31,15 @@ from testbench.identify.factorised import (
     parameters,
     random_start,
 )
-from testbench.identify.modelled import modelled
+from testbench.identify.modelled import cvxpy, modelled
 from testbench.identify.search import explore
-from testbench.views.report import MM, UM, Report, estimate_report, score_report
+from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
+from testbench.trials.spread import Number, Share
 
 NAME = "solver_comparison"
+ARM = "arm_6r"
+QUICK_GENERATIONS, QUICK_STARTS = 60, 5
+MINIMA_STARTS, MINIMA_SEEDS = 50, 3
 WITHIN = 1.01
 """F_M over the least one at which a solver is called there: within 1 %."""
 REPEATS = 5
@@ -48,39 +55,131 @@ Way = list[tuple[float, float]]
 """Least F_M so far: seconds, F_M."""
 
 
-class Study(BaseModel):
-    """The study as data: what a manifest must hold to run it again.
+@dataclass(frozen=True)
+class Options:
+    """Flags of the asked."""
+
+    model: Annotated[str, typer.Option(help="A GCO model of the paper.")] = "MGCO69"
+    m: Annotated[int, typer.Option(min=1, max=6, help="Order of the vector space.")] = LARGEST_ORDER
+    generations: Annotated[int, typer.Option(min=1, help="Most, of the genetic algorithm.")] = 1000
+    trial_points: Annotated[int, typer.Option(min=1, help="Of the global search.")] = 1000
+    starts: Annotated[int, typer.Option(min=1, help="Local solves of the multistart.")] = 10
+    scs: Annotated[bool, typer.Option("--scs", help="SCS by way of cvxpy too (make bench has it).")] = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried.
 
     Attributes:
         scenario: What is measured.
         model: A GCO model by its name in the paper.
         m: Order of the vector space of the solvers over b.
         generations: Most generations of the paper's optimiser.
-        short_generations: The same of its short variant.
         trial_points: Trial points of its global search.
         starts: Local solves of the multistart.
         scs: Whether SCS solves it too, by way of cvxpy.
         minima_starts: Local solves from random starts, for every order, to count local minima.
         minima_seeds: Seeds in which that is done, from the first.
+        first: The first seed.
+        short_generations: Generations of the short variant of the paper's optimiser.
     """
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
     scenario: FullPose
-    model: str = "MGCO69"
-    m: int = Field(default=LARGEST_ORDER, ge=1, le=LARGEST_ORDER)
-    generations: int = Field(default=1000, ge=1)
-    short_generations: int = Field(default=20, ge=1)
-    trial_points: int = Field(default=1000, ge=1)
-    starts: int = Field(default=10, ge=1)
-    scs: bool = False
-    minima_starts: int = Field(default=50, ge=1)
-    minima_seeds: int = Field(default=3, ge=1)
+    model: str
+    m: int
+    generations: int
+    trial_points: int
+    starts: int
+    scs: bool
+    minima_starts: int
+    minima_seeds: int
+    first: int
+    short_generations: int = 20
 
     def budget(self, generations: int) -> Budget:
         """The search with that many generations."""
         stage_one = min(Budget().stage_one_points, self.trial_points)
         return Budget(generations=generations, trial_points=self.trial_points, stage_one_points=stage_one)
+
+
+@dataclass(frozen=True)
+class SolverRow:
+    """What one solver found in one seed.
+
+    Attributes:
+        f_m: Cost of Eq. (19).
+        excess_f_m: Over that of the conic program.
+        relative_excess: The same, relative.
+        duality_gap: Over the certified lower bound.
+        relative_gap: The same, relative to the bound.
+        seconds: Wall time of the whole call, reduction of the dataset included.
+        seconds_to_1_percent: Until F_M was within 1 % of the conic program's; None where it never was.
+        ratio_to_conic: The same over the conic program's whole time.
+        whole_ratio_to_conic: Whole time over the conic program's.
+        evaluations: Of F_M; None where nobody counts them.
+        local_solves: How many; None where there are none.
+        local_solves_elsewhere: Those that ended more than CLOSE above the conic program.
+        conservative: Whether every block is positive semi-definite.
+        status: What the solver says.
+        check: Errors against the truth.
+        way_seconds: When it improved, thinned.
+        way_gap: Least F_M over the certified lower bound by then, minus 1.
+    """
+
+    f_m: Number
+    excess_f_m: Number
+    relative_excess: Number
+    duality_gap: Number
+    relative_gap: Number
+    seconds: Number
+    seconds_to_1_percent: Number
+    ratio_to_conic: Number
+    whole_ratio_to_conic: Number
+    evaluations: Number
+    local_solves: int | None
+    local_solves_elsewhere: int | None
+    conservative: Share
+    status: str
+    check: ErrorRow
+    way_seconds: tuple[float, ...]
+    way_gap: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Data:
+    """What every solver of a seed had: measurements, what the conic program made of them, time of one F_M."""
+
+    measured: Measured
+    model: Judged
+    microseconds_f_m: float
+
+
+@dataclass(frozen=True)
+class Minima:
+    """Local solves of one order m from random starts: F_M of each, and how many ran out of steps."""
+
+    m: int
+    f_m: tuple[float, ...]
+    conic_f_m: float
+    unfinished: int
+
+
+@dataclass(frozen=True)
+class TrialRow:
+    """One line of a seed: its data, a solver, or local minima of one order.
+
+    Attributes:
+        key: Letter of the solver, empty for the others.
+        data: Of the seed, in its first line.
+        solver: What a solver found.
+        minima: Where local solves end.
+    """
+
+    key: str = ""
+    data: Data | None = None
+    solver: SolverRow | None = None
+    minima: Minima | None = None
 
 
 @dataclass(frozen=True)
@@ -168,93 +267,87 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def trials(
-    folder: Path, study: Study, first: int, clock: Callable[[], float], seeds: Sequence[int]
-) -> list[Report]:
-    """Reports of some seeds.
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for.
 
-    Args:
-        folder: The arm's.
-        study: What to do.
-        first: The first seed of all.
-        clock: Wall time [s].
-        seeds: Roots of randomness.
+    Raises:
+        BenchError: When the model is none that GCO identifies, or SCS is not installed.
     """
-    cell = build_cell(folder)
-    model = gco_model(cell, study.model)
-    return [_trial(cell, model, study, clock, seed, seed - first < study.minima_seeds) for seed in seeds]
+    gco_model(build_cell(find_arm(ARM)), options.model)
+    if options.scs:
+        cvxpy("SCS")
+    sigma = math.sqrt(0.5) * 25e-6  # the paper's are those of a deflection, a difference of two readings
+    return Settings(
+        scenario=FullPose(arm=ARM, sigma=sigma, sigma_rotation=10 * sigma, least=9e-3, most=41e-3),
+        model=options.model,
+        m=options.m,
+        generations=min(options.generations, QUICK_GENERATIONS) if quick else options.generations,
+        trial_points=options.trial_points,
+        starts=min(options.starts, QUICK_STARTS) if quick else options.starts,
+        scs=options.scs,
+        minima_starts=QUICK_STARTS if quick else MINIMA_STARTS,
+        minima_seeds=1 if quick else MINIMA_SEEDS,
+        first=seeds[0],
+    )
 
 
-def _trial(
-    cell: Cell, model: Model, study: Study, clock: Callable[[], float], seed: int, minima: bool
-) -> Report:
-    campaign = simulate(cell, study.scenario, seed)
-    conic = _repeated("d", gco, cell, model, campaign, clock)
-    rows = [*_over_b(cell, model, study, campaign, clock), conic]
-    if study.scs:
-        rows.append(_repeated("e", modelled("SCS"), cell, model, campaign, clock))
-    size = MM * np.linalg.norm(campaign.truth.deflection, axis=-1)
-    problem = factorise(conic.estimate.regression, study.m)
-    report: Report = {
-        "seed": seed,
-        "dataset": {
-            "runs": campaign.identification.runs,
-            "points": campaign.identification.points,
-            "poses": study.scenario.poses,
-            "check_runs": campaign.truth.runs,
-            "deflection_min_mm": float(size.min()),
-            "deflection_max_mm": float(size.max()),
-            "sigma_um": UM * study.scenario.sigma,
-            "sigma_urad": UM * study.scenario.sigma_rotation,
-        },
-        "microseconds_f_m": _microseconds(problem, study, clock),
-        "models": [_model(cell, model, campaign, conic)],
-        "solvers": [_row(cell, model, campaign, row, conic) for row in rows],
-        "ways": {row.key: _thin(row.way, _lower(conic)) for row in rows},
-    }
-    if minima:
-        report["minima"] = {m: _minima(conic.estimate, study, seed, m) for m in ORDERS}
-    return report
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
+    """Rows of some seeds."""
+    cell = build_cell(find_arm(ARM))
+    model = gco_model(cell, asked.model)
+    return [list(_trial(cell, model, asked, seed)) for seed in seeds]
 
 
-def _repeated(
-    key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign, clock: Callable[[], float]
-) -> Solved:
+def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[TrialRow]:
+    campaign = simulate(cell, asked.scenario, seed)
+    conic = _repeated("d", gco, cell, model, campaign)
+    found = [*_over_b(cell, model, asked, campaign), conic]
+    if asked.scs:
+        found.append(_repeated("e", modelled("SCS"), cell, model, campaign))
+    problem = factorise(conic.estimate.regression, asked.m)
+    own = judged(judge(cell, campaign, model, conic.estimate, conic.seconds))
+    yield TrialRow(data=Data(measured(campaign), own, _microseconds(problem, asked)))
+    for solved in found:
+        yield TrialRow(key=solved.key, solver=_row(cell, model, campaign, solved, conic))
+    if seed < asked.first + asked.minima_seeds:
+        for m in ORDERS:
+            yield TrialRow(minima=_minima(conic.estimate, asked, seed, m))
+
+
+def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign) -> Solved:
     """A solver without chance, certificate included where it makes one: median time of several calls."""
     calls = []
     for _ in range(1 + REPEATS):
-        start = clock()
+        start = perf_counter()
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
-        seconds = clock() - start
+        seconds = perf_counter() - start
         calls.append(Solved(key, estimate, [(seconds, estimate.f_m)], seconds))
     return sorted(calls[1:], key=lambda call: call.seconds)[REPEATS // 2]
 
 
-def _over_b(
-    cell: Cell, model: Model, study: Study, campaign: Campaign, clock: Callable[[], float]
-) -> list[Solved]:
+def _over_b(cell: Cell, model: Model, asked: Settings, campaign: Campaign) -> list[Solved]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
     seed = campaign.seed
     runs: tuple[tuple[str, OverB, int], ...] = (
-        ("a", search(study.budget(study.generations)), 10),
-        ("a'", search(study.budget(study.short_generations)), 10),
+        ("a", search(asked.budget(asked.generations)), 10),
+        ("a'", search(asked.budget(asked.short_generations)), 10),
         ("b", local_solves(1), 11),
         ("b'", differences, 11),  # from the same start
-        ("c", local_solves(study.starts), 12),
+        ("c", local_solves(asked.starts), 12),
     )
     rows = []
     for key, solver, random in runs:
-        stamps = Stamps(clock)
-        problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), study.m)
+        stamps = Stamps()
+        problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
         found = solver(problem, stream(seed, random), stamps.add)
-        method = f"GCO over b, m = {study.m}"
+        method = f"GCO over b, m = {asked.m}"
         status = "budget spent" if key.startswith("a") else "local optimum"
         pi = parameters(problem, found.b)
         estimate = replace(
             make_estimate(problem.regression, pi, method=method, constraint="psd"), status=status
         )
         rows.append(
-            Solved(key, estimate, stamps.way, clock() - stamps.start, found.evaluations, found.solves)
+            Solved(key, estimate, stamps.way, perf_counter() - stamps.start, found.evaluations, found.solves)
         )
     return rows
 
@@ -262,22 +355,22 @@ def _over_b(
 class Stamps:
     """When a solver reached which F_M, from now on."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.clock, self.start = clock, clock()
+    def __init__(self) -> None:
+        self.start = perf_counter()
         self.way: Way = []
 
     def add(self, value: float) -> None:
         """Note an F_M."""
-        self.way.append((self.clock() - self.start, value))
+        self.way.append((perf_counter() - self.start, value))
 
 
-def _microseconds(problem: Factorised, study: Study, clock: Callable[[], float]) -> float:
+def _microseconds(problem: Factorised, asked: Settings) -> float:
     """Time of one F_M within a population of the genetic algorithm [us]."""
-    population = stream(0).uniform(-1, 1, (problem.size, study.budget(1).population * problem.size))
+    population = stream(0).uniform(-1, 1, (problem.size, asked.budget(1).population * problem.size))
     costs(problem, population)
-    start = clock()
+    start = perf_counter()
     count = len(costs(problem, population))
-    return UM * (clock() - start) / count
+    return UM * (perf_counter() - start) / count
 
 
 def _lower(conic: Solved) -> float:
@@ -286,55 +379,45 @@ def _lower(conic: Solved) -> float:
     return conic.estimate.f_m - conic.estimate.certificate.gap
 
 
-def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solved) -> Report:
+def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solved) -> SolverRow:
     assert conic.estimate.certificate is not None
     estimate, best = row.estimate, conic.estimate.f_m
     gap = certify(estimate, dual=conic.estimate.certificate.dual).gap
     there = next((seconds for seconds, value in row.way if value <= WITHIN * best), None)
-    result = judge(cell, campaign, model, estimate, row.seconds)
     elsewhere = [value > best * (1 + CLOSE) for value in row.solves or ()]
-    return {
-        "key": row.key,
-        "f_m": estimate.f_m,
-        "excess_f_m": estimate.f_m - best,
-        "relative_excess": estimate.f_m / best - 1,
-        "duality_gap": gap,
-        "relative_gap": gap / (estimate.f_m - gap),
-        "seconds": row.seconds,
-        "seconds_to_1_percent": there,
-        "ratio_to_conic": None if there is None else there / conic.seconds,
-        "whole_ratio_to_conic": row.seconds / conic.seconds,
-        "evaluations": row.evaluations,
-        "local_solves": len(row.solves) if row.solves else None,
-        "local_solves_elsewhere": int(sum(elsewhere)) if row.solves else None,
-        "conservative": estimate.conservative,
-        "status": estimate.status,
-        "check": score_report(result.check),
-    }
+    way = _thin(row.way, _lower(conic))
+    return SolverRow(
+        f_m=estimate.f_m,
+        excess_f_m=estimate.f_m - best,
+        relative_excess=estimate.f_m / best - 1,
+        duality_gap=gap,
+        relative_gap=gap / (estimate.f_m - gap),
+        seconds=row.seconds,
+        seconds_to_1_percent=there,
+        ratio_to_conic=None if there is None else there / conic.seconds,
+        whole_ratio_to_conic=row.seconds / conic.seconds,
+        evaluations=row.evaluations,
+        local_solves=len(row.solves) if row.solves else None,
+        local_solves_elsewhere=sum(elsewhere) if row.solves else None,
+        conservative=estimate.conservative,
+        status=estimate.status,
+        check=error_row(judge(cell, campaign, model, estimate, row.seconds).check),
+        way_seconds=tuple(seconds for seconds, _ in way),
+        way_gap=tuple(value for _, value in way),
+    )
 
 
-def _model(cell: Cell, model: Model, campaign: Campaign, conic: Solved) -> Report:
-    result = judge(cell, campaign, model, conic.estimate, conic.seconds)
-    return {
-        **estimate_report(model.name, conic.estimate, conic.seconds),
-        "identification": score_report(result.identification),
-        "check": score_report(result.check),
-        "readings": score_report(result.readings),
-        "paper": None,
-    }
-
-
-def _thin(way: Way, lower: float) -> list[list[float]]:
+def _thin(way: Way, lower: float) -> Way:
     """Seconds and gap F_M / lower - 1 of a way down, evenly spread over the logarithm of the gap."""
     gaps = np.array([value / lower - 1 for _, value in way])
     level = np.log(np.maximum(gaps, 1e-12))
     wanted = np.linspace(level[0], level[-1], CURVE_POINTS)
     kept = np.unique(np.r_[np.searchsorted(-level, -wanted), len(way) - 1])
-    return [[way[k][0], float(gaps[k])] for k in kept if k < len(way)]
+    return [(way[k][0], float(gaps[k])) for k in kept if k < len(way)]
 
 
-def _minima(conic: Estimate, study: Study, seed: int, m: int) -> Report:
-    """F_M of local solves from many random starts, as excess over the conic optimum."""
-    found = descents(factorise(conic.regression, m), stream(seed, 20 + m), starts=study.minima_starts)
-    values = [descent.f_m for descent in found]
-    return {"f_m": values, "conic_f_m": conic.f_m, "unfinished": sum(not d.finished for d in found)}
+def _minima(conic: Estimate, asked: Settings, seed: int, m: int) -> Minima:
+    """F_M of local solves from many random starts."""
+    found = descents(factorise(conic.regression, m), stream(seed, 20 + m), starts=asked.minima_starts)
+    unfinished = sum(not d.finished for d in found)
+    return Minima(m, tuple(descent.f_m for descent in found), conic.f_m, unfinished)
