@@ -1,4 +1,4 @@
-"""The composer of a plan: what an engineer wishes becomes candidates, poses, and what they promise."""
+"""The composer of a plan: what an engineer asks for becomes candidates, poses, and what they promise."""
 
 import math
 from collections.abc import Callable
@@ -7,28 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import MODELS, Cell, named_models, stream
-from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
-from testbench.data.csvfile import SIGMA_RANGE
+from testbench.bench.campaign import Cell, stream
+from testbench.bench.candidates import Candidates, Checks, Conditions, build_checks, feasible, find
+from testbench.bench.plan_report import PlanReport
+from testbench.bench.plan_settings import Settings
+from testbench.bench.plan_summary import summary
 from testbench.data.station import Station
-from testbench.design import planning
-from testbench.design.baselines import Baselines, PriorInfluence, compare, doubt, prior_influence
 from testbench.design.forecast import OUTSIDE, Forecast
-from testbench.design.observability import Observability, observability
-from testbench.design.planning import Plan
+from testbench.design.planning import Plan, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment, Load, deflection_rows
-from testbench.design.specification import Specification, Tasks, loads_of, task_rows, workspace_rows
+from testbench.design.rows import Experiment, Load
+from testbench.design.specification import Specification, task_rows, workspace_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
-from testbench.identify.prior import RANGE, cad_prior
-from testbench.model.poses import WorkArea
-from testbench.model.structure import Structure
+from testbench.identify.prior import cad_prior
 from testbench.plant import Payload, build_site, contacts
 
-LOAD_RANGE = (1e-3, 1e4)
-"""Masses that can hang from an arm [kg], as in bench.Scenario."""
-MOST_POSES, MOST_CANDIDATES = 200, 50_000
 WORKSPACE = 200
 """Poses that stand for the workspace."""
 STEP = math.radians(5)
@@ -38,106 +32,22 @@ NAMED = 5
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What an engineer asks for.
-
-    Attributes:
-        structure: Unknowns of the model that is to be identified, in whole blocks.
-        tasks: Where the robot works, and under which load.
-        loads: Masses that may be hung [kg].
-        poses: How many are to be measured.
-        criterion: Key of planning.CRITERIA.
-        sigma: Standard deviation of one reading along one axis [m].
-        uncertainty: Relative uncertainty of the CAD prior [1]; None for an identification without a prior.
-        station: Where the tracker stands; None leaves visibility unchecked.
-        area: Where the tool may be while it is measured; None for anywhere.
-        sling: From the load point to the weight [m].
-        candidates: Feasible poses to choose from.
-        seed: Root of all randomness.
-    """
-
-    structure: Structure
-    tasks: Tasks
-    loads: tuple[float, ...]
-    poses: int = 12
-    criterion: str = "test"
-    sigma: float = 50e-6
-    uncertainty: float | None = 0.3
-    station: Station | None = None
-    area: WorkArea | None = None
-    sling: float = 0.5
-    candidates: int = 5000
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        if self.criterion not in planning.CRITERIA:
-            known = ", ".join(planning.CRITERIA)
-            raise BenchError(f"no criterion {self.criterion!r}; criteria are {known}")
-        if not self.loads or len(set(self.loads)) < len(self.loads):
-            raise BenchError(f"loads [kg]: expected at least one, each once, got {list(self.loads)}")
-        for load in self.loads:
-            _check_range("load [kg]", load, *LOAD_RANGE)
-        _check_range("poses", self.poses, 1, MOST_POSES)
-        _check_range("candidates", self.candidates, self.poses, MOST_CANDIDATES)
-        _check_range("sigma [m]", self.sigma, *SIGMA_RANGE)
-        if self.uncertainty is not None:
-            low, high = RANGE
-            _check_range(
-                "uncertainty of the prior [1]", self.uncertainty, low, high / 2
-            )  # doubled for doubters
-
-
-@dataclass(frozen=True)
 class Planned:
     """A plan and what it promises.
 
     Attributes:
-        wish: What was asked for.
+        settings: What was asked for.
         found: Feasible poses, and what it took to find them.
-        specification: The same as planning wants it.
         plan: The poses, in the order of measuring.
-        tasks: Errors at the tasks.
-        poses: Errors in the plan's own poses.
-        workspace: Errors over specification.workspace, under the first load.
-        doubted: Errors at the tasks with a prior twice as uncertain; None without one.
-        task_deflection: RMS over the targets in every task, by the prior, (tasks,) [m].
-        deflection: The same in the plan's poses, (poses,) [m].
-        clear: Whether the arm can go straight to each pose from the one before, (poses - 1,).
-        baselines: Other plans.
-        influence: What rests on the prior.
-        observability: Indices of the plan.
+        workspace: Errors over the specification's workspace, under the first load.
+        report: What readers see.
     """
 
-    wish: Wish
+    settings: Settings
     found: Candidates
-    specification: Specification
     plan: Plan
-    tasks: Forecast
-    poses: Forecast
     workspace: Forecast
-    doubted: Forecast | None
-    task_deflection: Array
-    deflection: Array
-    clear: tuple[bool, ...]
-    baselines: Baselines
-    influence: PriorInfluence
-    observability: Observability
-
-
-def structure(cell: Cell, name: str) -> Structure:
-    """Unknowns of a model of `bench.MODELS`.
-
-    Raises:
-        BenchError: When there is no such model, the arm has too few links for it, or it lacks entries that a
-            prior speaks of.
-    """
-    if name == "MLS32":
-        whole = ", ".join(other for other in MODELS if other != name)
-        raise BenchError(
-            f"no plan for {name}: it leaves out entries by what one dataset shows; expected one of {whole}"
-        )
-    [model] = named_models(cell, [name])
-    return model.structure
+    report: PlanReport
 
 
 def hung(cell: Cell, mass: float) -> Load:
@@ -145,19 +55,18 @@ def hung(cell: Cell, mass: float) -> Load:
     return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load)
 
 
-def search(cell: Cell, wish: Wish) -> Candidates:
+def search(cell: Cell, settings: Settings) -> Candidates:
     """Feasible poses under the largest of the loads: the others hang inside its outline.
 
     Args:
         cell: The arm.
-        wish: What is asked for.
+        settings: What is asked for.
 
     Raises:
         PoseError: When there are fewer than the plan needs; says which condition refused them.
         BenchError: When the tracker stands inside the arm, or the sling is too short.
     """
-    checks = build_checks(cell, _conditions(wish))
-    found = find(checks, wish.candidates, stream(wish.seed, 0), least=wish.poses)
+    found = find(_checks(cell, settings), settings.candidates, stream(settings.seed, 0), least=settings.poses)
     return replace(found, q=nearest_turn(found.q, cell.arm.limits))
 
 
@@ -175,84 +84,59 @@ def nearest_turn(q: Array, limits: Array) -> Array:
     return np.where((near >= limits[0]) & (near <= limits[1]), near, q)
 
 
-def specify(cell: Cell, wish: Wish) -> Specification:
-    """The wish as planning wants it.
+def specify(cell: Cell, settings: Settings) -> Specification:
+    """The settings as the design of experiments wants them.
 
     Raises:
         BenchError: When the structure lacks entries in a block.
         PoseError: When the arm can be nowhere in the work area.
     """
-    anywhere = find(build_checks(cell, Conditions(wish.area)), WORKSPACE, stream(wish.seed, 2), least=1)
+    checks = build_checks(cell, Conditions(settings.area))
+    own = metric(cad_prior(cell.arm), cell.vjm, settings.structure)
     return Specification(
-        experiment=Experiment(
-            cell.vjm, metric(cad_prior(cell.arm), cell.vjm, wish.structure), cell.vjm.markers, wish.sigma
-        ),
-        loads=tuple(hung(cell, mass) for mass in wish.loads),
-        tasks=wish.tasks,
-        workspace=anywhere.q,
-        uncertainty=wish.uncertainty,
-        poses=wish.poses,
+        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma),
+        loads=tuple(hung(cell, mass) for mass in settings.loads),
+        tasks=settings.tasks,
+        workspace=find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q,
+        uncertainty=settings.uncertainty,
+        poses=settings.poses,
     )
 
 
-def choose(cell: Cell, wish: Wish, specification: Specification, found: Candidates) -> Plan:
+def choose(cell: Cell, settings: Settings, found: Candidates) -> Plan:
     """The best plan found.
 
     Args:
         cell: The arm.
-        wish: What is asked for.
-        specification: The same as planning wants it.
+        settings: What is asked for.
         found: Poses to choose from.
 
     Raises:
         BenchError: When without a prior the poses are too few, or tasks ask for what no load shows.
     """
-    if wish.uncertainty is None:
-        _check_without_prior(specification, found.q)
-    checks = build_checks(cell, _conditions(wish))
-    return planning.make_plan(
-        specification,
-        wish.criterion,
-        found.q,
-        Reach(lambda q: feasible(checks, q), straight_way(cell, wish.station)),
-        stream(wish.seed, 1),
-    )
+    spec = specify(cell, settings)
+    if settings.uncertainty is None:
+        _check_without_prior(spec, found.q)
+    checks = _checks(cell, settings)
+    reach = Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station))
+    return make_plan(spec, settings.criterion, found.q, reach, stream(settings.seed, 1))
 
 
-def judge(cell: Cell, wish: Wish, specification: Specification, found: Candidates, plan: Plan) -> Planned:
+def judge(cell: Cell, settings: Settings, found: Candidates, plan: Plan) -> Planned:
     """What a plan promises, beside other plans from the same candidates.
 
     Raises:
         BenchError: When without a prior the plan leaves directions open that the candidates can show.
     """
-    problem, rows, own = plan.examined.problem, task_rows(specification), _plan_rows(specification, plan)
-    indices = observability(problem, plan.chosen)
-    if wish.uncertainty is None and indices.seen < indices.of:
+    workspace = promise(plan, workspace_rows(plan.specification))
+    report = summary(cell, settings, found, plan, workspace)
+    indices = report.observability
+    if settings.uncertainty is None and indices.seen < indices.of:
         raise BenchError(
-            f"poses: {wish.poses} poses see {indices.seen} of the {indices.of} directions that these loads "
-            "can show; give more --poses, or leave out --no-prior"
+            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
+            "loads can show; give more --poses, or leave out --no-prior"
         )
-    way, expected = straight_way(cell, wish.station), specification.experiment.metric.expected
-    influence = prior_influence(plan, rows)
-    legs = zip(plan.q[:-1], plan.q[1:], strict=True)
-    return Planned(
-        wish=wish,
-        found=found,
-        specification=specification,
-        plan=plan,
-        tasks=planning.promise(plan, rows),
-        poses=planning.promise(plan, own),
-        workspace=planning.promise(plan, workspace_rows(specification)),
-        doubted=doubt(specification, plan, rows),
-        task_deflection=_rms(rows @ expected),
-        deflection=_rms(own @ expected),
-        clear=tuple(way(a, b) for a, b in legs),
-        baselines=compare(
-            plan, specification, rows, drawn=len(found.q) * len(specification.loads), rng=stream(wish.seed, 3)
-        ),
-        influence=influence,
-        observability=indices,
-    )
+    return Planned(settings, found, plan, workspace, report)
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
@@ -272,22 +156,18 @@ def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array]
     return clear
 
 
-def _conditions(wish: Wish) -> Conditions:
-    return Conditions(wish.area, wish.station, Payload(max(wish.loads), wish.sling))
+def _checks(cell: Cell, settings: Settings) -> Checks:
+    payload = Payload(max(settings.loads), settings.sling)
+    return build_checks(cell, Conditions(settings.area, settings.station, payload))
 
 
-def _check_range(what: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:  # false for NaN
-        raise BenchError(f"{what}: expected {low:g} to {high:g}, got {value:g}")
-
-
-def _check_without_prior(specification: Specification, q: Array) -> None:
+def _check_without_prior(spec: Specification, q: Array) -> None:
     """Refuse what only a prior could fill, before the search begins."""
     try:
-        problem = planning.candidate_set(specification, q).problem
+        problem = candidate_set(spec, q).problem
     except BenchError as err:
         raise BenchError(f"{err}: leave out --no-prior") from err
-    rows = task_rows(specification)
+    rows = task_rows(spec)
     open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2)) > OUTSIDE * np.linalg.norm(rows, axis=(1, 2))
     if open_.any():
         numbers = (np.flatnonzero(open_) + 1).tolist()
@@ -297,13 +177,3 @@ def _check_without_prior(specification: Specification, q: Array) -> None:
             "these hung weights cannot show, so that the error has no bound; needed is a prior (leave out "
             "--no-prior) or a load in another direction"
         )
-
-
-def _plan_rows(specification: Specification, plan: Plan) -> Array:
-    """Deflections in the plan's poses per unit of x, (poses, 3 m, n) [m]."""
-    return deflection_rows(specification.experiment, plan.q, loads_of(specification, plan.load))
-
-
-def _rms(deflection: Array) -> Array:
-    """RMS over the targets of every pose, (poses,), of deflections (poses, 3 m)."""
-    return np.asarray(np.sqrt((deflection**2).sum(axis=1) / (deflection.shape[1] / 3)))

@@ -10,11 +10,14 @@ from rich.console import Console
 from testbench.arm.library import find_arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import Cell, build_cell
-from testbench.cli import planfile
+from testbench.bench.plan_input import parse_box, parse_station, read_tasks
+from testbench.bench.plan_settings import Settings, structure
 from testbench.cli.arguments import ArmName
 from testbench.errors import BenchError
 from testbench.shell.options import takes
-from testbench.views import plan_report, plan_text
+from testbench.views import terminal
+from testbench.views.plan.files import Files, write
+from testbench.views.plan.tables import tables, words
 
 
 @dataclass(frozen=True)
@@ -47,27 +50,28 @@ class Options:
 def command(asked: Options) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
     cell = build_cell(asked.arm)
-    wish = _wish(cell, asked)
+    settings = _settings(cell, asked)
     console = Console(highlight=False)
     with console.status("looking for feasible poses") as status:
-        found = plans.search(cell, wish)
+        found = plans.search(cell, settings)
         status.update(f"choosing {asked.poses} of {len(found.q)} poses")
-        specification = plans.specify(cell, wish)
-        chosen = plans.choose(cell, wish, specification, found)
+        chosen = plans.choose(cell, settings, found)
         status.update("judging the plan")
-        planned = plans.judge(cell, wish, specification, found, chosen)
+        planned = plans.judge(cell, settings, found, chosen)
         status.update("writing")
-        report = plan_report.report(cell, planned)
-        folder = find_arm(asked.arm)
-        planfile.write_all(cell, planned, report, arm=folder, task=asked.task, out=asked.out)
-    console.print(f"[bold]{plan_text.answer(report)}[/bold]")
-    console.print(plan_text.table(report))
-    for sentence in plan_text.sentences(report):
-        console.print(f"- {sentence}")
-    console.print(plan_text.where(asked.out), soft_wrap=True)
+        write(cell, planned, Files(find_arm(asked.arm), asked.task, asked.out))
+    terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]])
+    out = asked.out
+    lines = [
+        f"plan       {out / 'plan.csv'}; page {out / 'plan.md'}",
+        f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
+        f"figure     {out / 'plan.png'}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _wish(cell: Cell, asked: Options) -> plans.Wish:
+def _settings(cell: Cell, asked: Options) -> Settings:
     """The flags in SI units.
 
     Raises:
@@ -79,17 +83,17 @@ def _wish(cell: Cell, asked: Options) -> plans.Wish:
     if asked.acceptance_deg is not None and asked.tracker is None:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    station = None if asked.tracker is None else planfile.parse_station(asked.tracker, asked.acceptance_deg)
-    return plans.Wish(
-        structure=plans.structure(cell, asked.model),
-        tasks=planfile.read_tasks(asked.task, cell, plans.hung(cell, asked.load[0])),
+    station = None if asked.tracker is None else parse_station(asked.tracker, asked.acceptance_deg)
+    return Settings(
+        structure=structure(cell, asked.model),
+        tasks=read_tasks(asked.task, cell, plans.hung(cell, asked.load[0])),
         loads=tuple(asked.load),
         poses=asked.poses,
         criterion=asked.criterion,
         sigma=asked.sigma_um / 1e6,
         uncertainty=None if asked.no_prior else percent / 100,
         station=station,
-        area=None if asked.box is None else planfile.parse_box(asked.box),
+        area=None if asked.box is None else parse_box(asked.box),
         sling=asked.sling_m,
         candidates=asked.candidates,
         seed=asked.seed,

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from testbench.bench.campaign import Scenario, build_cell, measure, stream
-from testbench.cli import planfile
+from testbench.bench.plan_input import read_payload
 from testbench.cli.arguments import ArmName
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
@@ -43,7 +43,7 @@ def command(asked: Options) -> None:
     mass = HUNG if asked.payload_kg is None else asked.payload_kg
     scenario = Scenario(arm=cell.arm.name, payload=mass, sigma=asked.sigma_um / 1e6)
     q = read_poses(asked.poses, cell.arm)
-    payload = planfile.read_payload(asked.poses)
+    payload = read_payload(asked.poses)
     if payload is not None and asked.payload_kg is not None:
         raise InputError(
             asked.poses, "column load_kg", "says what hangs in every run; leave out --payload-kg"

@@ -10,7 +10,7 @@ from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast
 from testbench.design.planning import Plan
 from testbench.design.rows import Ids, Problem, information
-from testbench.design.specification import Specification, promise_of
+from testbench.design.specification import promise_of
 from testbench.errors import Array
 from testbench.identify.regression import RANK_TOLERANCE
 
@@ -75,18 +75,16 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     )
 
 
-def compare(
-    plan: Plan, spec: Specification, rows: Array, *, drawn: int, rng: np.random.Generator
-) -> Baselines:
+def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) -> Baselines:
     """Greedy and random plans out of the same candidates.
 
     Args:
         plan: The plan.
-        spec: What it is for.
         rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
         drawn: So many of those examined, the first, were drawn at random: random plans are made of them.
         rng: Source of the random plans.
     """
+    spec = plan.specification
     problem, hidden = plan.examined.problem, _hidden(plan, rows)
     W = mean_square(rows @ problem.lift)
 
@@ -116,15 +114,14 @@ def _rank(problem: Problem, chosen: Ids) -> int:
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
 
-def doubt(spec: Specification, plan: Plan, rows: Array) -> Forecast | None:
+def sceptical(plan: Plan, rows: Array) -> Forecast | None:
     """Errors to expect were the prior twice as uncertain; None without one.
 
     Args:
-        spec: What the plan is for.
         plan: The plan.
         rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
     """
+    spec = plan.specification
     if spec.uncertainty is None:
         return None
-    doubtful = replace(spec, uncertainty=2 * spec.uncertainty)
-    return promise_of(doubtful, plan.q, plan.load, rows)
+    return promise_of(replace(spec, uncertainty=2 * spec.uncertainty), plan.q, plan.load, rows)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -55,18 +56,22 @@ class Plan:
     """Poses to measure, in the order of measuring.
 
     Attributes:
+        specification: What it is for.
         criterion: What was asked for.
         q: Joint angles, (poses, n) [rad].
         load: Index into the specification's loads, (poses,).
+        clear: Whether the arm can go straight to each pose from the one before, (poses - 1,).
         examined: All candidates examined, those of the plan among them.
         chosen: Which of them the plan is, (poses,).
         value: Phi of the plan.
         relaxed: The relaxed optimum over all examined: its bound is that of all plans of as many poses.
     """
 
+    specification: Specification
     criterion: Criterion
     q: Array
     load: Ids
+    clear: tuple[bool, ...]
     examined: CandidateSet
     chosen: Ids
     value: float
@@ -166,9 +171,11 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
     last = _add(spec, examined, better, load)
     chosen = np.arange(len(examined.q), len(last.q))
     return Plan(
+        specification=spec,
         criterion=criterion,
         q=better,
         load=load,
+        clear=tuple(reach.clear(start, end) for start, end in pairwise(better)),
         examined=last,
         chosen=chosen,
         value=criterion.information(information(last.problem, chosen)),

@@ -50,9 +50,14 @@ class Words:
         module = vars(self._template.make_module(dict(values)))
         self._values = {**values, **{k: v for k, v in module.items() if not k.startswith("_")}}
 
-    def block(self, name: str) -> str:
-        """One block; of `question`, `title` and `answer` a single line."""
-        context = self._template.new_context(self._values)
+    def block(self, name: str, **more: object) -> str:
+        """One block; of `question`, `title` and `answer` a single line.
+
+        Args:
+            name: Of the block.
+            more: What it sees beside the values of the report, such as one row.
+        """
+        context = self._template.new_context(self._values | more)
         text = "".join(self._template.blocks[name](context)).strip()
         return line(text) if name in ("question", "title", "answer") else text
 
@@ -77,6 +82,7 @@ def _environment(folder: Path) -> Environment:
     )
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
     found.filters["line"] = line
+    found.filters["counted"] = counted
     return found
 
 
@@ -88,3 +94,8 @@ def line(text: str) -> str:
 def listed(names: list[str]) -> str:
     """Names as in a sentence: a, b and c."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def counted(number: int, noun: str) -> str:
+    """Such as 1 pose, 5,132 poses."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"

@@ -64,9 +64,12 @@ class Column:
 
 
 def _at(row: object, key: str) -> Any:
-    """What is at the end of a path of fields and keys; None where a part is None or a key is not there."""
+    """What is at the end of a path of fields, keys and places; None where a part is None or not there."""
     for part in key.split("."):
-        row = row.get(part) if isinstance(row, Mapping) else getattr(row, part)
+        if isinstance(row, Mapping):
+            row = row.get(part)
+        else:
+            row = row[int(part)] if isinstance(row, list | tuple) else getattr(row, part)
         if row is None:
             return None
     return row

@@ -9,9 +9,9 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
+from testbench.views.markdown import grid
 from testbench.views.recording.style import NOISE
-from testbench.views.report import show
-from testbench.views.tables import grid
+from testbench.views.schema import Column, Table, show
 
 ANCHORS = np.array([(86, 62, 148), (58, 100, 160), (33, 145, 140), (94, 201, 98), (240, 218, 50)])
 """Viridis, its dark end lifted and its bright end lowered: seen on dark and on light ground."""
@@ -124,19 +124,24 @@ def key_view(path: str) -> rrb.Spatial2DView:
     )
 
 
+STATISTICS: tuple[tuple[str, float], ...] = (("least", 0), ("median", 0.5), ("95 %", 0.95), ("greatest", 1))
+"""Columns of the map's table: heading and quantile."""
+
+
 def key_words(error_map: ErrorMap) -> str:
     """The map in words: answer, numbers, how to read it."""
     field, tasks = error_map.field_mm, error_map.tasks_mm
     low, high = error_map.ends
+    columns = [Column(heading, heading, "mm") for heading, _ in STATISTICS]
     rows = [
-        [name, *(show(mm) for mm in (x.min(), np.median(x), np.quantile(x, 0.95), x.max()))]
-        for name, x in ((f"workspace, {len(field)}", field), (f"tasks, {len(tasks)}", tasks))
+        {"places": f"{name}, {len(mm)}"} | {heading: np.quantile(mm, q) for heading, q in STATISTICS}
+        for name, mm in (("workspace", field), ("tasks", tasks))
     ]
     return "\n\n".join(
         [
             f"### {error_map.words[:1].upper()}{error_map.words[1:]}",
             f"#### **At most {show(tasks.max())} mm in the tasks, {show(field.max())} mm in the workspace.**",
-            "\n".join(grid(["places", "least", "median", "95 %", "greatest"], rows)),
+            grid(Table((Column("places", "places"), *columns), rows)),
             "**Balls** the workspace. **Cubes** the tasks, on the same scale.",
             f"**Colours** Violet and small: {show(low)} mm, the least. Yellow and large: "
             f"{show(high)} mm, the greatest.",

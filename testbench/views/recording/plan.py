@@ -1,27 +1,28 @@
 """The recording of a measurement plan: which poses, in which order, seen from where, and what to expect."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import MarkerShape
 
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
+from testbench.views.recording.chart import Dot, chart_view, write_chart
 from testbench.views.recording.error_map import key_view, key_words, write_key
 from testbench.views.recording.plan_world import PlanScene, map_view, plan_view, write_world
 from testbench.views.recording.stream import Header, layout, recording, write_texts
 from testbench.views.recording.style import LOAD, NOMINAL, Colour
-from testbench.views.recording.sweep import plot_views, write_lines
-from testbench.views.recording.sweep import summary as sweep_summary
+from testbench.views.recording.sweep import Sweep
+from testbench.views.recording.sweep import table as every_number
 
 __all__ = ["PlanScene", "write_plan"]
 
-TIMELINE = "run"
+TIMELINE, CHART, KEY = "run", "other_plans_mm", "error_key_mm"
 EXPECTED: dict[str, tuple[str, Colour]] = {
     "expected_deflection_mm": ("Expected deflection (mm)", LOAD),
     "expected_error_mm": ("Expected error (mm)", NOMINAL),
@@ -35,53 +36,25 @@ def write_plan(path: Path, scene: PlanScene) -> None:
     Args:
         path: The .rrd file.
         scene: The plan and its words.
-
-    Raises:
-        BenchError: When an array has the wrong shape or is not finite, or a number of things does not match.
     """
-    scene = _check(scene)
     frames = rigid_frames(scene.cell.room, scene.q)
-    header = Header("plan", scene.scenario, json.dumps(scene.parameters, sort_keys=True), scene.seed)
+    parameters = scene.parameters
+    text = parameters if isinstance(parameters, str) else json.dumps(parameters, sort_keys=True)
+    header = Header("plan", scene.scenario, text, scene.seed)
     time = rr.TimeColumn(TIMELINE, sequence=np.arange(scene.poses) + 1)
     with recording(path, header, _blueprint(scene, frames)) as stream:
         write_world(stream, scene, frames, time)
         _write_words(stream, scene, time)
-        write_key(stream, "error_key_mm", scene.error_map)
+        write_key(stream, KEY, scene.error_map)
         for name, values in zip(EXPECTED, (scene.deflection_mm, scene.error_mm), strict=True):
             _write_expected(stream, name, values, time)
         if scene.sweep is not None:
-            write_lines(stream, scene.sweep)
+            write_chart(stream, CHART, _dots(scene.sweep))
 
 
-def _check(scene: PlanScene) -> PlanScene:
-    """The scene with its numbers as arrays."""
-    q = check_array(scene.q, (None, scene.cell.arm.n_joints), "q [rad]")
-    poses, t, p = len(q), len(scene.tasks), len(scene.field)
-    shapes: dict[str, tuple[int | None, ...]] = {
-        "candidates": (None, 3),
-        "deflection_mm": (poses,),
-        "error_mm": (poses,),
-        "tasks": (t, 3),
-        "task_error_mm": (t,),
-        "field": (p, 3),
-        "field_error_mm": (p,),
-    }
-    arrays: dict[str, Any] = {
-        name: check_array(getattr(scene, name), shape, name) for name, shape in shapes.items()
-    }
-    for name, count in (("poses", poses), ("tasks", t), ("positions in the error map", p)):
-        if count == 0:
-            raise BenchError(f"plan: expected at least one of {name}, got none")
-    if len(scene.pose_words) != poses:
-        raise BenchError(f"pose_words: expected {poses}, one a pose, got {len(scene.pose_words)}")
-    load = np.asarray(scene.load)
-    if load.shape != (poses,) or not np.isin(load, np.arange(len(scene.loads_kg))).all():
-        raise BenchError(
-            f"load: expected {poses} indices into {len(scene.loads_kg)} loads, got {load.tolist()}"
-        )
-    if scene.station is not None:
-        check_array(scene.station, (3,), "station [m]")
-    return replace(scene, q=q, load=load.astype(int), **arrays)
+def _dots(sweep: Sweep) -> Sequence[Dot]:
+    """A line a number of poses, a dot a plan: a chart stands still, whatever the timeline."""
+    return replace(sweep, labels={p.x: f"{p.x:g} {sweep.swept}" for p in sweep.points}).dots
 
 
 def _write_words(stream: rr.RecordingStream, scene: PlanScene, time: rr.TimeColumn) -> None:
@@ -89,7 +62,7 @@ def _write_words(stream: rr.RecordingStream, scene: PlanScene, time: rr.TimeColu
     if scene.tables:
         documents["tables"] = "\n\n".join(f"### {name}\n\n{text}" for name, text in scene.tables.items())
     if scene.sweep is not None:
-        documents["sweep_words"] = sweep_summary(scene.sweep)
+        documents["sweep_words"] = _sweep_words(scene.sweep)
     write_texts(stream, documents)
     kind = ["text/markdown"] * scene.poses
     words = rr.TextDocument.columns(text=list(scene.pose_words), media_type=kind)
@@ -101,15 +74,20 @@ def _summary(scene: PlanScene) -> str:
     count, drawn = len(scene.candidates), len(scene.drawn_candidates())
     some = f", {drawn} of {count} drawn" if drawn < count else f" ({count})"
     tracker = "Vermillion: tracker and its lines of sight. " if scene.station is not None else ""
-    sweep = ", `sweep` that of the tab Sweep" if scene.sweep is not None else ""
     return "\n\n".join(
         [
             scene.summary.strip(),
             f"**Colours** Sky blue: planned tool positions, numbered, and the markers. {tracker}Purple: hung "
             f"weight. Olive cubes: tasks. Grey: arm; dots: candidates{some}.",
-            f"**Scrub** the time bar below: `{TIMELINE}` 1 to {scene.poses} is the order of measuring"
-            f"{sweep}.",
+            f"**Scrub** the time bar below: `{TIMELINE}` 1 to {scene.poses} is the order of measuring.",
         ]
+    )
+
+
+def _sweep_words(sweep: Sweep) -> str:
+    """The caller's, or question, answer and every number."""
+    return sweep.words or "\n\n".join(
+        [f"### {sweep.question}", f"#### **{sweep.answer}**", sweep.remarks, every_number(sweep)]
     )
 
 
@@ -124,30 +102,20 @@ def _write_expected(stream: rr.RecordingStream, name: str, values: Array, time: 
 
 
 def _blueprint(scene: PlanScene, frames: Frames) -> rrb.Blueprint:
-    """Plan, error map, and where there are any tables and accuracy over the number of poses."""
-    ends = [rr.TimeRangeBoundary.absolute(seq=k) for k in (0, scene.poses + 1)]
-    plots = [
-        rrb.TimeSeriesView(
-            origin=name,
-            name=f"{title} over run",
-            axis_x=rrb.TimeAxis(view_range=rr.TimeRange(*ends)),
-            plot_legend=rrb.PlotLegend(visible=False),
-        )
-        for name, (title, _) in EXPECTED.items()
-    ]
+    """Plan, error map, and where there are any tables and errors over the number of poses."""
     overview = rrb.Horizontal(
         plan_view(scene, frames),
         rrb.Vertical(
             rrb.TextDocumentView(origin="summary", name="Summary"),
             rrb.TextDocumentView(origin="this_step", name="This step"),
-            rrb.Horizontal(*plots),
+            rrb.Horizontal(*_expected_views(scene.poses)),
             row_shares=[9, 4, 4],
         ),
         column_shares=[12, 9],
         name="Overview",
     )
     errors = rrb.Horizontal(
-        rrb.Vertical(map_view(scene, frames), key_view("error_key_mm"), row_shares=[10, 1]),
+        rrb.Vertical(map_view(scene, frames), key_view(KEY), row_shares=[10, 1]),
         rrb.TextDocumentView(origin="error_words", name="Error map in words"),
         column_shares=[3, 1],
         name="Error map",
@@ -156,12 +124,28 @@ def _blueprint(scene: PlanScene, frames: Frames) -> rrb.Blueprint:
     if scene.tables:
         tabs.append(rrb.TextDocumentView(origin="tables", name="Tables"))
     if scene.sweep is not None:
-        tabs.append(
-            rrb.Horizontal(
-                rrb.Vertical(*plot_views(scene.sweep, ": choose timeline sweep below")),
-                rrb.TextDocumentView(origin="sweep_words", name="Summary of the sweep"),
-                column_shares=[10, 9],
-                name="Sweep",
-            )
-        )
+        tabs.append(_sweep_view(scene.sweep))
     return layout(*tabs, timeline=TIMELINE)
+
+
+def _expected_views(poses: int) -> list[rrb.TimeSeriesView]:
+    ends = [rr.TimeRangeBoundary.absolute(seq=k) for k in (0, poses + 1)]
+    return [
+        rrb.TimeSeriesView(
+            origin=name,
+            name=f"{title} over run",
+            axis_x=rrb.TimeAxis(view_range=rr.TimeRange(*ends)),
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for name, (title, _) in EXPECTED.items()
+    ]
+
+
+def _sweep_view(sweep: Sweep) -> rrb.Container:
+    measured = f"{sweep.measured[:1].upper()}{sweep.measured[1:]}"
+    return rrb.Horizontal(
+        chart_view(CHART, f"{measured} ({sweep.unit}), logarithmic", _dots(sweep)),
+        rrb.TextDocumentView(origin="sweep_words", name="In words"),
+        column_shares=[12, 9],
+        name="How many poses",
+    )

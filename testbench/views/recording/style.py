@@ -4,14 +4,12 @@ from dataclasses import dataclass
 
 from rerun.components import MarkerShape
 
-from testbench.views.colours import GREENS, GREY, LOAD, MEASURED, NOMINAL, ORANGES, Colour, Look
+from testbench.views.colours import GREENS, GREY, LOAD, MEASURED, NOMINAL, ORANGES, TASK, Colour, Look
 
 __all__ = ["GHOST", "GREENS", "LOAD", "MEASURED", "NOISE", "NOMINAL", "ORANGES", "SHAPES", "TASK", "Colour"]
 
 NOISE = GREY
 GHOST = (*MEASURED, 70)
-TASK = (178, 156, 48)
-"""Where the robot works: olive, which is neither least squares nor GCO."""
 
 SHAPES = (
     MarkerShape.Circle,

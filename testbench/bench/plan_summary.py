@@ -1,0 +1,234 @@
+"""From a plan to its report: what it promises, its certificate, and the plans beside it."""
+
+import math
+
+import numpy as np
+
+from testbench.bench.campaign import Cell, stream
+from testbench.bench.candidates import Candidates
+from testbench.bench.plan_report import (
+    Advice,
+    Asked,
+    Certificate,
+    CurveRow,
+    Directions,
+    Expected,
+    Found,
+    PlanReport,
+    PoseRow,
+    RandomPlans,
+    Row,
+    TaskRow,
+    Unbounded,
+    Way,
+)
+from testbench.bench.plan_settings import Settings
+from testbench.bench.rows import MM, UM
+from testbench.design.baselines import (
+    RANDOM,
+    Baselines,
+    PriorInfluence,
+    baselines,
+    prior_influence,
+    sceptical,
+)
+from testbench.design.forecast import Forecast
+from testbench.design.observability import observability
+from testbench.design.planning import Plan, promise, seen_at_most
+from testbench.design.rows import deflection_rows
+from testbench.design.specification import loads_of, task_rows
+from testbench.errors import Array
+from testbench.model.vjm import Vjm, chain
+
+TARGET = 0.1
+"""Error for which the fewest poses are told [mm]."""
+MORE, LITTLE = 4, 0.10
+"""So many more poses that bring less than this share are not worth their time."""
+
+
+def summary(cell: Cell, settings: Settings, found: Candidates, plan: Plan, workspace: Forecast) -> PlanReport:
+    """The report of a plan.
+
+    Args:
+        cell: The arm.
+        settings: What was asked for.
+        found: Feasible poses.
+        plan: The poses.
+        workspace: Errors over the workspace.
+    """
+    spec, rows = plan.specification, task_rows(plan.specification)
+    moved = rows @ spec.experiment.metric.expected
+    influence = prior_influence(plan, rows)
+    drawn, rng = len(found.q) * len(spec.loads), stream(settings.seed, 3)
+    others = baselines(plan, rows, drawn=drawn, rng=rng)
+    tasks, doubted = promise(plan, rows), sceptical(plan, rows)
+    indices = observability(plan.examined.problem, plan.chosen)
+    own = others.random[settings.poses]
+    return PlanReport(
+        **vars(_asked(cell, settings, spec.experiment.metric.prior)),
+        error_mm=_overall(tasks),
+        workspace_error_mm=_overall(workspace) if math.isfinite(workspace.overall) else Unbounded(),
+        error_if_prior_twice_as_uncertain_mm=None if doubted is None else _overall(doubted),
+        random_plans=RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
+        certificate=_certificate(plan, influence),
+        plan=_poses(settings, plan),
+        tasks=_tasks(cell.vjm, settings, tasks, _rms(moved)),
+        candidates=Found(len(found.q), found.drawn, found.rejected),
+        observability=indices,
+        directions=_directions(plan, indices.seen, influence),
+        curve=[_count(others, poses) for poses in others.random],
+        greedy_mm=[_finite(MM * error) for error in others.greedy],
+        advice=_advice(MM * others.greedy),
+    )
+
+
+def _asked(cell: Cell, settings: Settings, prior: str) -> Asked:
+    station, area, uncertainty = settings.station, settings.area, settings.uncertainty
+    acceptance = None if station is None else station.acceptance
+    return Asked(
+        arm=cell.arm.name,
+        base_m=cell.vjm.base[:3, 3].tolist(),
+        joints=[joint.name for joint in cell.arm.joints],
+        model=settings.structure.name,
+        criterion=settings.criterion,
+        poses=settings.poses,
+        loads_kg=list(settings.loads),
+        sigma_um=UM * settings.sigma,
+        prior=None if uncertainty is None else prior,
+        uncertainty_percent=None if uncertainty is None else 100 * uncertainty,
+        tracker_m=None if station is None else list(station.position),
+        acceptance_deg=None if acceptance is None else math.degrees(acceptance),
+        box_m=None if area is None else [list(area.lower), list(area.upper)],
+        sling_m=settings.sling,
+        candidates_wanted=settings.candidates,
+        seed=settings.seed,
+    )
+
+
+def _overall(forecast: Forecast) -> Expected:
+    return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
+
+
+def _certificate(plan: Plan, influence: PriorInfluence) -> Certificate:
+    """By the test-pose criterion an error is 1 / sqrt(Phi), and what stays hidden from these loads."""
+    share, in_metres = min(plan.efficiency, 1.0), plan.criterion.name == "test"
+    hidden = influence.hidden if in_metres else 0.0
+    reached, least = (math.sqrt(hidden + 1 / phi) for phi in (plan.value, plan.value / share))
+    return Certificate(
+        efficiency=share,
+        phi=plan.value,
+        phi_bound=plan.relaxed.bound,
+        excess_percent=100 * (reached / least - 1),
+        reached_mm=MM * reached if in_metres else None,
+        least_mm=MM * least if in_metres else None,
+        examined=len(plan.examined.q),
+        poses_and_loads=len(plan.specification.loads) > 1,
+    )
+
+
+def _poses(settings: Settings, plan: Plan) -> list[PoseRow]:
+    spec = plan.specification
+    own = deflection_rows(spec.experiment, plan.q, loads_of(spec, plan.load))
+    deflection = _rms(own @ spec.experiment.metric.expected)
+    ways: list[Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
+    travel = np.r_[0.0, np.abs(np.diff(plan.q, axis=0)).max(axis=1)]
+    expected = _expected(spec.experiment.vjm, plan.q, deflection, promise(plan, own))
+    return [
+        PoseRow(
+            **vars(row),
+            run=k + 1,
+            q_rad=plan.q[k].tolist(),
+            load_kg=float(settings.loads[plan.load[k]]),
+            travel_deg=float(np.rad2deg(travel[k])),
+            way=way,
+        )
+        for k, (row, way) in enumerate(zip(expected, ways, strict=True))
+    ]
+
+
+def _tasks(vjm: Vjm, settings: Settings, forecast: Forecast, deflection: Array) -> list[TaskRow]:
+    tasks = settings.tasks
+    wrench = np.broadcast_to(tasks.load.wrench, (len(tasks.q), 6))
+    point = np.broadcast_to(tasks.load.point, (len(tasks.q), 3))
+    return [
+        TaskRow(
+            **vars(row),
+            task=k + 1,
+            force_N=wrench[k, :3].tolist(),
+            moment_Nm=wrench[k, 3:].tolist(),
+            point_m=point[k].tolist(),
+        )
+        for k, row in enumerate(_expected(vjm, tasks.q, deflection, forecast))
+    ]
+
+
+def _expected(vjm: Vjm, q: Array, deflection: Array, forecast: Forecast) -> list[Row]:
+    """Poses with deflections [m] and errors to expect there."""
+    return [
+        Row(
+            q_deg=np.rad2deg(pose).tolist(),
+            expected_deflection_mm=float(MM * deflection[k]),
+            expected_error_mm=float(MM * forecast.error[k]),
+            expected_error_p05_mm=float(MM * forecast.low[k]),
+            expected_error_p95_mm=float(MM * forecast.high[k]),
+            tool_m=tool.tolist(),
+        )
+        for k, (pose, tool) in enumerate(zip(q, chain(vjm, q).position, strict=True))
+    ]
+
+
+def _directions(plan: Plan, seen: int, influence: PriorInfluence) -> Directions:
+    spec, problem = plan.specification, plan.examined.problem
+    believed = spec.uncertainty is not None
+    return Directions(
+        unknowns=spec.experiment.metric.structure.n,
+        shown=problem.r,
+        at_most=seen_at_most(spec, problem),
+        seen=seen,
+        outweighed=influence.outweighed if believed else problem.r,
+        hidden_mm=MM * math.sqrt(influence.hidden),
+        prior_share_percent=100 * influence.prior_share if believed else 0.0,
+    )
+
+
+def _count(others: Baselines, count: int) -> CurveRow:
+    low, middle, high = (_percentile(others.random[count], percent) for percent in (10, 50, 90))
+    return CurveRow(count, _finite(MM * others.greedy[count - 1]), middle, low, high)
+
+
+def _advice(greedy: Array) -> Advice:
+    """Fewest poses that reach the target, and from where on more always bring little.
+
+    Args:
+        greedy: Errors at the tasks with 1, 2, ... poses, each the best next one, [mm].
+    """
+    reached = np.flatnonzero(greedy <= TARGET)
+    ahead = np.r_[greedy[MORE:], np.full(MORE, np.inf)]
+    with np.errstate(invalid="ignore"):
+        pays = np.isinf(greedy) | (ahead <= (1 - LITTLE) * greedy)
+    judged = len(greedy) - MORE
+    last = np.flatnonzero(pays[:judged])
+    enough = int(last[-1]) + 2 if len(last) else 1
+    return Advice(
+        target_mm=TARGET,
+        fewest=int(reached[0]) + 1 if len(reached) else None,
+        examined_up_to=len(greedy),
+        more=MORE,
+        little_percent=100 * LITTLE,
+        enough=enough if enough <= judged else None,
+    )
+
+
+def _rms(deflection: Array) -> Array:
+    """RMS over the targets of every pose, (poses,), of deflections (poses, 3 m)."""
+    return np.asarray(np.sqrt((deflection**2).sum(axis=1) / (deflection.shape[1] / 3)))
+
+
+def _percentile(errors: Array, percent: float) -> float | None:
+    """A percentile of errors [m] of which some may be infinite, [mm]."""
+    return _finite(MM * float(np.percentile(errors, percent, method="lower")))
+
+
+def _finite(value: float) -> float | None:
+    """The number, None where it has no bound: JSON knows no infinity."""
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,116 @@
+"""Figure of a measurement plan: error against the number of poses, error of every task, top view."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from testbench.bench.plan_report import PlanReport
+from testbench.errors import Array
+from testbench.views.colours import MEASURED, NOMINAL, TASK, hexadecimal
+from testbench.views.figure import SOFT, log_ticks, quiet
+
+OURS, WORK, TRACKER = (hexadecimal(colour) for colour in (NOMINAL, TASK, MEASURED))
+MARGIN = 0.4
+"""Space around everything in the top view [m]."""
+NUMBERED = 20
+"""Most poses whose number stands beside them."""
+NAMED = 40
+"""Most tasks whose number stands on the axis."""
+
+
+def overview(report: PlanReport, candidates: Array) -> Figure:
+    """Three panels, read from left to right: how many poses, what the tasks get, where it all is.
+
+    Args:
+        report: Of the plan.
+        candidates: Tool positions of the feasible poses, (c, 3) [m].
+    """
+    figure = Figure(figsize=(16, 5.8), layout="constrained")
+    left, centre, right = figure.subplots(1, 3, width_ratios=(1.15, 1, 1.05))
+    _poses(left, report)
+    _tasks(centre, report)
+    _top(right, report, candidates)
+    for axes in (left, centre, right):
+        quiet(axes)
+    error, share = report.error_mm.expected, report.certificate.percent
+    figure.suptitle(
+        f"{report.arm}, {report.model}, {report.poses} poses: expected error at the tasks {error:.3f} mm, "
+        f"at least {share} % efficient",
+        fontsize="large",
+    )
+    return figure
+
+
+def _poses(axes: Axes, report: PlanReport) -> None:
+    """Greedy plans as a line, random plans as a band, the plan as a point."""
+    line = [(k, error) for k, error in enumerate(report.greedy_mm, start=1) if error is not None]
+    random = {row.poses: row.bounded[1] for row in report.curve if row.bounded}
+    low, middle, high = ([getattr(s, end) for s in random.values()] for end in ("p05", "median", "p95"))
+    axes.fill_between(list(random), low, high, color=SOFT, alpha=0.2, linewidth=0)
+    axes.plot(list(random), middle, "o--", color=SOFT, markersize=4, label="random poses: median, 10 to 90 %")
+    axes.plot(*np.transpose(line), color=OURS, linewidth=2, label="each pose the best next one")
+    error, poses = report.error_mm, report.poses
+    axes.plot([poses] * 2, [error.p05, error.p95], "_-", color=OURS, linewidth=2, markersize=9, zorder=4)
+    label = "this plan, with its 90 % interval"
+    axes.plot(
+        poses, error.expected, "D", color=OURS, markersize=9, markeredgecolor="white", zorder=4, label=label
+    )
+    target = report.advice.target_mm
+    axes.axhline(target, color=SOFT, linestyle=":", zorder=1)
+    axes.set_xlim(0, len(report.greedy_mm) + 1)
+    axes.text(axes.get_xlim()[1], target, f"{target:g} mm ", ha="right", va="bottom", color=SOFT)
+    shown = [value for _, value in line if value < 100 * error.p95]
+    log_ticks(axes, "y", min(error.p05, *shown), max(target, error.p95, *shown, *high[:1]))
+    axes.grid(axis="y", color=SOFT, alpha=0.15)
+    axes.set_xlabel("poses")
+    axes.set_ylabel("expected error at the tasks [mm]")
+    axes.set_title("What each further pose brings", fontsize="medium")
+    axes.legend(frameon=False, fontsize="small", loc="upper right")
+
+
+def _tasks(axes: Axes, report: PlanReport) -> None:
+    """Errors of the tasks, the largest first."""
+    rows, overall = report.worst, report.error_mm.expected
+    errors = [row.error_mm for row in rows]
+    x = np.arange(len(rows)) + 1
+    width = max(0.6, min(5.0, 100 / len(rows)))
+    axes.vlines(x, [e.p05 for e in errors], [e.p95 for e in errors], color=OURS, alpha=0.45, linewidth=width)
+    axes.plot(
+        x, [e.median for e in errors], "o", color=OURS, markersize=5 if len(rows) <= 3 * NUMBERED else 2
+    )
+    axes.axhline(overall, color=SOFT, linestyle="--", linewidth=1, zorder=1)
+    axes.text(
+        1.01, overall, f"all\n{overall:.3f}", transform=axes.get_yaxis_transform(), va="center", color=SOFT
+    )
+    axes.set_ylim(0, 1.05 * max(e.p95 for e in errors))
+    axes.set_xlim(0.3, len(rows) + 0.7)
+    few = len(rows) <= NAMED
+    axes.set_xticks(x if few else [], [str(row.task) for row in rows] if few else [], fontsize="x-small")
+    axes.set_xlabel("task, the largest error first" if few else "tasks, the largest error first")
+    axes.set_ylabel("expected error [mm]")
+    axes.set_title("Every task, with its 90 % interval", fontsize="medium")
+
+
+def _top(axes: Axes, report: PlanReport, candidates: Array) -> None:
+    """Tool positions seen from above."""
+    plan, tasks = (np.array([row.tool_m for row in rows]) for rows in (report.plan, report.tasks))
+    few, base = len(plan) <= NUMBERED, np.array(report.base_m[:2])
+    places: list[Array] = [candidates[:, :2], tasks[:, :2], plan[:, :2], base[None]]
+    grey = f"{len(candidates):,} feasible poses"
+    axes.plot(*candidates[:, :2].T, ".", color=SOFT, alpha=0.3, markersize=3, label=grey, rasterized=True)
+    axes.plot(*tasks[:, :2].T, "s", color=WORK, markersize=5, label="tasks", zorder=3)
+    label = "plan, in its order"
+    axes.plot(*plan[:, :2].T, "o", color=OURS, markersize=13 if few else 5, label=label, zorder=4)
+    for k, place in enumerate(plan[:, :2] if few else [], start=1):
+        axes.annotate(str(k), place, color="white", fontsize="x-small", ha="center", va="center", zorder=5)
+    axes.plot(*base, "+", color="black", markersize=12, zorder=4, label="base")
+    title = "Tool from above; visibility NOT checked"
+    if report.tracker_m is not None:
+        places.append(np.array([report.tracker_m[:2]]))
+        axes.plot(*report.tracker_m[:2], "^", color=TRACKER, markersize=11, label="tracker", zorder=4)
+        title = "Tool from above"
+    every = np.vstack(places)
+    (left, bottom), (right, top) = every.min(axis=0) - MARGIN, every.max(axis=0) + MARGIN
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.set_title(title, fontsize="medium")
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)

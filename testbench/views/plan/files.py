@@ -1,0 +1,97 @@
+"""The folder of a plan, all of it or nothing."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.campaign import Cell
+from testbench.bench.plan import Planned
+from testbench.bench.plan_report import Asked, PlanReport, Row
+from testbench.data.posefile import plan_columns
+from testbench.model.vjm import chain
+from testbench.views.plan.figure import overview
+from testbench.views.plan.tables import words
+
+EXPECTED = [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
+
+
+@dataclass(frozen=True)
+class Files:
+    """Folder of the arm, file of the tasks, and the folder to write."""
+
+    arm: Path
+    task: Path
+    out: Path
+
+
+def write(cell: Cell, planned: Planned, where: Files) -> None:
+    """plan.csv, tasks_expected.csv, plan.json, plan.md, plan.png, recording.rrd and manifest.json.
+
+    Args:
+        cell: The arm.
+        planned: The plan and what it promises.
+        where: What it was made of, and the folder.
+
+    Raises:
+        InputError: When it cannot be written.
+    """
+    from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
+    from testbench.views.recording import write_plan
+
+    report, known = planned.report, {field.name for field in fields(Asked)} - {"base_m", "joints", "prior"}
+    asked = {"task": where.task.name, **{key: v for key, v in asdict(report).items() if key in known}}
+    tools = chain(cell.vjm, planned.found.q).position
+    with files.whole_folder(where.out) as folder:
+        write_poses(report, folder / "plan.csv")
+        write_tasks(report, folder / "tasks_expected.csv")
+        files.write_json(asdict(report), folder / "plan.json")
+        (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
+        overview(report, tools).savefig(folder / "plan.png", dpi=120)
+        write_plan(folder / "recording.rrd", scene(cell, planned, tools, asked))
+        command, seed = "testbench plan", report.seed
+        files.write_manifest(folder, command=command, scenario=asked, seed=seed, seeds=1, arms=[where.arm])
+
+
+def write_poses(report: PlanReport, path: Path) -> None:
+    """plan.csv: `posefile.plan_columns`; radians in full, so that reading gives them back bit by bit.
+
+    Args:
+        report: Of the plan.
+        path: The file.
+    """
+    rows = [
+        [
+            *[row.run, *map(repr, row.q_rad), *_degrees(row), repr(row.load_kg)],
+            *[*_expected(row), f"{row.travel_deg:.2f}", row.way],
+        ]
+        for row in report.plan
+    ]
+    _write(plan_columns(tuple(report.joints)), rows, path)
+
+
+def write_tasks(report: PlanReport, path: Path) -> None:
+    """tasks_expected.csv: of every task its pose and the error to expect.
+
+    Args:
+        report: Of the plan.
+        path: The file.
+    """
+    head = ["task", *(f"{joint}_deg" for joint in report.joints), *EXPECTED]
+    _write(head, [[row.task, *_degrees(row), *_expected(row)] for row in report.tasks], path)
+
+
+def _degrees(row: Row) -> list[str]:
+    return [f"{angle:.4f}" for angle in row.q_deg]
+
+
+def _expected(row: Row) -> list[str]:
+    return [f"{getattr(row, key):.4f}" for key in EXPECTED]
+
+
+def _write(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    files.write_whole(text.getvalue(), path)

@@ -1,0 +1,70 @@
+"""The tables and words of a plan, for terminal, plan.md and recording."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from testbench.bench.plan_report import PlanReport
+from testbench.views.markdown import Words
+from testbench.views.schema import Column, Table
+
+MOST_ROWS = 40
+"""Rows of the plan that are shown; plan.csv has all of them."""
+WORST = 5
+"""Tasks that are shown, those of the largest errors."""
+CRITERIA = {
+    "test": "mean square error at the tasks",
+    "I": "mean square error over the workspace",
+    "G": "largest mean square error of a pose in the workspace",
+    "A": "mean variance of the unknowns",
+    "D": "volume of the unknowns' confidence ellipsoid",
+    "E": "variance of the least known direction",
+}
+"""What a criterion makes small."""
+DEFLECTION = Column("expected_deflection_mm", "deflection", "mm", ".2f")
+ERROR = Column("error_mm", "error there", "mm")
+POSES = (
+    Column("load_kg", "load", "kg", "g"),
+    DEFLECTION,
+    ERROR,
+    Column("travel_deg", "travel", "deg", ".0f"),
+    Column("way", "way"),
+)
+"""What a plan says of a pose, behind its joint angles."""
+TASKS = (Column("task", "task", form="d"), DEFLECTION, ERROR)
+CURVE = (
+    Column("poses", "poses", form="d"),
+    Column("greedy_mm", "best next pose", "mm"),
+    Column("random_median_mm", "random median", "mm"),
+    Column("random_p10_mm", "random 10 %", "mm"),
+    Column("random_p90_mm", "random 90 %", "mm"),
+)
+"""Errors at the tasks of other plans by the number of poses."""
+
+
+def tables(report: PlanReport) -> dict[str, Table]:
+    """The poses in full and for 80 columns, the worst tasks, the errors of other plans."""
+    shown = report.plan[:MOST_ROWS]
+    narrow = tuple(replace(c, exact=True, heading="error") if c is ERROR else c for c in POSES)
+    return {
+        "poses": Table((*_angles(report, ".2f"), *POSES), shown),
+        "short": Table((*_angles(report, ".1f"), *(c for c in narrow if c is not DEFLECTION)), shown),
+        "tasks": Table(TASKS, report.worst[:WORST]),
+        "curve": Table(CURVE, report.curve),
+    }
+
+
+def _angles(report: PlanReport, form: str) -> list[Column]:
+    """Number of a run and its joint angles; a terminal has room for q1, q2, ... only."""
+    return [
+        Column("run", "run", form="d"),
+        *(
+            Column(f"q_deg.{k}", name, "deg", form, short=f"q{k + 1}\ndeg")
+            for k, name in enumerate(report.joints)
+        ),
+    ]
+
+
+def words(report: PlanReport) -> Words:
+    """The words of a plan."""
+    values = {"report": report, "tables": tables(report), "criterion": CRITERIA[report.criterion]}
+    return Words(Path(__file__).parent, values, "plan.md.j2")
