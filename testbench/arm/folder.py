@@ -194,15 +194,15 @@ def load_arm(folder: str | Path) -> Arm:
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
     elastic = _read_elastic(toml_path)
     root = read_mjcf(rigid)
-    _check_names(toml_path, elastic)
+    _check_values(toml_path, elastic)
     arm = Arm(
         name=folder.resolve().name,
         title=elastic.title,
         rigid=rigid,
         links=tuple(_link(toml_path, i, link) for i, link in enumerate(elastic.link)),
         joints=tuple(
-            _joint(toml_path, rigid, root, i, joint, elastic.link[i + 1].name)
-            for i, joint in enumerate(elastic.joint)
+            _joint(rigid, root, joint, link.name)
+            for joint, link in zip(elastic.joint, elastic.link[1:], strict=True)
         ),
         tool=elastic.tool,
         load=elastic.load,
@@ -227,7 +227,7 @@ def _read_elastic(path: Path) -> _Elastic:
         raise InputError(path, *_first(err)) from err
 
 
-def _check_names(path: Path, elastic: _Elastic) -> None:
+def _check_values(path: Path, elastic: _Elastic) -> None:
     links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
     if len(links) != len(joints) + 1:
         raise InputError(
@@ -238,6 +238,11 @@ def _check_names(path: Path, elastic: _Elastic) -> None:
     for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
         if len(set(names)) != len(names):
             raise InputError(path, place, f"expected different names, got {names}")
+    low, high = COMPLIANCE_RANGE
+    for index, joint in enumerate(elastic.joint):
+        if not low <= joint.compliance.value <= high:
+            problem = f"compliance: expected {low:g} to {high:g} rad/(N m), got {joint.compliance.value}"
+            raise InputError(path, f"joint.{index} ({joint.name})", problem)
 
 
 def _first(err: ValidationError) -> tuple[str, str]:
@@ -286,21 +291,14 @@ def _frame(path: Path, place: str, link: _Link) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-def _joint(path: Path, rigid: Path, root: ET.Element, index: int, joint: _Joint, body: str) -> Joint:
-    low, high = COMPLIANCE_RANGE
-    if not low <= joint.compliance.value <= high:
-        raise InputError(
-            path,
-            f"joint.{index} ({joint.name})",
-            f"compliance: expected {low:g} to {high:g} rad/(N m), got {joint.compliance.value}",
-        )
+def _joint(rigid: Path, root: ET.Element, joint: _Joint, body: str) -> Joint:
     hinges = find_body(rigid, root, body).findall("joint")
     names = [h.get("name") for h in hinges]
     if names != [joint.name]:
         raise InputError(
             rigid,
             f"<body name={body!r}>",
-            f"expected exactly the joint {joint.name!r} of {path.name}, got {names}",
+            f"expected exactly the joint {joint.name!r} of elastic.toml, got {names}",
         )
     hinge = hinges[0]
     where = f"<joint name={joint.name!r}>"

@@ -82,21 +82,30 @@ def _check_attributes(path: Path, e: ET.Element) -> None:
         raise InputError(path, where, f"not allowed: {extra}; allowed are {sorted(known)}")
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(path, where, "no defaults for joints: write them at the joint")
+    if e.tag in ("option", "compiler"):
+        _check_setting(path, e)
+    if e.tag in ("body", "inertial"):
+        _check_numbers(path, e)
+
+
+def _check_setting(path: Path, e: ET.Element) -> None:
     if e.tag == "option" and "gravity" in e.attrib:
         gravity = numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
-            raise InputError(path, where, f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
+            raise InputError(path, _where(e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
     if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
-        raise InputError(path, where, f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}")
+        raise InputError(path, _where(e), f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}")
+
+
+def _check_numbers(path: Path, e: ET.Element) -> None:
     if e.tag == "inertial":
         mass = numbers(path, e, "mass", 1)[0]
         if not mass > 0:
-            raise InputError(path, where, f"mass: expected more than 0 kg, got {mass}")
+            raise InputError(path, _where(e), f"mass: expected more than 0 kg, got {mass}")
         numbers(path, e, "pos", 3)
-    if e.tag in ("body", "inertial"):
-        for key, count in (PLACEMENT | INERTIA).items():
-            if key in e.attrib:
-                numbers(path, e, key, count)
+    for key, count in (PLACEMENT | INERTIA).items():
+        if key in e.attrib:
+            numbers(path, e, key, count)
 
 
 def _check_files(path: Path, root: ET.Element) -> None:

@@ -103,14 +103,7 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     path = Path(path)
     table, joints = read_table(path), tuple(j.name for j in arm.joints)
     turned, covariance = (not table.columns.keys().isdisjoint(own) for own in (TURNED, COVARIANCES))
-    expected = columns(joints, rotation=turned, covariance=covariance)
-    unknown = [name for name in table.columns if name not in expected]
-    missing = [name for name in expected if name not in table.columns]
-    if missing or unknown:
-        problem = f"missing columns {missing}, unknown columns {unknown}"
-        raise InputError(path, "line 1", f"{problem}; expected {','.join(expected)}")
-    if not table.rows:
-        raise InputError(path, "line 2", "expected at least one row")
+    _check_header(table, columns(joints, rotation=turned, covariance=covariance))
     markers = _markers(table, arm)
     m, n = len(markers), len(joints)
     run, pose = _check_runs(table, markers)
@@ -132,6 +125,16 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
         sigma_rotation=float(once[0, n + 16]) if turned else None,
         precision=None if lost is None else _precision(table, lost).reshape(-1, m, 3, 3),
     )
+
+
+def _check_header(table: Table, expected: list[str]) -> None:
+    unknown = [name for name in table.columns if name not in expected]
+    missing = [name for name in expected if name not in table.columns]
+    if missing or unknown:
+        problem = f"missing columns {missing}, unknown columns {unknown}"
+        raise InputError(table.path, "line 1", f"{problem}; expected {','.join(expected)}")
+    if not table.rows:
+        raise table.error(0, "", "expected at least one row")
 
 
 def _markers(table: Table, arm: Arm) -> tuple[str, ...]:
