@@ -38,9 +38,9 @@ def at(row, path):
 def unit_of(path):
     """The unit that a field's name promises, empty for none."""
     name = path.split(".")[-1]
-    *words, last = name.split("_")
+    *words, last = name.removesuffix("_to_1_percent").split("_")
     unit = WORDS.get(last, last)
-    return unit if words and unit in UNITS and name != "f_m" else ""
+    return unit if (words or last == "seconds") and unit in UNITS and name != "f_m" else ""
 
 
 def in_unit(title, path, value):
