@@ -1,42 +1,10 @@
 """Reports that are sweeps: their rows as points, their words as questions and answers."""
 
-from testbench.studies.identifiability import words as identifiability_text
 from testbench.studies.model_error import words as model_error_text
 from testbench.studies.noise_sensitivity import words as noise_text
 from testbench.views.recording.style import GREENS, ORANGES, Colour
 from testbench.views.recording.sweep import Point, Sweep
-from testbench.views.report import Report, middle
-
-
-def identifiability(report: Report, parameters: object) -> Sweep:
-    """Error over the workspace against the number of poses, with and without a prior.
-
-    Args:
-        report: report.json of the study.
-        parameters: The scenario as plain data.
-    """
-    models = [name for name in report["poses"][0] if name != "poses"]
-    points = [
-        Point(row["poses"], name, middle(row[name]), *_ends(row[name]))
-        for row in report["poses"]
-        for name in models
-    ]
-    first, *others = identifiability_text.statements(report)
-    seeds = report["seed"]
-    return Sweep(
-        scenario=report["scenario"],
-        parameters=parameters,
-        seed=seeds if isinstance(seeds, int) else seeds[0],
-        question=f"{report['arm']}: what do poses not see, and what is a CAD prior worth?",
-        answer=first,
-        swept="poses",
-        swept_unit="1",
-        measured="RMS error over the workspace",
-        unit="mm",
-        points=points,
-        colours=_roles(models),
-        remarks="\n\n".join([*others, *(f"- {text}" for text in report["seen"]["sentences"])]),
-    )
+from testbench.views.report import Report
 
 
 def noise(report: Report, parameters: object) -> Sweep:
@@ -107,13 +75,6 @@ def _root_seed(report: Report) -> int:
     """First root of randomness."""
     seeds = report["seed"]
     return int(seeds if isinstance(seeds, int) else seeds[0])
-
-
-def _ends(value: object) -> tuple[float, float]:
-    """5 and 95 % of several seeds; the number itself where there is one."""
-    if isinstance(value, dict):
-        return value["p05"], value["p95"]
-    return middle(value), middle(value)
 
 
 def _roles(models: list[str]) -> dict[str, Colour]:

@@ -20,13 +20,9 @@ from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import observation
-from testbench.studies.identifiability.coverage import (
-    Case,
-    bound_coverage,
-    draw_conservative,
-    fitted_coverage,
-    posterior_coverage,
-)
+from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
+from testbench.studies.identifiability.summary import covered
+from testbench.trials.spread import grouped
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +34,7 @@ def full_pose(arm_6r):
     where = campaign.check
     rows = rows_of(arm_6r, s, where, np.zeros((1, 3)))
     m = metric(cad_prior(arm_6r.arm), arm_6r.vjm, s)
-    return Case(reduce(arm_6r.vjm, s, campaign.identification), m, truth, rows), campaign
+    return Case("arm_6r", reduce(arm_6r.vjm, s, campaign.identification), m, truth, rows), campaign
 
 
 @pytest.fixture(scope="module")
@@ -176,17 +172,23 @@ def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_
         np.testing.assert_array_equal(boot.centre, linear.centre)
 
 
+def shares(datasets):
+    """How often intervals hold the truth, by name."""
+    rows = [row for dataset in datasets for row in dataset]
+    return {name: covered(own) for name, own in grouped(rows, lambda row: row.name).items()}
+
+
 def test_intervals_cover_as_often_as_they_say(full_pose):
     """Few draws here; the study of 1000 datasets holds 93 to 97 %."""
     case, _ = full_pose
-    found = fitted_coverage(case, 40, bootstraps=2, workers=1)
-    for name in ("least squares, linearised", "GCO, linearised"):
+    found = shares(fitted(case, k, bootstrapped=k < 2) for k in range(40))
+    for name in ("arm_6r, least squares, linearised", "arm_6r, GCO, linearised"):
         row = found[name]
-        assert row["covered"] == pytest.approx(0.95, abs=4 * row["standard_error"])
-        assert row["datasets"] == 40
-        assert row["intervals"] == 40 * len(case.functionals)
-    assert found["GCO, bootstrap"]["datasets"] == 2
-    assert found["GCO, bootstrap"]["covered"] > 0.6
+        assert row.covered == pytest.approx(0.95, abs=4 * row.standard_error)
+        assert row.datasets == 40
+        assert row.intervals == 40 * len(case.functionals)
+    assert found["arm_6r, GCO, bootstrap"].datasets == 2
+    assert found["arm_6r, GCO, bootstrap"].covered > 0.6
 
 
 @pytest.mark.parametrize("strength", [Strength(0.1), Strength(0.3, 0.2)])
@@ -194,17 +196,17 @@ def test_posterior_intervals_cover_truths_drawn_from_the_prior(kr500, gravity, s
     s = mgco68(kr500.arm)
     m = metric(cad_prior(kr500.arm), kr500.vjm, s)
     rows = elsewhere(kr500, s, gravity)
-    case = Case(reduce(kr500.vjm, s, gravity.identification), m, np.zeros(s.n), rows)
-    found = posterior_coverage(case, strength, 60, workers=1)
-    for row in found.values():
-        assert row["covered"] == pytest.approx(0.95, abs=4 * row["standard_error"])
+    case = Case("kr500", reduce(kr500.vjm, s, gravity.identification), m, np.zeros(s.n), rows)
+    for row in shares(posterior(case, k, strength) for k in range(60)).values():
+        assert row.covered == pytest.approx(0.95, abs=4 * row.standard_error)
 
 
 def test_bounds_cover_all_deflections_at_once(full_pose):
     case, _ = full_pose
-    [row] = bound_coverage(replace(case, functionals=case.functionals[:3]), 20, workers=1).values()
-    assert row["all_covered"] >= 0.8  # at least 0.95 in truth: 20 draws have fewer with 0.03 %
-    assert row["unbounded"] == 0
+    few = replace(case, functionals=case.functionals[:3])
+    row = covered([bounded(few, k) for k in range(20)])
+    assert row.all_covered >= 0.8  # at least 0.95 in truth: 20 draws have fewer with 0.03 %
+    assert row.unbounded == 0
 
 
 def test_bad_input_is_named(arm_6r, kr500, full_pose, gravity):
@@ -224,8 +226,6 @@ def test_bad_input_is_named(arm_6r, kr500, full_pose, gravity):
     other = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     with pytest.raises(BenchError, match="expected a conservative model among"):
         draw_conservative(other, Strength(50.0), np.random.default_rng(0))
-    with pytest.raises(BenchError, match="datasets: expected at least 2"):
-        fitted_coverage(case, 1)
 
 
 def test_intervals_of_predicted_deflections_are_those_of_their_rows(kr500, gravity):

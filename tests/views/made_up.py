@@ -13,7 +13,7 @@ LEAST, MOST = 10.0, 100.0
 """Numbers between: two digits in every format, narrow enough for a terminal."""
 
 
-def fill(kind, rng, **fixed):
+def fill(kind, rng, /, **fixed):
     """A dataclass with made-up fields, nested ones too; a number over trials is a Spread.
 
     Args:
@@ -30,7 +30,7 @@ def fill(kind, rng, **fixed):
     return kind(**values)
 
 
-def filled(kind, rng, rows, **fixed):
+def filled(kind, rng, rows, /, **fixed):
     """One dataclass a row: what a row gives is fixed, the rest made up.
 
     Args:

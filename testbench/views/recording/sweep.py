@@ -84,7 +84,8 @@ class Sweep:
         question: One line.
         answer: One line with numbers and units.
         swept: Name of the swept quantity.
-        swept_unit: Its unit; values must differ after rounding to whole ones, for the timeline.
+        swept_unit: Its unit, empty for a count; values must differ after rounding to whole ones, for the
+            timeline.
         measured: Name of what is plotted.
         unit: Its unit.
         points: In any order; every model at every x.
@@ -110,6 +111,11 @@ class Sweep:
     labels: Mapping[float, str] = field(default_factory=dict)
     looks: Mapping[str, Look] = field(default_factory=dict)
     words: str = ""
+
+    @property
+    def heading(self) -> str:
+        """Swept quantity and unit."""
+        return f"{self.swept}, {self.swept_unit}" if self.swept_unit else self.swept
 
     def place(self, x: float) -> str:
         """A value of the swept quantity, or what it numbers."""
@@ -226,7 +232,7 @@ def summary(sweep: Sweep) -> str:
     rows = [
         [sweep.place(value), *(_number(sweep.line(m)[k].median) for m in models)] for k, value in enumerate(x)
     ]
-    head = [f"{sweep.swept}, {sweep.swept_unit}", *models]
+    head = [sweep.heading, *models]
     medians = [
         f"### {sweep.question}",
         f"#### **{sweep.answer}**",
@@ -241,7 +247,7 @@ def summary(sweep: Sweep) -> str:
         f"Above: {sweep.unit}; below: log10 of the same."
     )
     rounded = "" if sweep.labels else ", rounded"
-    scrub = f"**Scrub** `{TIMELINE}` is the {sweep.swept} in {sweep.swept_unit}{rounded}."
+    scrub = f"**Scrub** `{TIMELINE}` is the {sweep.heading}{rounded}."
     return "\n\n".join(filter(None, [*([sweep.words] if sweep.words else medians), drawn_as, scrub]))
 
 
@@ -254,7 +260,7 @@ def table(sweep: Sweep) -> str:
     ]
     head = [
         "model",
-        f"{sweep.swept}, {sweep.swept_unit}",
+        sweep.heading,
         *(f"{k}, {sweep.unit}" for k in ("median", "5 %", "95 %")),
     ]
     return "\n\n".join([f"### {sweep.measured[:1].upper()}{sweep.measured[1:]}", grid(head, rows)])
@@ -262,7 +268,7 @@ def table(sweep: Sweep) -> str:
 
 def _caption(sweep: Sweep, k: int) -> str:
     points = [sweep.line(model)[k] for model in sweep.models]
-    unit = "" if sweep.labels else f" {sweep.swept_unit}"
+    unit = "" if sweep.labels or not sweep.swept_unit else f" {sweep.swept_unit}"
     rows = [[p.model, *(_number(v) for v in (p.median, p.p05, p.p95))] for p in points]
     place = f"**{sweep.swept.capitalize()} {sweep.place(points[0].x)}{unit}**"
     head = [f"{sweep.measured}, {sweep.unit}", "median", "5 %", "95 %"]
@@ -282,7 +288,7 @@ def plot_views(sweep: Sweep, hint: str = "") -> list[rrb.TimeSeriesView]:
         hint: Ends the titles, where the reader does not land on the timeline `sweep`.
     """
     root = _root(sweep)
-    axis = f"over {sweep.swept} ({sweep.swept_unit}){hint}"
+    axis = f"over {sweep.heading}{hint}"
     x = np.rint([p.x for p in sweep.points]).astype(int)
     margin = max(1, round(0.03 * float(np.ptp(x))))
     ends = [rr.TimeRangeBoundary.absolute(seq=int(k)) for k in (x.min() - margin, x.max() + margin)]

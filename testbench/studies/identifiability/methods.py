@@ -1,0 +1,136 @@
+"""Models of a campaign, with a prior or without, identified from the same runs and judged."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+from testbench.bench.campaign import Campaign, Cell, Model, named_models
+from testbench.bench.rows import ErrorRow, FitRow, error_row, fit_row
+from testbench.data.dataset import Dataset
+from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
+from testbench.identify.crossval import choose_strength, every_fold
+from testbench.identify.evaluate import predict, score
+from testbench.identify.metric import Metric, metric, rescaled
+from testbench.identify.prior import Prior, Strength
+from testbench.identify.regression import Regression
+from testbench.identify.regularised import gco_least_trace, gco_with
+from testbench.identify.stein import gco_stein
+from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
+from testbench.model.vjm import Vjm
+from testbench.trials.spread import Number
+
+BELIEVED = 1e-6
+"""Relative uncertainty of a scale that is believed."""
+STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
+    "joints": lambda cell: Structure.of(cell.arm, joints=[j.name for j in cell.arm.joints], name="joints"),
+    "MGCO47": lambda cell: mgco47(cell.arm),
+    "MGCO56": lambda cell: template56(cell.arm),
+    "MGCO68": lambda cell: mgco68(cell.arm),
+    "MGCO147": lambda cell: mgco147(cell.arm),
+    "ALL153": lambda cell: all153(cell.arm),
+}
+PLAIN = ("MLS56", "MGCO56", "MGCO68")
+"""Models without a prior."""
+
+Filling = Literal["none", "least trace", "prior", "log-det prior"]
+"""What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""
+
+
+def least_trace(prior: Prior) -> Estimator:
+    """GCO of least trace in the metric of a prior, no compliance believed."""
+
+    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        regression = reduce(vjm, structure, data)
+        return gco_least_trace(regression, rescaled(metric(prior, vjm, structure), regression))
+
+    return fit
+
+
+def log_det(prior: Prior) -> Estimator:
+    """GCO with the log-determinant prior, as firm as cross-validation over poses chooses."""
+
+    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        regression = reduce(vjm, structure, data)
+        own = rescaled(metric(prior, vjm, structure), regression)
+        strength, _ = choose_strength(every_fold(vjm, structure, data), own, gco_stein)
+        return gco_stein(regression, own, strength)
+
+    return fit
+
+
+def fixed_scale(prior: Prior) -> Estimator:
+    """GCO with a prior whose scale is believed, else as firm as cross-validation over poses chooses."""
+
+    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        own = metric(prior, vjm, structure)
+        strength, _ = choose_strength(every_fold(vjm, structure, data), own, _believed)
+        return _believed(reduce(vjm, structure, data), own, strength)
+
+    return fit
+
+
+def _believed(regression: Regression, own: Metric, strength: Strength) -> Estimate:
+    return gco_with(regression, own, Strength(strength.uncertainty, BELIEVED))
+
+
+WITH_PRIOR: dict[str, tuple[Filling, Callable[[Prior], Estimator]]] = {
+    "least trace": ("least trace", least_trace),
+    "LS + prior": ("prior", partial(with_prior, least_squares)),
+    "GCO + prior": ("prior", partial(with_prior, gco)),
+    "GCO + log-det": ("log-det prior", log_det),
+}
+
+
+@dataclass(frozen=True)
+class ModelRow(FitRow):
+    """A model judged: against readings at fitted and check poses, against the truth over the workspace.
+
+    Attributes:
+        filling: What fills what the data do not see.
+        uncertainty_percent: Of the prior, as cross-validation chose it.
+        gco_over_ls_at_this_strength: Of least squares with a prior: error over the workspace of GCO with the
+            same prior, believed as firmly, over its own.
+    """
+
+    identification: ErrorRow
+    check: ErrorRow
+    workspace: ErrorRow
+    filling: Filling
+    uncertainty_percent: Number = None
+    gco_over_ls_at_this_strength: Number = None
+
+
+def judge(cell: Cell, campaign: Campaign, model: Model, filling: Filling) -> tuple[ModelRow, Estimate]:
+    """Identify a model and judge it."""
+    start = time.perf_counter()
+    estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
+    seconds = time.perf_counter() - start
+
+    def errors(data: Dataset) -> ErrorRow:
+        return error_row(score(predict(cell.vjm, estimate, data), data.deflection))
+
+    believed = filling in ("prior", "log-det prior")
+    row = ModelRow(
+        **vars(fit_row(model.name, estimate, seconds, prior=believed)),
+        identification=errors(campaign.identification),
+        check=errors(campaign.check),
+        workspace=errors(campaign.workspace),
+        filling=filling,
+        uncertainty_percent=100 * estimate.belief.strength.uncertainty if estimate.belief else None,
+    )
+    return row, estimate
+
+
+def plain(cell: Cell, campaign: Campaign) -> Iterator[ModelRow]:
+    """Models without a prior."""
+    for model in named_models(cell, PLAIN):
+        yield judge(cell, campaign, model, "none")[0]
+
+
+def filled(cell: Cell, campaign: Campaign, name: str, method: str, prior: Prior) -> ModelRow:
+    """One of `STRUCTURES`, what the data do not see filled by one of `WITH_PRIOR`."""
+    filling, make = WITH_PRIOR[method]
+    model = Model(f"{name}, {method}", STRUCTURES[name](cell), make(prior))
+    return judge(cell, campaign, model, filling)[0]

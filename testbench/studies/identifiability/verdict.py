@@ -1,0 +1,66 @@
+"""Which methods are best over the workspace, and what a prior is worth."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from testbench.identify import Constraint
+from testbench.studies.identifiability.methods import Filling, ModelRow
+from testbench.trials.spread import Number, grouped, middle
+from testbench.views.markdown import listed
+from testbench.views.schema import best_of, show
+
+METHODS: dict[tuple[Constraint, Filling], str] = {
+    ("none", "none"): "least squares",
+    ("none", "prior"): "least squares with prior",
+    ("psd", "none"): "GCO",
+    ("psd", "least trace"): "GCO of least trace",
+    ("psd", "prior"): "GCO with prior",
+    ("psd", "log-det prior"): "GCO with log-det prior",
+}
+
+
+@dataclass(frozen=True)
+class Leaders:
+    """Methods of least error over the workspace, each with its best structures; several are alike."""
+
+    methods: tuple[str, ...]
+    rms_mm: Number
+
+    @property
+    def words(self) -> str:
+        """Who, and how far off."""
+        alike = " (alike)" if len(self.methods) > 1 else ""
+        return f"{listed(list(self.methods))}{alike}, {show(self.rms_mm)} mm"
+
+
+@dataclass(frozen=True)
+class Gain:
+    """GCO's error over the workspace without a prior, with it, and with the least trace in its metric."""
+
+    name: str
+    without_mm: Number
+    with_mm: Number
+    trace_mm: Number
+    times: float
+
+
+def leaders(models: Iterable[ModelRow]) -> Leaders:
+    """The best methods, each with its best structures."""
+    found: dict[str, Number] = {}
+    for (constraint, filling), own in grouped(models, lambda m: (m.constraint, m.filling)).items():
+        errors = {m.structure: m.workspace.rms_mm for m in own}
+        names = best_of(errors).names
+        found[f"{METHODS[constraint, filling]} ({listed(list(names))})"] = errors[names[0]]
+    methods = best_of(found).names
+    return Leaders(methods, found[methods[0]])
+
+
+def gains(models: Sequence[ModelRow]) -> list[Gain]:
+    """What a prior is worth to the structures that were tried without it too."""
+    errors = {(m.filling, m.structure): m.workspace.rms_mm for m in models if m.constraint == "psd"}
+    found = []
+    for filling, name in errors:
+        if filling == "none" and ("prior", name) in errors:
+            without, ours, trace = (errors[f, name] for f in (filling, "prior", "least trace"))
+            found.append(Gain(name, without, ours, trace, middle(without) / middle(ours)))
+    return found

@@ -1,0 +1,266 @@
+"""What people see of the study of identifiability equals its report, for reports that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import bands, check_report, check_table, curves, looks_differ, shows, tables_of, unit_in
+from made_up import around, fill, filled, single, spread
+from read_back import chunks_of, document, series
+
+from testbench.studies.identifiability import STUDY, recording
+from testbench.studies.identifiability.summary import (
+    Choice,
+    Coverage,
+    IdentifiabilityReport,
+    ModelReport,
+    Ratio,
+    verdict,
+)
+from testbench.studies.study import Run
+from testbench.trials.spread import ends, middle
+from testbench.views.recording import write_sweep
+
+KINDS = {
+    "MLS56": ("MLS56", "none", "none", "least squares"),
+    "MGCO56": ("MGCO56", "psd", "none", "GCO"),
+    "MGCO68": ("MGCO68", "psd", "none", "GCO"),
+    "MGCO56, least trace": ("MGCO56", "psd", "least trace", "GCO of least trace"),
+    "MGCO68, least trace": ("MGCO68", "psd", "least trace", "GCO of least trace"),
+    "MGCO56, LS + prior": ("MGCO56", "none", "prior", "least squares with prior"),
+    "MGCO56, GCO + prior": ("MGCO56", "psd", "prior", "GCO with prior"),
+    "MGCO68, LS + prior": ("MGCO68", "none", "prior", "least squares with prior"),
+    "MGCO68, GCO + prior": ("MGCO68", "psd", "prior", "GCO with prior"),
+    "MGCO68, GCO + log-det": ("MGCO68", "psd", "log-det prior", "GCO with log-det prior"),
+}
+"""Structure, constraint, filling and the method in words, by the model's name."""
+SCALED = ["MGCO56, LS + prior", "MGCO56, GCO + prior", "MGCO68, LS + prior", "MGCO68, GCO + prior"]
+OVER_POSES = ["MLS56", "MGCO56", "MGCO68", "MGCO56, GCO + prior", "MGCO68, GCO + prior"]
+MEANS = {
+    "model": "name",
+    "unknowns": "parameters",
+    "seen": "rank",
+    "conservative": "conservative",
+    "uncertainty of the prior, %": "uncertainty_percent",
+    "RMS check, mm": "check.rms_mm",
+    "RMS workspace, mm": "workspace.rms_mm",
+    "max workspace, mm": "workspace.max_mm",
+}
+SHORT = {
+    "model": "name",
+    "conservative": "linear.conservative",
+    "RMS workspace, mm": "linear.workspace.rms_mm",
+    "non-linear truth, mm": "nonlinear.workspace.rms_mm",
+}
+PERCENT = {"covered, %": "covered", "standard error, %": "standard_error", "unbounded, %": "unbounded"}
+
+
+def models(rng):
+    believed = ("prior", "log-det prior")
+    rows = [
+        {"name": name, "structure": s, "constraint": c, "filling": f, "prior": f in believed}
+        for name, (s, c, f, _) in KINDS.items()
+    ]
+    return filled(ModelReport, rng, rows, paper=None)
+
+
+def judged(report):
+    """The same with the verdict that follows from its numbers."""
+    return replace(report, **verdict(report.models, report.nonlinear))
+
+
+def intervals(rng, kinds):
+    rows = [
+        fill(Coverage, rng, kind=k, **{key: rng.uniform(0.2, 0.9) for key in PERCENT.values()}) for k in kinds
+    ]
+    return {row.name: row for row in rows}
+
+
+@pytest.fixture
+def report(rng):
+    linear, nonlinear = models(rng), models(rng)
+    by_name = {name: spread(rng) for name in ("joints", "MGCO56", "MGCO68")}
+    choice = fill(
+        Choice,
+        rng,
+        recommended=("MGCO56",),
+        chosen={name: rng.uniform(0.1, 0.3) for name in by_name},
+        held_out_f_m={name: spread(rng) for name in by_name},
+        workspace_mm=by_name,
+    )
+    return fill(
+        IdentifiabilityReport,
+        rng,
+        seed=[4, 5, 6],
+        models=linear,
+        nonlinear=nonlinear,
+        scales=[{"scale": x, **{n: spread(rng) for n in SCALED}} for x in (0.2, 2.5)],
+        poses=[{"poses": x, **{n: spread(rng) for n in OVER_POSES}} for x in (5, 13, 40)],
+        fixed_scale={"MGCO56": spread(rng), "MGCO68": spread(rng)},
+        choice=choice,
+        never_worse={name: fill(Ratio, rng) for name in ("MGCO56", "MGCO68")},
+        coverage=intervals(rng, ["linearised", "bootstrap", "posterior", "set", "set"]),
+        bent_coverage=intervals(rng, ["same arm", "same arm"]),
+        **verdict(linear, nonlinear),
+    )
+
+
+def with_errors(report, errors):
+    """Errors over the workspace by model's name, under both truths; all others are larger."""
+
+    def own(m, factor):
+        rms = around(factor * errors[m.name]) if m.name in errors else m.workspace.rms_mm
+        return replace(m, workspace=replace(m.workspace, rms_mm=rms))
+
+    linear = [own(m, 1.0) for m in report.models]
+    return judged(replace(report, models=linear, nonlinear=[own(m, 1.5) for m in report.nonlinear]))
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_tables_show_the_reports_numbers_with_their_units(report, several):
+    report = report if several else judged(single(report))
+    tables = STUDY.tables(report)
+    check_table(tables["models"], report.models, MEANS)
+    check_table(tables["nonlinear"], report.nonlinear, MEANS)
+    pairs = [
+        {"name": a.name, "linear": a, "nonlinear": b}
+        for a, b in zip(report.models, report.nonlinear, strict=True)
+    ]
+    check_table(tables["short"], pairs, SHORT)
+    check_table(tables["poses"], report.poses, {"poses": "poses"} | {f"{n}, mm": n for n in OVER_POSES})
+    scale = {"prior softer than the truth, times": "scale"}
+    check_table(tables["scales"], report.scales, scale | {f"{n}, mm": n for n in SCALED})
+    check_report(STUDY, report)
+
+
+def test_tables_of_choice_and_coverage_show_the_reports_numbers(report):
+    text = STUDY.words(report).whole()
+    found = {tuple(head): rows for head, rows in tables_of(text)}
+    choice = report.choice
+    rows = found["structure", "recommended", "F_M held out", "RMS workspace, mm"]
+    assert [row[0] for row in rows] == list(choice.chosen)
+    for name, chosen, held_out, error in rows:
+        assert shows(chosen, choice.chosen[name])
+        assert shows(held_out, choice.held_out_f_m[name])
+        assert shows(error, choice.workspace_mm[name])
+    [head] = [head for head in found if head[0] == "interval"]
+    both = {**report.coverage, **report.bent_coverage}
+    assert [row[0] for row in found[head]] == list(both)
+    for cells in found[head]:
+        row = dict(zip(head, cells, strict=True))
+        own = both[row["interval"]]
+        assert row["datasets"] == str(own.datasets)
+        assert shows(row["mean width, um"], own.width_um)
+        for title, key in PERCENT.items():
+            assert float(row[title]) == pytest.approx(100 * getattr(own, key), abs=0.5001), (title, own)
+
+
+@pytest.mark.parametrize("winner", KINDS)
+def test_the_answer_names_the_best_whichever_it_is(report, winner):
+    structure, _, filling, method = KINDS[winner]
+    made = with_errors(report, {winner: 2.0, "MLS56": 7.0} | ({"MLS56": 2.0} if winner == "MLS56" else {}))
+    answer, statements = (STUDY.words(made).block(name) for name in ("answer", "statements"))
+    shown = f"{method} ({structure}), "
+    assert answer.startswith(f"Best over the workspace: {shown}2.000 (1.060 to 3.420) mm. ")
+    plain = f"{shown}2.000" if filling in ("none", "least trace") else "least squares (MLS56), 7.000"
+    assert f"Best without a prior: {plain} (" in answer
+    assert (
+        f"With non-linear truth the best is {shown}3.000 (1.590 to 5.130) mm; without a prior " in statements
+    )
+
+
+def test_methods_and_structures_within_two_per_cent_are_alike(report):
+    made = with_errors(report, {"MGCO56, LS + prior": 2.0, "MGCO68, GCO + prior": 2.03, "MGCO56": 2.5})
+    answer = STUDY.words(made).block("answer")
+    assert "least squares with prior (MGCO56) and GCO with prior (MGCO68) (alike), 2.000 (" in answer
+    assert "Best without a prior: GCO (MGCO56), 2.500 (" in answer
+    made = with_errors(report, {"MGCO56, GCO + prior": 2.0, "MGCO68, GCO + prior": 2.03})
+    assert "workspace: GCO with prior (MGCO56 and MGCO68), 2.000 (" in STUDY.words(made).block("answer")
+
+
+def test_statements_carry_the_reports_numbers_under_the_right_names(report):
+    text = STUDY.words(report).block("statements")
+    error = {m.name: m.workspace.rms_mm for m in report.models}
+
+    def shown(value):
+        return f"{value.median:.3f} ({value.p05:.3f} to {value.p95:.3f}) mm"
+
+    for name in ("MGCO56", "MGCO68"):
+        plain, ours, trace = (error[n] for n in (name, f"{name}, GCO + prior", f"{name}, least trace"))
+        ratio = f"(ratio {plain.median / ours.median:.3g})"
+        assert f"- {name} by GCO: {shown(plain)} without a prior, {shown(ours)} with it {ratio}. " in text
+        assert f"metric: {shown(trace)}." in text
+        r = report.never_worse[name]
+        assert f"is {r.best_ratio:.3f} to {r.worst_ratio:.3f} times that of least squares" in text
+        assert f"in {r.seeds_worse} of {r.seeds} seeds" in text
+    low, high = (f"{row['MGCO56, GCO + prior'].median:.3f}" for row in report.scales)
+    assert (
+        f"A prior 0.2 and 2.5 times softer than the truth: MGCO56, GCO + prior errs by {low} and {high} mm"
+        in text
+    )
+    assert f"MGCO56 errs by {shown(report.fixed_scale['MGCO56'])}." in text
+    choice, out = report.choice, report.outliers
+    assert (
+        f"recommends MGCO56 most often. What it recommends errs by {shown(choice.chosen_workspace_mm)}"
+        in text
+    )
+    assert f"in hindsight by {shown(choice.best_workspace_mm)}" in text
+    for value, words in (
+        (out.plain_mm, " with the plain loss"),
+        (out.robust_mm, " with the robust one"),
+    ):
+        assert shown(value) + words in text
+    assert f"without outliers by {shown(out.clean_mm)}" in text
+    exact = [100 * row.covered for row in report.coverage.values() if row.kind != "set"]
+    sets = [100 * row.covered for row in report.coverage.values() if row.kind == "set"]
+    assert f"in {min(exact):.1f} to {max(exact):.1f} % of the cases" in text
+    assert f"bounds in at least {min(sets):.1f} %" in text
+    for row in report.bent_coverage.values():
+        assert f"{100 * row.covered:.1f} % ({row.name})" in text
+
+
+def test_the_figure_draws_the_reports_numbers(report):
+    left, centre, right = STUDY.figures["identifiability.png"](report).axes
+    assert unit_in(left.get_xlabel()) == unit_in(centre.get_ylabel()) == unit_in(right.get_ylabel()) == "mm"
+    assert [t.get_text().rsplit("  ", 1)[0] for t in left.get_yticklabels()] == list(KINDS)
+    for y, m in enumerate(report.models):
+        line, dot = left.get_lines()[2 * y : 2 * y + 2]
+        assert tuple(line.get_xdata()) == ends(m.workspace.rms_mm)
+        assert set(line.get_ydata()) == set(dot.get_ydata()) == {y}
+        assert np.ravel(dot.get_xdata())[0] == middle(m.workspace.rms_mm)
+        orange = dot.get_color() in ("#E69F00", "#B07A48")
+        assert orange == (m.constraint == "none")
+    gco = [name for name in SCALED if KINDS[name][1] == "psd"]
+    for axes, rows, names, x in (
+        (centre, report.poses, OVER_POSES, "poses"),
+        (right, report.scales, gco, "scale"),
+    ):
+        found = curves(axes)
+        assert list(found) == names
+        looks_differ(axes.get_legend())
+        for name, band in zip(names, bands(axes), strict=True):
+            assert found[name][0].tolist() == [row[x] for row in rows]
+            assert found[name][1].tolist() == [middle(row[name]) for row in rows]
+            np.testing.assert_allclose(band, [(row[x], *ends(row[name])) for row in rows])
+    assert [t.get_text() for t in right.get_xticklabels()] == ["0.2", "2.5"]
+    assert centre.get_xlabel() == "poses"
+    assert right.get_xlabel() == "prior softer than the truth, times"
+
+
+def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
+    words = STUDY.words(report)
+    run = Run(None, range(4, 7), report, words, STUDY.tables(report), tmp_path, "{}")
+    write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    for name in OVER_POSES:
+        path = "/rms_error_over_the_workspace_mm/" + name.lower().replace(", ", "_").replace(" + ", "_")
+        for what in ("median", "p05", "p95"):
+            expected = [getattr(row[name], what) for row in report.poses]
+            assert series(chunks, f"{path}/{what}", "sweep") == expected, (name, what)
+    summary = document(chunks, "/summary")
+    for block in ("question", "answer", "statements", "seen"):
+        assert words.block(block) in summary
+    [(head, rows)] = tables_of(summary)
+    assert head == ["poses", *OVER_POSES]
+    for cells, row in zip(rows, report.poses, strict=True):
+        assert cells == [str(row["poses"]), *(f"{row[name].median:.4g}" for name in OVER_POSES)]
