@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from matplotlib.figure import Figure
-
+from testbench.views.figure import Figure
 from testbench.views.markdown import Words
 from testbench.views.schema import Table
 

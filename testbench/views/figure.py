@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Figure
 
 from testbench.trials.spread import ends, middle
 from testbench.views.colours import GREY, Look, hexadecimal
