@@ -8,22 +8,19 @@ import asyncio
 import contextlib
 import ipaddress
 import logging
-import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from functools import partial
-from importlib import metadata
 from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
 
-from testbench import files
 from testbench.errors import BenchError
 from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
-from testbench.trials.experiment import numeric_versions, python_release
+from testbench.trials.experiment import numeric_versions
 
 PATIENCE = 10.0
 """Time that scheduler and workers have to answer [s]."""
@@ -166,23 +163,16 @@ def _check_workers(client: Any, address: str, patience: float) -> None:
         client.wait_for_workers(1, timeout=patience)
     except TimeoutError as err:
         raise BenchError(f"--cluster: the scheduler at {address} has no workers") from err
-    for name, here in numeric_versions().items():
-        for worker, found in _ask(client, name).items():
-            if found != here:
+    advice = "install the same checkout and requirements.lock there"
+    for worker, found in client.run(numeric_versions, on_error="return").items():
+        if not isinstance(found, dict):
+            raise BenchError(f"--cluster: worker {worker} cannot tell its versions: {found!r}; {advice}")
+        for name, here in numeric_versions().items():
+            if found.get(name) != here:
                 raise BenchError(
-                    f"--cluster: worker {worker}: expected {name} {here} as here, got {found}; "
-                    "install the same checkout and requirements.lock there"
+                    f"--cluster: worker {worker}: expected {name} {here} as here, "
+                    f"got {found.get(name, 'none')}; {advice}"
                 )
-
-
-def _ask(client: Any, name: str) -> dict[str, str]:
-    """Version of a package, or the digest of ours, on every worker."""
-    if name == "python":
-        found = client.run(platform.python_version_tuple, on_error="return")
-        return {w: python_release(v) if isinstance(v, tuple) else "none" for w, v in found.items()}
-    known = name == "sources"  # asked last: by then a worker has this package
-    found = client.run(*((files.sources,) if known else (metadata.version, name)), on_error="return")
-    return {w: v if isinstance(v, str) else "none" for w, v in found.items()}
 
 
 def _do(work: Work, seeds: Sequence[int]) -> Chunk:

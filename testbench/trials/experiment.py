@@ -3,7 +3,7 @@
 import hashlib
 import json
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -57,13 +57,8 @@ class Experiment:
 def numeric_versions() -> dict[str, str]:
     """Versions of Python, of the packages that compute and of our sources: other ones may change results."""
     packages = {k: v for k, v in files.versions().items() if k != "rerun-sdk"}
-    python = python_release(platform.python_version_tuple())
+    python = ".".join(platform.python_version_tuple()[:2])  # without the number of the bug fix
     return {"python": python, **packages, "sources": files.sources()}
-
-
-def python_release(version: Sequence[str]) -> str:
-    """Python's version without the number of the bug fix."""
-    return ".".join(version[:2])
 
 
 def check_header(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:

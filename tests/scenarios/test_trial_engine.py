@@ -315,8 +315,13 @@ def test_problems_on_a_cluster_are_told(tmp_path, dask, monkeypatch):
     with pytest.raises(BenchError, match=r"^seeds \d+ to \d+: arm\.toml: line 3"):
         study(tmp_path, there, work=trial_work.bad_trials)
     versions = cluster.numeric_versions()
-    for name, wrong in (("numpy", "0.1"), ("python", "2.7"), ("no-such-package", "1"), ("sources", "0" * 64)):
-        monkeypatch.setattr(cluster, "numeric_versions", lambda n=name, w=wrong: {**versions, n: w})
-        with pytest.raises(BenchError, match=rf"worker tcp://.*: expected {name} {wrong} as here, got"):
+    for found, said in (
+        ({**versions, "numpy": "0.1"}, rf"expected numpy {versions['numpy']} as here, got 0\.1"),
+        ({**versions, "sources": "0" * 64}, f"expected sources {versions['sources']} as here, got 000"),
+        ({}, f"expected python {versions['python']} as here, got none"),
+        (ImportError("no testbench"), "cannot tell its versions: ImportError"),
+    ):
+        monkeypatch.setattr("distributed.Client.run", lambda *_, f=found, **__: {"tcp://there": f})
+        with pytest.raises(BenchError, match=f"worker tcp://there:? {said}"):
             study(tmp_path, there)
     assert list(tmp_path.iterdir()) == []
