@@ -52,49 +52,27 @@ class NormalityRow:
 
 @dataclass(frozen=True)
 class FitRow:
-    """What a method found, without its errors.
+    """What a method found, without its errors."""
 
-    Attributes:
-        name: Of the model.
-        structure: Name of its structure.
-        method: How it was identified, in words.
-        constraint: What was asked of the blocks.
-        prior: Whether a prior fills what the data cannot see.
-        status: "solved", or why not.
-        parameters: Unknowns.
-        rank: Directions of them that the data see.
-        unique: Whether they see all.
-        conservative: Whether every block is symmetric and positive semi-definite.
-        min_eigenvalue: Smallest eigenvalue of a block [m/N, rad/(N m)].
-        f_m: Cost of Eq. (19).
-        f_m_floor: What noise alone leaves of it.
-        duality_gap: Bound on F_M minus its least value; None without a certificate.
-        trace_bounds_rad_per_Nm: Traces within which the bound holds.
-        held_by_trace_weight: Whether only the trace weight holds unseen compliance.
-        total_trace_rad_per_Nm: Of all blocks, in scaled units.
-        solve_seconds: Wall time of the estimator.
-        advice: What the estimate says of itself.
-    """
-
-    name: str
-    structure: str
-    method: str
-    constraint: Constraint
-    prior: bool
-    status: str
-    parameters: int
-    rank: Number
-    unique: Share
-    conservative: Share
-    min_eigenvalue: Number
-    f_m: Number
-    f_m_floor: Number
-    duality_gap: Number
-    trace_bounds_rad_per_Nm: tuple[Number, ...] | None
-    held_by_trace_weight: Share
-    total_trace_rad_per_Nm: Number
-    solve_seconds: Number
-    advice: tuple[str, ...] | str
+    name: str  #: Of the model.
+    structure: str  #: Name of its structure.
+    method: str  #: How it was identified, in words.
+    constraint: Constraint  #: What was asked of the blocks.
+    prior: bool  #: Whether a prior fills what the data cannot see.
+    status: str  #: "solved", or why not.
+    parameters: int  #: Unknowns.
+    rank: Number  #: Directions of them that the data see.
+    unique: Share  #: Whether they see all.
+    conservative: Share  #: Whether every block is symmetric and positive semi-definite.
+    min_eigenvalue: Number  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
+    f_m: Number  #: Cost of Eq. (19).
+    f_m_floor: Number  #: What noise alone leaves of it.
+    duality_gap: Number  #: Bound on F_M minus its least value; None without a certificate.
+    trace_bounds_rad_per_Nm: tuple[Number, ...] | None  #: Traces within which the bound holds.
+    held_by_trace_weight: Share  #: Whether only the trace weight holds unseen compliance.
+    total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
+    solve_seconds: Number  #: Wall time of the estimator.
+    advice: tuple[str, ...] | str  #: What the estimate says of itself.
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:

@@ -36,21 +36,13 @@ class Paired:
 
 @dataclass(frozen=True)
 class Winner:
-    """The best models of one method over the workspace.
+    """The best models of one method over the workspace."""
 
-    Attributes:
-        constraint: What the method asks of the blocks.
-        prior: Whether a prior fills what the data cannot see.
-        names: The best; several where nothing tells them apart.
-        rms_mm: RMS error over the workspace of the first.
-        times: Least-squares' error over it.
-    """
-
-    constraint: Constraint
-    prior: bool
-    names: tuple[str, ...]
-    rms_mm: Number
-    times: float
+    constraint: Constraint  #: What the method asks of the blocks.
+    prior: bool  #: Whether a prior fills what the data cannot see.
+    names: tuple[str, ...]  #: The best; several where nothing tells them apart.
+    rms_mm: Number  #: RMS error over the workspace of the first.
+    times: float  #: Least-squares' error over it.
 
 
 @dataclass(frozen=True)

@@ -49,17 +49,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        arm: Folder or name of the arm.
-        scenario: The campaign.
-        magnification: Of the drawn deflections [1].
-    """
-
-    arm: str
-    scenario: Scenario
-    magnification: float
+    arm: str  #: Folder or name of the arm.
+    scenario: Scenario  #: The campaign.
+    magnification: float  #: Of the drawn deflections [1].
 
 
 @dataclass(frozen=True)

@@ -57,17 +57,11 @@ class Paired:
 
 @dataclass(frozen=True)
 class Enough:
-    """The least order m that serves as well as the largest one.
+    """The least order m that serves as well as the largest one."""
 
-    Attributes:
-        model: Name of the model.
-        m: The order.
-        rows: The order before it, itself and the largest one.
-    """
-
-    model: str
-    m: int
-    rows: list[Order]
+    model: str  #: Name of the model.
+    m: int  #: The order.
+    rows: list[Order]  #: The order before it, itself and the largest one.
 
 
 @dataclass(frozen=True)

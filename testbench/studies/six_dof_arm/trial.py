@@ -45,25 +45,15 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        arm: Folder or name of the arm.
-        per: What the paper's noise is taken to be that of.
-        scenario: What is measured; its truth is replaced by each in turn.
-        first: The first seed.
-        ordered: Seeds, from the first, in which the order m is studied too.
-        starts: Local solves of every order m: below 6 there are local minima that are not global.
-        magnification: Of the drawn deflections [1].
-    """
-
-    arm: str
-    per: Literal["deflection", "reading"]
-    scenario: FullPose
-    first: int
-    ordered: int
-    starts: int
-    magnification: float
+    arm: str  #: Folder or name of the arm.
+    per: Literal["deflection", "reading"]  #: What the paper's noise is taken to be that of.
+    scenario: FullPose  #: What is measured; its truth is replaced by each in turn.
+    first: int  #: The first seed.
+    ordered: int  #: Seeds, from the first, in which the order m is studied too.
+    starts: int  #: Local solves of every order m: below 6 there are local minima that are not global.
+    magnification: float  #: Of the drawn deflections [1].
 
 
 @dataclass(frozen=True)
@@ -92,46 +82,27 @@ class Judged(FitRow):
 
 @dataclass(frozen=True)
 class Order:
-    """What the order m of the vector space costs.
+    """What the order m of the vector space costs."""
 
-    Attributes:
-        m: The order.
-        f_m: Cost of Eq. (19), best of several local solves.
-        f_m_over_optimum: The same over the least possible.
-        rank: Largest of a block.
-        min_eigenvalue: Smallest of a block [m/N, rad/(N m)].
-        min_scaled_eigenvalue: The same of blocks scaled to unit diagonal [1].
-        max_eigenvalue: Largest of a block [m/N, rad/(N m)].
-        conservative: Whether every block is positive semi-definite.
-        check: Errors against the truth.
-    """
-
-    m: int
-    f_m: Number
-    f_m_over_optimum: Number
-    rank: Number
-    min_eigenvalue: Number
-    min_scaled_eigenvalue: Number
-    max_eigenvalue: Number
-    conservative: Share
-    check: ErrorRow
+    m: int  #: The order.
+    f_m: Number  #: Cost of Eq. (19), best of several local solves.
+    f_m_over_optimum: Number  #: The same over the least possible.
+    rank: Number  #: Largest of a block.
+    min_eigenvalue: Number  #: Smallest of a block [m/N, rad/(N m)].
+    min_scaled_eigenvalue: Number  #: The same of blocks scaled to unit diagonal [1].
+    max_eigenvalue: Number  #: Largest of a block [m/N, rad/(N m)].
+    conservative: Share  #: Whether every block is positive semi-definite.
+    check: ErrorRow  #: Errors against the truth.
 
 
 @dataclass(frozen=True)
 class SixDofRow:
-    """One fit: of a model under one truth, or (`order`) of one order m.
+    """One fit: of a model under one truth, or (`order`) of one order m."""
 
-    Attributes:
-        truth: Kind of truth.
-        model: What was found.
-        measured: What it was found from.
-        order: What the order m costs; None where the model's own method was used.
-    """
-
-    truth: Truth
-    model: Judged
-    measured: Measured
-    order: Order | None
+    truth: Truth  #: Kind of truth.
+    model: Judged  #: What was found.
+    measured: Measured  #: What it was found from.
+    order: Order | None  #: What the order m costs; None where the model's own method was used.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:

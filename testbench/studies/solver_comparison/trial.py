@@ -69,33 +69,19 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        scenario: What is measured.
-        model: A GCO model by its name in the paper.
-        m: Order of the vector space of the solvers over b.
-        generations: Most generations of the paper's optimiser.
-        trial_points: Trial points of its global search.
-        starts: Local solves of the multistart.
-        scs: Whether SCS solves it too, by way of cvxpy.
-        minima_starts: Local solves from random starts, for every order, to count local minima.
-        minima_seeds: Seeds in which that is done, from the first.
-        first: The first seed.
-        short_generations: Generations of the short variant of the paper's optimiser.
-    """
-
-    scenario: FullPose
-    model: str
-    m: int
-    generations: int
-    trial_points: int
-    starts: int
-    scs: bool
-    minima_starts: int
-    minima_seeds: int
-    first: int
-    short_generations: int = 20
+    scenario: FullPose  #: What is measured.
+    model: str  #: A GCO model by its name in the paper.
+    m: int  #: Order of the vector space of the solvers over b.
+    generations: int  #: Most generations of the paper's optimiser.
+    trial_points: int  #: Trial points of its global search.
+    starts: int  #: Local solves of the multistart.
+    scs: bool  #: Whether SCS solves it too, by way of cvxpy.
+    minima_starts: int  #: Local solves from random starts, for every order, to count local minima.
+    minima_seeds: int  #: Seeds in which that is done, from the first.
+    first: int  #: The first seed.
+    short_generations: int = 20  #: Generations of the short variant of the paper's optimiser.
 
     def budget(self, generations: int) -> Budget:
         """The search with that many generations."""
@@ -105,45 +91,25 @@ class Settings:
 
 @dataclass(frozen=True)
 class SolverRow:
-    """What one solver found in one seed.
+    """What one solver found in one seed."""
 
-    Attributes:
-        f_m: Cost of Eq. (19).
-        excess_f_m: Over that of the conic program.
-        relative_excess: The same, relative.
-        duality_gap: Over the certified lower bound.
-        relative_gap: The same, relative to the bound.
-        seconds: Wall time of the whole call, reduction of the dataset included.
-        seconds_to_1_percent: Until F_M was within 1 % of the conic program's; None where it never was.
-        ratio_to_conic: The same over the conic program's whole time.
-        whole_ratio_to_conic: Whole time over the conic program's.
-        evaluations: Of F_M; None where nobody counts them.
-        local_solves: How many; None where there are none.
-        local_solves_elsewhere: Those that ended more than CLOSE above the conic program.
-        conservative: Whether every block is positive semi-definite.
-        status: What the solver says.
-        check: Errors against the truth.
-        way_seconds: When it improved, thinned.
-        way_gap: Least F_M over the certified lower bound by then, minus 1.
-    """
-
-    f_m: Number
-    excess_f_m: Number
-    relative_excess: Number
-    duality_gap: Number
-    relative_gap: Number
-    seconds: Number
-    seconds_to_1_percent: Number
-    ratio_to_conic: Number
-    whole_ratio_to_conic: Number
-    evaluations: Number
-    local_solves: int | None
-    local_solves_elsewhere: int | None
-    conservative: Share
-    status: str
-    check: ErrorRow
-    way_seconds: tuple[float, ...]
-    way_gap: tuple[float, ...]
+    f_m: Number  #: Cost of Eq. (19).
+    excess_f_m: Number  #: Over that of the conic program.
+    relative_excess: Number  #: The same, relative.
+    duality_gap: Number  #: Over the certified lower bound.
+    relative_gap: Number  #: The same, relative to the bound.
+    seconds: Number  #: Wall time of the whole call, reduction of the dataset included.
+    seconds_to_1_percent: Number  #: Until F_M was within 1 % of the conic program's; None where it never was.
+    ratio_to_conic: Number  #: The same over the conic program's whole time.
+    whole_ratio_to_conic: Number  #: Whole time over the conic program's.
+    evaluations: Number  #: Of F_M; None where nobody counts them.
+    local_solves: int | None  #: How many; None where there are none.
+    local_solves_elsewhere: int | None  #: Those that ended more than CLOSE above the conic program.
+    conservative: Share  #: Whether every block is positive semi-definite.
+    status: str  #: What the solver says.
+    check: ErrorRow  #: Errors against the truth.
+    way_seconds: tuple[float, ...]  #: When it improved, thinned.
+    way_gap: tuple[float, ...]  #: Least F_M over the certified lower bound by then, minus 1.
 
 
 @dataclass(frozen=True)
@@ -167,55 +133,33 @@ class Minima:
 
 @dataclass(frozen=True)
 class TrialRow:
-    """One line of a seed: its data, a solver, or local minima of one order.
+    """One line of a seed: its data, a solver, or local minima of one order."""
 
-    Attributes:
-        key: Letter of the solver, empty for the others.
-        data: Of the seed, in its first line.
-        solver: What a solver found.
-        minima: Where local solves end.
-    """
-
-    key: str = ""
-    data: Data | None = None
-    solver: SolverRow | None = None
-    minima: Minima | None = None
+    key: str = ""  #: Letter of the solver, empty for the others.
+    data: Data | None = None  #: Of the seed, in its first line.
+    solver: SolverRow | None = None  #: What a solver found.
+    minima: Minima | None = None  #: Where local solves end.
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What one solver found.
+    """What one solver found."""
 
-    Attributes:
-        key: Its letter.
-        estimate: The model.
-        way: How it came down.
-        seconds: Wall time of the whole call, reduction of the dataset included.
-        evaluations: Of F_M; None where nobody counts them.
-        solves: F_M of its local solves; None where there are none.
-    """
-
-    key: str
-    estimate: Estimate
-    way: Way
-    seconds: float
-    evaluations: int | None = None
-    solves: Sequence[float] | None = None
+    key: str  #: Its letter.
+    estimate: Estimate  #: The model.
+    way: Way  #: How it came down.
+    seconds: float  #: Wall time of the whole call, reduction of the dataset included.
+    evaluations: int | None = None  #: Of F_M; None where nobody counts them.
+    solves: Sequence[float] | None = None  #: F_M of its local solves; None where there are none.
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a solver over b found.
+    """What a solver over b found."""
 
-    Attributes:
-        b: The vectors, (size,).
-        evaluations: Of F_M.
-        solves: F_M that its local solves ended with.
-    """
-
-    b: Array
-    evaluations: int
-    solves: list[float]
+    b: Array  #: The vectors, (size,).
+    evaluations: int  #: Of F_M.
+    solves: list[float]  #: F_M that its local solves ended with.
 
 
 OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
