@@ -1,8 +1,8 @@
 """The command of a study: trials on the engine, then its report and every view of it, all or nothing."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,12 @@ from testbench.shell import command
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
-from testbench.studies.study import O, R, Run, S, Study, W
-from testbench.trials import Experiment, open_store, run_study, write_parquet
+from testbench.studies.study import Everywhere, O, P, R, Run, S, Study, W
+from testbench.trials import Backend, Experiment, open_store, run_study, write_parquet
 from testbench.views import terminal
+
+PREPARED = "prepared"
+"""Folder in a run's, of what is made once for all trials."""
 
 
 def main(study: Study[O, S, W, R]) -> int:
@@ -68,6 +71,8 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         open_store(out, experiment, row=study.row, resume=common.resume) as store,
         files.whole_folder(out) as folder,
     ):
+        if study.prepare:
+            settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
         work = partial(study.trials, settings)
         show_progress(run_study(work, store, backend, size=study.size), len(seeds), "trials", console)
         report = study.summary(settings, seeds, store.trials())
@@ -89,6 +94,21 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         )
     terminal.print_words(console, words, [tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
+
+
+def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:
+    """What comes before the trials, on the same workers, stored in a folder of its own."""
+
+    def everywhere(
+        work: Callable[[Sequence[int]], Sequence[Sequence[P]]], pieces: int, row: type[P], words: str
+    ) -> list[P]:
+        own = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
+        with open_store(folder, own, row=row, resume=common.resume) as store:
+            show_progress(run_study(work, store, backend), pieces, words, Console())
+            write_parquet(store, folder)
+            return [found for _, rows in store.trials() for found in rows]
+
+    return everywhere
 
 
 def _seeds(study: Study[O, S, W, R], common: Common) -> range:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from testbench.views.figure import Figure
 from testbench.views.markdown import Words
@@ -13,9 +13,27 @@ O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
 W = TypeVar("W")
 R = TypeVar("R")
+P = TypeVar("P")
 
 Trials = Iterable[tuple[int, Sequence[W]]]
 """Seed and rows of every trial, in the order of the seeds."""
+
+
+class Everywhere(Protocol):
+    """Does pieces of work on all cores, as trials are done, and stores them for --resume."""
+
+    def __call__(
+        self, work: Callable[[Sequence[int]], Sequence[Sequence[P]]], pieces: int, row: type[P], words: str
+    ) -> list[P]:
+        """Rows of all pieces, in their order.
+
+        Args:
+            work: Rows of some pieces, by their numbers from 0.
+            pieces: How many.
+            row: Type of the rows.
+            words: What a piece is, such as "plans".
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -40,6 +58,7 @@ class Study(Generic[O, S, W, R]):
         extra: Names of other figures that `write` makes.
         data: Name of the data file that `write` makes.
         size: Seeds of a chunk: 0.1 to 1 s of work.
+        prepare: Adds to the settings what all trials share and what is too dear for each of them.
     """
 
     name: str
@@ -59,6 +78,7 @@ class Study(Generic[O, S, W, R]):
     extra: tuple[str, ...] = ()
     data: str = "dataset.csv"
     size: int = 1
+    prepare: Callable[[S, Everywhere], S] | None = None
 
     def words(self, report: R) -> Words:
         """The words of a report."""

@@ -128,7 +128,7 @@ def check_types(row: Flat, table: Mapping[str, Column]) -> None:
     for name, value in row.items():
         column = table[name]
         fits = (float, int) if column.kind is float else (column.kind,)
-        for own in value if isinstance(value, tuple) else (value,):
+        for own in value if isinstance(value, tuple | list) else (value,):  # a list from Parquet
             if own is not None and (
                 type(own) not in fits or (type(own) is int and not -LARGEST <= own < LARGEST)
             ):

@@ -23,7 +23,7 @@ from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import mgco68, template56
 from testbench.model.vjm import observation
 from testbench.plant import collisions
-from testbench.studies.pose_selection.promise import draw
+from testbench.studies.pose_selection.arms import draw
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))

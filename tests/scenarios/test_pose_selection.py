@@ -10,6 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "pose_selection.py")
 FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "curves.png", "featured.png", "recording.rrd",
+    "trials.parquet",
 }  # fmt: skip
 
 
@@ -32,7 +33,7 @@ def report(quick):
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
+    assert {p.name for p in out.iterdir()} == FILES | {"prepared"}
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout

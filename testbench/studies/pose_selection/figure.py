@@ -1,129 +1,84 @@
 """Figures of pose selection: error against poses, criterion by criterion, and what else would help."""
 
-from pathlib import Path
-
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.views.figures import GREEN, GREY, ORANGE, PURPLE
-from testbench.views.report import Report, middle
+from testbench.studies.pose_selection.report import PoseReport
+from testbench.studies.pose_selection.settings import BARE, PLANNED, RANDOM
+from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSES, TASKS, VARIANT, WORKSPACE
+from testbench.views.colours import GREENS, GREY, LOAD, NOMINAL, ORANGES, Look
+from testbench.views.figure import SOFT, dots, lines, log_ticks, quiet
+from testbench.views.schema import Column
 
-SKY, BROWN, OLIVE = "#56B4E9", "#B07A48", "#8A8F2A"
-LINES: dict[str, tuple[str, str]] = {
-    "random": (GREY, "s--"),
-    "E": (BROWN, "v:"),
-    "A": (OLIVE, "^:"),
-    "G": (PURPLE, "P:"),
-    "D": (ORANGE, "D-"),
-    "I": (SKY, "o-"),
-    "test": (GREEN, "o-"),
+SHADES = {
+    "test": GREENS[0],
+    "I": NOMINAL,
+    "D": ORANGES[0],
+    "A": (138, 143, 42),
+    "E": ORANGES[1],
+    "G": LOAD,
+    RANDOM: GREY,
 }
-"""Colour and style of every criterion; the last one is on top."""
-TICKS = (0.02, 0.03, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
-"""Of the axis of errors [mm]."""
-BANDS = ("random", "test")
-FIT, BARE = "MGCO68 + prior", "MGCO68"
+LOOKS = {name: Look(shade, k, prior=name == RANDOM) for k, (name, shade) in enumerate(SHADES.items())}
+"""One a criterion, random poses dashed."""
+BANDS = ("test", RANDOM)
+"""Those whose spread is drawn."""
 
 
-def curves(report: Report, file: Path) -> None:
-    """Error against the number of poses: at the tasks and over the workspace, and at the tasks without prior.
-
-    Args:
-        report: report.json of the study.
-        file: PNG to write.
-    """
+def curves(report: PoseReport) -> Figure:
+    """Error against the number of poses: at the tasks, over the workspace, and at the tasks without prior."""
     figure = Figure(figsize=(14, 5), layout="constrained")
     left, centre, right = figure.subplots(1, 3)
-    _curve(left, report, FIT, "tasks_mm", "at the tasks")
-    _curve(centre, report, FIT, "workspace_mm", "over the workspace")
-    _curve(right, report, BARE, "tasks_mm", "at the tasks, identified without prior")
-    left.axhline(report["recommendation"]["aim_mm"], color=GREY, linewidth=0.8)
-    left.annotate(
-        f"{report['recommendation']['aim_mm']:g} mm",
-        (1, report["recommendation"]["aim_mm"]),
-        xycoords=("axes fraction", "data"),
-        ha="right",
-        va="bottom",
-        color=GREY,
+    _curve(left, report, PLANNED.name, TASKS, "at the tasks")
+    _curve(centre, report, PLANNED.name, WORKSPACE, "over the workspace")
+    _curve(right, report, BARE.name, TASKS, "at the tasks, identified without prior")
+    enough = report.recommendation.aim_mm
+    left.axhline(enough, color=SOFT, linewidth=0.8)
+    left.text(
+        1, enough, f"{enough:g} mm", transform=left.get_yaxis_transform(), color=SOFT, ha="right", va="bottom"
     )
-    low, high = (f(axes.dataLim.intervaly[k] for axes in (left, centre)) for f, k in ((min, 0), (max, 1)))
-    for axes in (left, centre):
-        axes.set_ylim(0.9 * low, 1.1 * high)
-    right.set_ylim(0.9 * right.dataLim.ymin, 1.1 * right.dataLim.ymax)
+    log_ticks(left, "y", min(enough, left.dataLim.ymin), max(enough, left.dataLim.ymax))
     figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=7)
-    left.set_ylabel("RMS error of predicted deflection [mm]")
-    seeds = report["seed"]
-    spread = "" if isinstance(seeds, int) else f"; median, bands 5 to 95 % of {len(seeds)} seeds"
     figure.suptitle(
-        f"{report['arm']}: GCO of 68 unknowns from planned and from random poses, non-linear truth, "
-        f"{report['dataset']['sigma_um']:g} um{spread}",
+        f"{report.arm}: {PLANNED.name} from planned and from random poses, {report.dataset.sigma_um:g} um"
+        f"{_spread(report, 'bands')}",
         fontsize="medium",
     )
-    figure.savefig(file, dpi=120)
+    return figure
 
 
-def _curve(axes: Axes, report: Report, fit: str, key: str, words: str) -> None:
-    for name, (shade, style) in LINES.items():
-        rows = report["errors"][fit].get(name)
-        if rows is None:
-            continue
-        x, values = [row["poses"] for row in rows], [row[key] for row in rows]
-        axes.plot(x, [middle(v) for v in values], style, color=shade, label=name, markersize=5)
-        if name in BANDS and isinstance(values[0], dict):
-            ends = [v["p05"] for v in values], [v["p95"] for v in values]
-            axes.fill_between(x, *ends, color=shade, alpha=0.15, linewidth=0)
-    ticks = [row["poses"] for row in report["errors"][fit]["random"]]
-    axes.set_yscale("log")
-    axes.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
-    axes.set_yticks([], minor=True)
+def _spread(report: PoseReport, drawn: str) -> str:
+    seeds = report.seed
+    return "" if isinstance(seeds, int) else f"; median, {drawn} 5 to 95 % of {len(seeds)} seeds"
+
+
+def _curve(axes: Axes, report: PoseReport, fit: str, error: Column, words: str) -> None:
+    for name, levels in report.errors[fit].items():
+        lines(axes, levels, POSES, error, LOOKS[name], name, band=name in BANDS)
+    log_ticks(axes, "y", *axes.dataLim.intervaly)
+    ticks = [level.poses for level in report.errors[fit][RANDOM]]
     axes.set_xscale("log")
     axes.set_xticks(ticks, [str(n) for n in ticks])
     axes.set_xticks([], minor=True)
     axes.set_xlabel("poses measured")
+    axes.set_ylabel(f"RMS error, {error.heading} [{error.unit}]")
     axes.set_title(words, fontsize="medium")
-    axes.spines[["top", "right"]].set_visible(False)
+    quiet(axes)
 
 
-def featured(report: Report, file: Path) -> None:
-    """The featured number of poses: every criterion, and what could be done beyond the plan.
-
-    Args:
-        report: report.json of the study.
-        file: PNG to write.
-    """
-    figure = Figure(figsize=(13, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1))
-    poses = report["dataset"]["poses"]
-    names = list(reversed(report["errors"][FIT]))
-    rows = {name: next(r for r in report["errors"][FIT][name] if r["poses"] == poses) for name in names}
-    for key, shade, marker, words in (
-        ("tasks_mm", GREEN, "o", "at the tasks"),
-        ("workspace_mm", SKY, "s", "over the workspace"),
-    ):
-        _dots(left, [rows[name][key] for name in names], shade, marker, words)
-    left.set_yticks(range(len(names)), names)
-    left.set_title(f"{poses} poses by criterion", fontsize="medium")
-    left.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2)
-    variants = list(reversed(report["worth"]))
-    _dots(right, [row["judged"]["tasks_mm"] for row in variants], GREEN, "o", "simulated, at the tasks")
-    promised = [row["expected_tasks_mm"] for row in variants]
-    right.plot(promised, range(len(variants)), "|", color=ORANGE, markersize=16, label="promised")
-    right.set_yticks(range(len(variants)), [row["variant"] for row in variants], fontsize="small")
-    right.set_title("what else would help", fontsize="medium")
-    right.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(0, -0.12), ncols=2)
-    for axes in (left, right):
+def featured(report: PoseReport) -> Figure:
+    """The featured number of poses: every criterion, and what could be done beyond the plan."""
+    figure = Figure(figsize=(14, 4.2), layout="constrained")
+    left, centre, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.9))
+    looks = [LOOKS[c.plan] for c in report.criteria]
+    for axes, error in ((left, TASKS), (centre, WORKSPACE)):
+        dots(axes, report.criteria, PLAN, error, looks)
+        axes.set_title(f"{report.dataset.poses} poses by criterion, {error.heading}", fontsize="medium")
+    dots(right, report.worth, VARIANT, JUDGED, [LOOKS["test"]] * len(report.worth))
+    expected = [EXPECTED.value(row) for row in report.worth]
+    right.plot(expected, range(len(expected)), "|", color=SOFT, markersize=16, label="forecast")
+    right.set_title("what else would help; grey: forecast", fontsize="medium")
+    for axes in (left, centre, right):
         axes.set_xlim(left=0)
-        axes.set_xlabel("RMS error [mm]")
-        axes.spines[["top", "right"]].set_visible(False)
-    figure.suptitle(f"{report['arm']}: {FIT}, non-linear truth; bars 5 to 95 %", fontsize="medium")
-    figure.savefig(file, dpi=120)
-
-
-def _dots(axes: Axes, values: list[object], shade: str, marker: str, words: str) -> None:
-    shift = 0.12 if marker == "s" else 0.0
-    for k, value in enumerate(values):
-        if isinstance(value, dict):
-            axes.plot([value["p05"], value["p95"]], [k - shift] * 2, color=shade, alpha=0.5)
-    places = np.arange(len(values)) - shift
-    axes.plot([middle(v) for v in values], places, marker, color=shade, label=words)
+    figure.suptitle(f"{report.arm}: {PLANNED.name}, RMS errors{_spread(report, 'bars')}", fontsize="medium")
+    return figure

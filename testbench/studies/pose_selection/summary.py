@@ -1,176 +1,244 @@
-"""The study of pose selection as report.json: every number with its spread, and the recommendation."""
+"""The study of pose selection as a report: every number with its spread, the recommendation, the verdict."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
-from testbench.studies.pose_selection.ground import FITS, NAME, RANDOM, SCALE, SHAPE, UNCERTAINTY, Ground
-from testbench.studies.pose_selection.promise import kept
-from testbench.views.report import MM, UM, Report, merge, middle
+from testbench.arm.library import find_arm
+from testbench.bench.candidates import REASONS
+from testbench.studies.pose_selection import report as r
+from testbench.studies.pose_selection import settings as s
+from testbench.studies.pose_selection.rows import Part, PlanRow, Row
+from testbench.studies.pose_selection.settings import ON_ARMS, PLANNED, RANDOM
+from testbench.studies.study import Trials
+from testbench.trials.spread import ends, grouped, merge, middle
+from testbench.views.schema import best_of
 
-AIM = 0.1
+ENOUGH = 0.1
 """Error at the tasks that a campaign is to reach [mm]."""
 STEP, LITTLE = 4, 0.10
 """So many more poses that take less than this share off the error are not worth a hoist."""
 
-
-@dataclass(frozen=True)
-class Findings:
-    """What the parts of the study found.
-
-    Attributes:
-        plans: One a criterion and number of poses.
-        trials: One a seed.
-        replanned: One a seed.
-        promises: One an arm.
-        worth: One a variant.
-    """
-
-    plans: Sequence[Report]
-    trials: Sequence[Report]
-    replanned: Sequence[Report]
-    promises: Sequence[Report]
-    worth: Sequence[Report]
+Groups = Mapping[tuple[Part, str, int, str], Sequence[Row]]
+"""Rows of all trials by part, plan, number of poses and fit."""
+Levels = Mapping[str, list[r.Level]]
+"""Errors by plan, then by number of poses."""
 
 
-def summary(ground: Ground, first: Dataset, found: Findings) -> Report:
-    """report.json.
-
-    Args:
-        ground: What was tried.
-        first: Runs of the featured plan, first seed.
-        found: What was found.
-    """
-    study, seeds = ground.study, [r["seed"] for r in found.trials]
-    size = MM * np.linalg.norm(first.deflection, axis=-1)
-    errors = {fit: _errors(found.trials, fit) for fit in FITS}
-    return {
-        "scenario": NAME,
-        "seed": seeds[0] if len(seeds) == 1 else seeds,
-        "arm": ground.folder.resolve().name,
-        "payload_kg": study.payload,
-        "noise": True,
-        "truth": "nonlinear",
-        "prior": {
-            "scale": SCALE,
-            "shape_percent": 100 * SHAPE,
-            "believed_within_percent": 100 * UNCERTAINTY,
-        },
-        "tracker_m": list(study.station),
-        "dataset": {
-            "runs": first.runs,
-            "points": first.points,
-            "poses": study.featured,
-            "tasks": study.tasks,
-            "workspace_poses": study.workspace,
-            "deflection_min_mm": float(size.min()),
-            "deflection_max_mm": float(size.max()),
-            "sigma_um": UM * study.sigma,
-        },
-        "candidates": {
-            "found": len(ground.candidates.q),
-            "drawn": ground.candidates.drawn,
-            "rejected": ground.candidates.rejected,
-        },
-        "models": merge([r["models"] for r in found.trials]),
-        "where": merge([r["where"] for r in found.trials]),
-        "plans": list(found.plans),
-        "errors": errors,
-        "featured": {fit: _featured(errors[fit], study.featured) for fit in FITS},
-        "possible": _possible(ground, found, errors[FITS[0]]),
-        "recommendation": recommend(errors[FITS[0]]),
-        "replanned": _replanned(found.replanned),
-        "promises": kept(found.promises),
-        "worth": [{**row, "judged": merge(row["judged"])} for row in found.worth],
-        "study": asdict(study),
-    }
+def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseReport:
+    """Medians and spreads over the trials."""
+    scope, scene, n = asked.scope, asked.scene, asked.scope.featured
+    names = (*scope.criteria, RANDOM)
+    groups = grouped((x for _, rows in trials for x in rows), lambda x: (x.part, x.plan, x.poses, x.fit))
+    errors = {fit.name: _levels(groups, scope, fit.name) for fit in s.FITS}
+    ours, plans = errors[PLANNED.name], [plan for plan in scene.plans if not plan.variant]
+    models = {name: [x.model for x in groups["measured", name, n, PLANNED.name] if x.model] for name in names}
+    first = models["test"][0]
+    criteria, forecasts = _criteria(errors, plans, n), _forecasts(groups)
+    variants = [_variant(plan, groups) for plan in scene.plans if plan.variant]
+    return r.PoseReport(
+        scenario=s.NAME,
+        seed=seeds[0] if len(seeds) == 1 else list(seeds),
+        arm=find_arm(asked.arm).resolve().name,
+        payload_kg=scope.payload,
+        noise=True,
+        truth="nonlinear",
+        prior=r.Believed(s.SCALE, 100 * s.SHAPE, 100 * s.UNCERTAINTY),
+        tracker_m=scope.station,
+        dataset=r.Measured(**vars(first.data), poses=n, tasks=scope.tasks, workspace_poses=scope.workspace),
+        candidates=r.Found(
+            len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))
+        ),
+        models=[r.ModelReport(**vars(merge(own))) for own in models.values()],
+        where=merge([x.where for x in groups["measured", "test", n, PLANNED.name] if x.where]),
+        plans=plans,
+        errors=errors,
+        featured={name: _featured(own, n) for name, own in errors.items()},
+        possible=_possible(groups, scene.plan("test", n), at(ours[RANDOM], n)),
+        recommendation=recommend(ours),
+        replanned=_anew(groups, n),
+        promises=forecasts,
+        worth=variants,
+        study=scope,
+        criteria=criteria,
+        verdict=verdict(criteria, forecasts, variants, _ratios(ours, plans)),
+    )
 
 
-def _errors(trials: Sequence[Report], fit: str) -> dict[str, list[Report]]:
-    """Spread of the errors over the seeds, and the best tenth, by plan and number of poses."""
-    found = {}
-    for name, rows in merge([r["errors"][fit] for r in trials]).items():
-        found[name] = [
-            {
-                **row,
-                "tasks_best_tenth_mm": float(
-                    np.percentile([r["errors"][fit][name][k]["tasks_mm"] for r in trials], 10)
-                ),
-            }
-            for k, row in enumerate(rows)
-        ]
+def _errors(rows: Sequence[Row]) -> r.Errors:
+    return merge([r.Errors(row.tasks_mm, row.workspace_mm) for row in rows])
+
+
+def _best_tenth(rows: Sequence[Row]) -> float:
+    return float(np.percentile([row.tasks_mm for row in rows], 10))
+
+
+def _levels(groups: Groups, scope: s.Scope, fit: str) -> dict[str, list[r.Level]]:
+    found: dict[str, list[r.Level]] = {}
+    for name in (*scope.criteria, RANDOM):
+        for poses in scope.poses:
+            rows = groups["measured", name, poses, fit]
+            level = r.Level(
+                **vars(_errors(rows)), plan=name, poses=poses, tasks_best_tenth_mm=_best_tenth(rows)
+            )
+            found.setdefault(name, []).append(level)
     return found
 
 
-def at(rows: Sequence[Report], poses: int) -> Report:
-    """The row of so many poses."""
-    return next(row for row in rows if row["poses"] == poses)
+def at(levels: Sequence[r.Level], poses: int) -> r.Level:
+    """The level of so many poses."""
+    return next(level for level in levels if level.poses == poses)
 
 
-def high(value: Any) -> float:
-    """95th percentile of several seeds, or the number of one."""
-    return float(value["p95"] if isinstance(value, dict) else value)
-
-
-def _featured(errors: dict[str, list[Report]], poses: int) -> Report:
-    """The test-pose plan against random poses, and by which factor it beats them."""
+def _featured(errors: Levels, poses: int) -> r.Featured:
     plan, chance = at(errors["test"], poses), at(errors[RANDOM], poses)
-    return {
-        "poses": poses,
-        "test_mm": plan["tasks_mm"],
-        "random_mm": chance["tasks_mm"],
-        "random_best_tenth_mm": chance["tasks_best_tenth_mm"],
-        "ratio_of_medians": middle(plan["tasks_mm"]) / middle(chance["tasks_mm"]),
+    return r.Featured(
+        poses=poses,
+        test_mm=plan.tasks_mm,
+        random_mm=chance.tasks_mm,
+        random_best_tenth_mm=chance.tasks_best_tenth_mm,
+        ratio_of_medians=middle(plan.tasks_mm) / middle(chance.tasks_mm),
+        best=best_of({"test": plan.tasks_mm, RANDOM: chance.tasks_mm}).names,
+        beats_best_tenth=middle(plan.tasks_mm) <= chance.tasks_best_tenth_mm,
+    )
+
+
+def _possible(groups: Groups, plan: PlanRow, chance: r.Level) -> r.Possible:
+    calm = {
+        name: merge([row.tasks_mm for row in groups["noise-free", name, plan.poses, PLANNED.name]])
+        for name in ("test", RANDOM)
     }
+    return r.Possible(
+        poses=plan.poses,
+        least_promise_mm=middle(plan.expected_tasks_mm) * middle(plan.efficiency) ** 0.5,
+        noise_free_mm=calm,
+        noise_free_over_random=middle(calm["test"]) / middle(chance.tasks_mm),
+    )
 
 
-def _possible(ground: Ground, found: Findings, errors: dict[str, list[Report]]) -> Report:
-    """What limits a plan of the featured size: the least promise, and what stays without any noise."""
-    poses = ground.study.featured
-    plan = next(p for p in found.plans if (p["criterion"], p["poses"]) == ("test", poses))
-    calm = {name: merge([r["noise_free"][name] for r in found.trials]) for name in ("test", RANDOM)}
-    return {
-        "poses": poses,
-        "least_promise_mm": plan["expected_tasks_mm"] * plan["efficiency"] ** 0.5,
-        "noise_free_mm": calm,
-        "noise_free_over_random": middle(calm["test"]) / middle(at(errors[RANDOM], poses)["tasks_mm"]),
-    }
-
-
-def _replanned(found: Sequence[Report]) -> Report:
-    """Plans made anew in every seed, against random poses of the same candidates."""
-    whole = merge(list(found))
-    chance = [r[RANDOM]["tasks_mm"] for r in found]
-    plans = [r["test"]["tasks_mm"] for r in found]
-    return {
-        **whole,
-        "seeds": len(found),
-        "random_best_tenth_mm": float(np.percentile(chance, 10)),
-        "ratio_of_medians": float(np.median(plans) / np.median(chance)),
-        "wins": sum(a < b for a, b in zip(plans, chance, strict=True)),
-        "least_efficiency": min(r["efficiency"] for r in found),
-    }
-
-
-def recommend(errors: dict[str, list[Report]]) -> Report:
-    """How many poses: the fewest that reach the aim in 95 % of all trials, and where more bring little.
+def recommend(errors: Levels) -> r.Recommendation:
+    """How many poses: the fewest that are enough in 95 % of all trials, and where more bring little.
 
     Args:
         errors: Of one way to identify, by plan.
     """
     fewest = {
-        name: next((row["poses"] for row in errors[name] if high(row["tasks_mm"]) <= AIM), None)
+        name: next((level.poses for level in errors[name] if ends(level.tasks_mm)[1] <= ENOUGH), None)
         for name in ("test", RANDOM)
     }
-    rows = errors["test"]
-    knee = None
-    for row, following in pairwise(rows):
-        gain = middle(following["tasks_mm"]) / middle(row["tasks_mm"])
-        if 1 - gain ** (STEP / (following["poses"] - row["poses"])) < LITTLE:
-            knee = row["poses"]
-            break
-    return {"aim_mm": AIM, "fewest": fewest, "little_more_beyond": knee}
+    little = None
+    for level, following in pairwise(errors["test"]):
+        gain = middle(following.tasks_mm) / middle(level.tasks_mm)
+        if little is None and 1 - gain ** (STEP / (following.poses - level.poses)) < LITTLE:
+            little = level.poses
+    return r.Recommendation(ENOUGH, fewest, little, STEP, 100 * LITTLE)
+
+
+def _anew(groups: Groups, poses: int) -> r.Anew:
+    plans, chance = (groups["planned anew", name, poses, PLANNED.name] for name in ("test", RANDOM))
+    certificates = [row.certificate for row in plans if row.certificate]
+    a, b = ([row.tasks_mm for row in rows] for rows in (plans, chance))
+    return r.Anew(
+        **vars(merge(certificates)),
+        test=_errors(plans),
+        random=_errors(chance),
+        expected_random_tasks_mm=merge([row.expected.tasks_mm for row in chance if row.expected]),
+        seeds=len(plans),
+        random_best_tenth_mm=_best_tenth(chance),
+        ratio_of_medians=float(np.median(a) / np.median(b)),
+        wins=sum(x < y for x, y in zip(a, b, strict=True)),
+        least_efficiency=min(middle(c.efficiency) for c in certificates),
+    )
+
+
+def _forecasts(groups: Groups) -> list[r.ForecastReport]:
+    """By plan and number of poses, over all drawn arms."""
+    found = []
+    for plan, poses in ((p, n) for part, p, n, fit in groups if (part, fit) == ("drawn arm", PLANNED.name)):
+        rows, ls = (groups["drawn arm", plan, poses, fit.name] for fit in ON_ARMS)
+        known = [(row.tasks_mm, row.expected) for row in rows if row.expected]
+        expected, gco = _rms([e.tasks_mm for _, e in known]), _rms([row.tasks_mm for row in rows])
+        found.append(
+            r.ForecastReport(
+                plan=plan,
+                poses=poses,
+                expected_mm=expected,
+                gco_mm=gco,
+                ls_mm=_rms([row.tasks_mm for row in ls]),
+                gco_over_expected=gco / expected,
+                inside_90_percent=float(np.mean([e.low_mm <= error <= e.high_mm for error, e in known])),
+                arms=len(rows),
+            )
+        )
+    return found
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _variant(plan: PlanRow, groups: Groups) -> r.VariantReport:
+    return r.VariantReport(
+        variant=plan.variant,
+        poses=plan.poses,
+        directions=plan.directions_of_loads,
+        with_first_load=plan.load.count(0),
+        efficiency=plan.efficiency,
+        expected_tasks_mm=plan.expected_tasks_mm,
+        judged=_errors(groups["variant", plan.variant, plan.poses, PLANNED.name]),
+    )
+
+
+def _criteria(errors: Mapping[str, Levels], plans: Sequence[PlanRow], poses: int) -> list[r.CriterionReport]:
+    found = []
+    for name, levels in errors[PLANNED.name].items():
+        own = at(levels, poses)
+        plan = next((p for p in plans if (p.criterion, p.poses) == (name, poses)), None)
+        found.append(
+            r.CriterionReport(
+                tasks_mm=own.tasks_mm,
+                workspace_mm=own.workspace_mm,
+                plan=name,
+                efficiency=plan.efficiency if plan else None,
+                expected_tasks_mm=plan.expected_tasks_mm if plan else None,
+                bare_tasks_mm=at(errors[s.BARE.name][name], poses).tasks_mm,
+            )
+        )
+    return found
+
+
+def _ratios(errors: Levels, plans: Sequence[PlanRow]) -> tuple[tuple[int, float], ...]:
+    """Poses, and simulated over forecast error of the plans for the tasks."""
+    own = [(p.poses, middle(p.expected_tasks_mm)) for p in plans if p.criterion == "test"]
+    return tuple((poses, middle(at(errors["test"], poses).tasks_mm) / mm) for poses, mm in own)
+
+
+def verdict(
+    criteria: Sequence[r.CriterionReport],
+    forecasts: Sequence[r.ForecastReport],
+    variants: Sequence[r.VariantReport],
+    true_arm: tuple[tuple[int, float], ...],
+) -> r.Verdict:
+    """Who is best and whether forecasts hold.
+
+    Args:
+        criteria: The featured number of poses, random ones among them.
+        forecasts: Of drawn arms.
+        variants: The featured plan first.
+        true_arm: Poses, and simulated over forecast error on the true arm [1].
+    """
+    planned = [c for c in criteria if c.plan != RANDOM]
+    chance = next(middle(c.tasks_mm) for c in criteria if c.plan == RANDOM)
+    ratio, inside = [f.gco_over_expected for f in forecasts], [f.inside_90_percent for f in forecasts]
+    errors = {v.variant: middle(v.judged.tasks_mm) for v in variants}
+    base = middle(variants[0].judged.tasks_mm)
+    return r.Verdict(
+        tasks=best_of({c.plan: c.tasks_mm for c in planned}).names,
+        workspace=best_of({c.plan: c.workspace_mm for c in planned}).names,
+        no_better=tuple(c.plan for c in planned if middle(c.tasks_mm) >= chance),
+        ratio=(min(ratio), max(ratio)),
+        inside=(min(inside), max(inside)),
+        true_arm=true_arm,
+        helps=best_of({name: error for name, error in errors.items() if error < base}).names,
+    )

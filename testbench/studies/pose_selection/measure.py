@@ -1,0 +1,112 @@
+"""The true arm: measured in poses of a plan, identified, judged where the robot works."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.bench.campaign import Cell, Truth, settle_both, stream
+from testbench.bench.rows import MM, dataset_row, error_row, fit_row
+from testbench.data.dataset import Dataset
+from testbench.data.tracker import Tracker, read_positions
+from testbench.design.rows import Load
+from testbench.design.specification import Specification, loads_of
+from testbench.errors import Array
+from testbench.identify import Estimate
+from testbench.identify.evaluate import Score, predict, score
+from testbench.plant import Equilibrium
+from testbench.studies.pose_selection.rows import Model, Where
+from testbench.studies.pose_selection.settings import Settings
+from testbench.studies.pose_selection.ways import Chosen, specify, wrong_prior
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The true arm and where predictions are judged.
+
+    Attributes:
+        cell: The arm.
+        truth: "nonlinear" or "linear".
+        spec: The featured way to measure, with the planner's prior.
+        tasks: Noise-free deflections in the tasks under its one weight.
+        workspace: The same over the workspace.
+    """
+
+    cell: Cell
+    truth: Truth
+    spec: Specification
+    tasks: Dataset
+    workspace: Dataset
+
+    def score(self, estimate: Estimate, data: Dataset) -> Score:
+        """Errors of predicted deflections."""
+        return score(predict(self.cell.vjm, estimate, data), data.deflection)
+
+    def errors_mm(self, estimate: Estimate) -> tuple[float, float]:
+        """RMS distance of predicted from true deflections, at the tasks and over the workspace [mm]."""
+        tasks, workspace = (self.score(estimate, data).rms for data in (self.tasks, self.workspace))
+        return MM * tasks, MM * workspace
+
+
+def build_bench(cell: Cell, asked: Settings, truth: Truth = "nonlinear") -> Bench:
+    """The true arm and its deflections where predictions are judged."""
+    spec = specify(cell, asked, wrong_prior(cell, asked.seed))
+    places = (spec.tasks.q, spec.workspace)
+    return Bench(cell, truth, spec, *(_measure(cell, truth, spec, q, spec.tasks.load, None) for q in places))
+
+
+def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
+    """Runs of the true arm, every pose once.
+
+    Args:
+        bench: The arm.
+        spec: Markers, sigma and loads.
+        chosen: Poses and their loads.
+        rng: Source of the noise; None for no noise.
+    """
+    return _measure(bench.cell, bench.truth, spec, chosen.q, loads_of(spec, chosen.load), rng)
+
+
+def _measure(
+    cell: Cell, truth: Truth, spec: Specification, q: Array, load: Load, rng: np.random.Generator | None
+) -> Dataset:
+    """The same of any poses; markers beyond the arm's own are fixed to its tool."""
+    runs, markers = len(q), spec.experiment.targets
+    wrench = np.array(np.broadcast_to(load.wrench, (runs, 6)))
+    point = np.array(np.broadcast_to(load.point, (runs, 3)))
+    more = markers[len(cell.arm.markers) :]
+    tracker, source = Tracker(0.0 if rng is None else spec.experiment.sigma), rng or stream(0)
+
+    def read(state: Equilibrium) -> Array:
+        extra = state.tool[:, None] + more @ state.rotation.swapaxes(1, 2)
+        return read_positions(tracker, np.hstack([state.markers, extra]), source)
+
+    ids = np.arange(runs) + 1
+    before, after = settle_both(cell.plant, truth, q, wrench, point)
+    return Dataset(
+        markers=spec.experiment.vjm.arm.markers,
+        run=ids,
+        pose=ids,
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=read(before),
+        after=read(after),
+        sigma=spec.experiment.sigma,
+    )
+
+
+def model_row(bench: Bench, name: str, estimate: Estimate, data: Dataset) -> Model:
+    """A fit, its runs and its errors; the tasks are its check set."""
+    return Model(
+        **vars(fit_row(name, estimate, estimate.solver_seconds, prior=True)),
+        data=dataset_row(data),
+        identification=error_row(bench.score(estimate, data)),
+        check=error_row(bench.score(estimate, bench.tasks)),
+        workspace=error_row(bench.score(estimate, bench.workspace)),
+    )
+
+
+def pose_by_pose(bench: Bench, estimate: Estimate) -> Where:
+    """RMS distance over the markers of every task and every pose of the workspace [mm]."""
+    errors = [predict(bench.cell.vjm, estimate, d) - d.deflection for d in (bench.tasks, bench.workspace)]
+    return Where(*(tuple((MM * np.sqrt(np.square(e).sum(axis=2).mean(axis=1))).tolist()) for e in errors))

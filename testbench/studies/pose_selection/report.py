@@ -1,0 +1,200 @@
+"""report.json of the study of pose selection, as types. Errors are against the true deflection, RMS."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from testbench.bench.rows import DatasetRow
+from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, Where
+from testbench.studies.pose_selection.settings import Scope
+from testbench.trials.spread import Number
+
+
+@dataclass(frozen=True)
+class Believed:
+    """How wrong the priors are, and how firmly they are believed."""
+
+    scale: float
+    shape_percent: float
+    believed_within_percent: float
+
+
+@dataclass(frozen=True)
+class Measured(DatasetRow):
+    """Runs of the featured plan in the first trial, and where predictions are judged."""
+
+    poses: int
+    tasks: int
+    workspace_poses: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Feasible poses, and how many each reason refused."""
+
+    found: int
+    drawn: int
+    rejected: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class ModelReport(Model):
+    """A fit over all trials; the paper has no number for it."""
+
+    paper: None = None
+
+
+@dataclass(frozen=True)
+class Errors:
+    """At the tasks and over the workspace."""
+
+    tasks_mm: Number
+    workspace_mm: Number
+
+
+@dataclass(frozen=True)
+class Level(Errors):
+    """Of a plan or of random poses; in the best tenth of all trials too."""
+
+    plan: str
+    poses: int
+    tasks_best_tenth_mm: float
+
+
+@dataclass(frozen=True)
+class Featured:
+    """At the tasks the plan for them against random poses; `best` names the better, both if alike."""
+
+    poses: int
+    test_mm: Number
+    random_mm: Number
+    random_best_tenth_mm: float
+    ratio_of_medians: float
+    best: tuple[str, ...]
+    beats_best_tenth: bool
+
+
+@dataclass(frozen=True)
+class Possible:
+    """What limits a plan of the featured size: the least forecast, and what stays without any noise."""
+
+    poses: int
+    least_promise_mm: float
+    noise_free_mm: Mapping[str, Number]
+    noise_free_over_random: float
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """The fewest poses that keep the tasks within `aim_mm` in 95 % of all trials, None for more than tried.
+
+    Beyond `little_more_beyond` poses `step` more take less than `little_percent` off the error.
+    """
+
+    aim_mm: float
+    fewest: Mapping[str, int | None]
+    little_more_beyond: int | None
+    step: int
+    little_percent: float
+
+
+@dataclass(frozen=True)
+class Anew(Certificate):
+    """Plans made anew in every trial, from other candidates and another wrong prior."""
+
+    test: Errors
+    random: Errors
+    expected_random_tasks_mm: Number
+    seeds: int
+    random_best_tenth_mm: float
+    ratio_of_medians: float
+    wins: int
+    least_efficiency: float
+
+
+@dataclass(frozen=True)
+class ForecastReport:
+    """Forecast and simulated errors at the tasks on drawn arms, root mean squares over them."""
+
+    plan: str
+    poses: int
+    expected_mm: float
+    gco_mm: float
+    ls_mm: float
+    gco_over_expected: float
+    inside_90_percent: float
+    arms: int
+
+
+@dataclass(frozen=True)
+class VariantReport:
+    """Another way to measure: its plan, the forecast error at the tasks, simulated errors."""
+
+    variant: str
+    poses: int
+    directions: Number
+    with_first_load: int
+    efficiency: Number
+    expected_tasks_mm: Number
+    judged: Errors
+
+
+@dataclass(frozen=True)
+class CriterionReport(Errors):
+    """The featured number of poses by one criterion; `bare` is without prior."""
+
+    plan: str
+    efficiency: Number
+    expected_tasks_mm: Number
+    bare_tasks_mm: Number
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Who is best, of several that are alike all, and whether forecasts hold.
+
+    Attributes:
+        tasks: Criteria of least error at the tasks.
+        workspace: Criteria of least error over the workspace.
+        no_better: Criteria that are no better at the tasks than random poses.
+        ratio: Least and largest simulated over forecast error on drawn arms [1].
+        inside: Least and largest share of drawn arms inside the 90 % interval [1].
+        true_arm: Poses, and simulated over forecast error of the plan for the tasks on the true arm [1].
+        helps: Other ways of least simulated error, where it is less than the featured plan's.
+    """
+
+    tasks: tuple[str, ...]
+    workspace: tuple[str, ...]
+    no_better: tuple[str, ...]
+    ratio: tuple[float, float]
+    inside: tuple[float, float]
+    true_arm: tuple[tuple[int, float], ...]
+    helps: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PoseReport:
+    """report.json."""
+
+    scenario: str
+    seed: int | list[int]
+    arm: str
+    payload_kg: float
+    noise: bool
+    truth: str
+    prior: Believed
+    tracker_m: tuple[float, ...]
+    dataset: Measured
+    candidates: Found
+    models: list[ModelReport]
+    where: Where
+    plans: list[PlanRow]
+    errors: Mapping[str, Mapping[str, list[Level]]]
+    featured: Mapping[str, Featured]
+    possible: Possible
+    recommendation: Recommendation
+    replanned: Anew
+    promises: list[ForecastReport]
+    worth: list[VariantReport]
+    study: Scope
+    criteria: list[CriterionReport]
+    verdict: Verdict

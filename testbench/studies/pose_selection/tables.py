@@ -1,0 +1,73 @@
+"""The columns and tables of the study of pose selection."""
+
+from testbench.studies.pose_selection.report import PoseReport
+from testbench.views.schema import Column, Table, pivot
+
+PLAN = Column("plan", "poses by")
+POSES = Column("poses", "poses", form="d")
+TASKS = Column("tasks_mm", "tasks", "mm")
+WORKSPACE = Column("workspace_mm", "workspace", "mm")
+EFFICIENCY = Column("efficiency", "efficient, at least", "%", ".1f", scale=100, short="effi-\ncient\n>= %")
+EXPECTED = Column("expected_tasks_mm", "forecast tasks", "mm", short="fore-\ncast\ntasks\nmm")
+JUDGED = Column("judged.tasks_mm", "simulated tasks", "mm")
+VARIANT = Column("variant", "measured")
+CRITERIA = (
+    PLAN,
+    EFFICIENCY,
+    EXPECTED,
+    TASKS,
+    WORKSPACE,
+    Column("bare_tasks_mm", "tasks without prior", "mm", short="tasks,\nno prior\nmm"),
+)
+"""The featured number of poses; errors are RMS against the true deflection."""
+PLANS = (
+    Column("criterion", "criterion"),
+    POSES,
+    EFFICIENCY,
+    Column("directions_seen", "directions seen", form=".0f"),
+    Column("directions_of_loads", "of", form=".0f"),
+    EXPECTED,
+    Column("expected_tasks_p05_mm", "5 %", "mm"),
+    Column("expected_tasks_p95_mm", "95 %", "mm"),
+    Column("expected_workspace_mm", "forecast workspace", "mm"),
+    *(Column(f"observability.{key}", key.upper(), form=".1e") for key in ("o1", "o2", "o3", "o4", "o5")),
+    Column("seconds", "time", "s", ".1f"),
+)
+FORECASTS = (
+    PLAN,
+    POSES,
+    Column("expected_mm", "forecast", "mm", ".4f"),
+    Column("gco_mm", "simulated GCO", "mm", ".4f"),
+    Column("ls_mm", "simulated LS", "mm", ".4f"),
+    Column("gco_over_expected", "GCO over forecast"),
+    Column("inside_90_percent", "inside 90 % interval", "%", ".0f", scale=100),
+)
+VARIANTS = (
+    VARIANT,
+    POSES,
+    Column("directions", "directions", form=".0f"),
+    Column("with_first_load", "runs under first load", form="d"),
+    EFFICIENCY,
+    EXPECTED,
+    JUDGED,
+    Column("judged.workspace_mm", "simulated workspace", "mm"),
+)
+
+
+def tables(report: PoseReport) -> dict[str, Table]:
+    """The featured poses, every fit at the tasks and over the workspace, plans, forecasts, other ways."""
+    curves = {}
+    for fit, levels in report.errors.items():
+        every = Table((PLAN, POSES, TASKS, WORKSPACE), [level for own in levels.values() for level in own])
+        curves[f"tasks, {fit}"] = pivot(every, POSES, PLAN, TASKS)
+        curves[f"workspace, {fit}"] = pivot(every, POSES, PLAN, WORKSPACE)
+    best = report.verdict.tasks
+    marked = best[0] if len(best) == 1 else ""
+    return {
+        "criteria": Table(CRITERIA, report.criteria, bold=marked),
+        "recorded": Table((PLAN, TASKS, WORKSPACE), report.criteria, bold=marked),
+        **curves,
+        "plans": Table(PLANS, report.plans),
+        "forecasts": Table(FORECASTS, report.promises),
+        "variants": Table(VARIANTS, report.worth),
+    }

@@ -1,0 +1,112 @@
+"""Ways to measure: one weight and three markers, or more; in planned poses, or in random ones."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import Cell, stream
+from testbench.data.dataset import Ids
+from testbench.design.rows import Experiment, Load
+from testbench.design.specification import Specification, Tasks
+from testbench.errors import Array
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior, cad_prior, distorted
+from testbench.model.vjm import Vjm
+from testbench.studies.pose_selection.rows import PlanRow
+from testbench.studies.pose_selection.settings import PLANNED, RANDOM, SCALE, SHAPE, UNCERTAINTY, Settings
+
+OFFSET = 0.3
+"""How far beside the load point a second hanging point is, along the tool's y, and how far a fourth marker
+stands off the plane of the three [m]."""
+MORE = 4
+"""Further poses: the yardstick of what else could be done."""
+CHANCE = 300
+"""Stream of a seed for random poses, plus their number."""
+
+
+def wrong_prior(cell: Cell, seed: int) -> Prior:
+    """A CAD prior with errors of its own."""
+    return distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
+
+
+def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:
+    """The featured number of poses under one weight, with the arm's own markers.
+
+    Args:
+        cell: The arm.
+        asked: What is tried.
+        prior: What the planner believes.
+    """
+    scope, scene = asked.scope, asked.scene
+    load = hung(cell, scope.payload)
+    own = metric(prior, cell.vjm, PLANNED.structure(cell.arm))
+    return Specification(
+        experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
+        loads=(load,),
+        tasks=Tasks(np.array(scene.tasks), load),
+        workspace=np.array(scene.workspace),
+        uncertainty=UNCERTAINTY,
+        poses=scope.featured,
+    )
+
+
+def hung(cell: Cell, mass: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Load:
+    """A weight [kg] at the load point, or beside it by an offset in the tool's frame, (3,) [m]."""
+    return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load + offset)
+
+
+def variants(cell: Cell, asked: Settings, own: Specification) -> dict[str, Specification]:
+    """The featured way to measure, and what could be done beyond it, in words."""
+    n, mass, every = own.poses, asked.scope.payload, own.experiment
+    half, beside = hung(cell, mass / 2), hung(cell, mass, (0.0, OFFSET, 0.0))
+    fourth = _with_marker(every.vjm)
+    found = {
+        f"{n} poses, one weight, three markers": own,
+        f"{MORE} more poses": replace(own, poses=n + MORE),
+        "every reading taken twice": replace(own, experiment=replace(every, sigma=every.sigma / np.sqrt(2))),
+        "half the weight as second load": replace(own, loads=(*own.loads, half)),
+        f"a second hanging point {OFFSET:g} m beside": replace(own, loads=(*own.loads, beside)),
+        "a fourth marker": replace(own, experiment=replace(every, vjm=fourth, targets=fourth.markers)),
+    }
+    return dict(list(found.items())[: asked.scope.variants])
+
+
+def _with_marker(vjm: Vjm) -> Vjm:
+    """The model with one more target, fixed to the tool off the plane of the others."""
+    centre = vjm.markers.mean(axis=0)
+    away = np.linalg.svd(vjm.markers - centre)[2][-1]
+    arm = replace(vjm.arm, markers=(*vjm.arm.markers, "P4"))
+    return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + OFFSET * away]))
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Poses to measure, (poses, n) [rad], and which load hangs in each, (poses,)."""
+
+    q: Array
+    load: Ids
+
+
+def poses_of(asked: Settings, name: str, poses: int, seed: int) -> Chosen:
+    """The poses of a plan, or random ones of a trial.
+
+    Args:
+        asked: With the plans.
+        name: Criterion of the plan, or "random".
+        poses: How many.
+        seed: Of the trial.
+    """
+    if name == RANDOM:
+        return at_random(np.array(asked.scene.candidates), poses, stream(seed, CHANCE + poses))
+    return planned(asked.scene.plan(name, poses))
+
+
+def planned(row: PlanRow) -> Chosen:
+    """The poses of a plan."""
+    return Chosen(np.array(row.q_rad).reshape(row.poses, -1), np.array(row.load))
+
+
+def at_random(q: Array, poses: int, rng: np.random.Generator) -> Chosen:
+    """Feasible poses without a plan."""
+    return Chosen(q[rng.choice(len(q), poses, replace=False)], np.zeros(poses, dtype=int))
