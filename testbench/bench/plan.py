@@ -8,20 +8,21 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, stream
-from testbench.bench.candidates import Candidates, Checks, Conditions, build_checks, feasible, find
+from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.bench.plan_report import PlanReport
-from testbench.bench.plan_settings import Settings
+from testbench.bench.plan_settings import Settings, structure
 from testbench.bench.plan_summary import summary
+from testbench.bench.rows import UM
 from testbench.data.station import Station
 from testbench.design.forecast import OUTSIDE, Forecast
 from testbench.design.planning import Plan, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load
-from testbench.design.specification import Specification, task_rows, workspace_rows
+from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.plant import Payload, build_site, contacts
+from testbench.plant import build_site, contacts
 
 WORKSPACE = 200
 """Poses that stand for the workspace."""
@@ -36,14 +37,12 @@ class Planned:
     """A plan and what it promises.
 
     Attributes:
-        settings: What was asked for.
         found: Feasible poses, and what it took to find them.
         plan: The poses, in the order of measuring.
         workspace: Errors over the specification's workspace, under the first load.
-        report: What readers see.
+        report: What was asked for, and what readers see.
     """
 
-    settings: Settings
     found: Candidates
     plan: Plan
     workspace: Forecast
@@ -56,7 +55,7 @@ def hung(cell: Cell, mass: float) -> Load:
 
 
 def search(cell: Cell, settings: Settings) -> Candidates:
-    """Feasible poses under the largest of the loads: the others hang inside its outline.
+    """Feasible poses.
 
     Args:
         cell: The arm.
@@ -66,7 +65,8 @@ def search(cell: Cell, settings: Settings) -> Candidates:
         PoseError: When there are fewer than the plan needs; says which condition refused them.
         BenchError: When the tracker stands inside the arm, or the sling is too short.
     """
-    found = find(_checks(cell, settings), settings.candidates, stream(settings.seed, 0), least=settings.poses)
+    checks, rng = build_checks(cell, settings.conditions), stream(settings.seed, 0)
+    found = find(checks, settings.candidates_wanted, rng, least=settings.poses)
     return replace(found, q=nearest_turn(found.q, cell.arm.limits))
 
 
@@ -84,40 +84,42 @@ def nearest_turn(q: Array, limits: Array) -> Array:
     return np.where((near >= limits[0]) & (near <= limits[1]), near, q)
 
 
-def specify(cell: Cell, settings: Settings) -> Specification:
+def specify(cell: Cell, settings: Settings, tasks: Tasks) -> Specification:
     """The settings as the design of experiments wants them.
 
     Raises:
-        BenchError: When the structure lacks entries in a block.
+        BenchError: When there is no such model, or its structure lacks entries in a block.
         PoseError: When the arm can be nowhere in the work area.
     """
+    own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
+    percent = settings.uncertainty_percent
     checks = build_checks(cell, Conditions(settings.area))
-    own = metric(cad_prior(cell.arm), cell.vjm, settings.structure)
     return Specification(
-        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma),
-        loads=tuple(hung(cell, mass) for mass in settings.loads),
-        tasks=settings.tasks,
+        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
+        loads=tuple(hung(cell, mass) for mass in settings.loads_kg),
+        tasks=tasks,
         workspace=find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q,
-        uncertainty=settings.uncertainty,
+        uncertainty=None if percent is None else percent / 100,
         poses=settings.poses,
     )
 
 
-def choose(cell: Cell, settings: Settings, found: Candidates) -> Plan:
+def choose(cell: Cell, settings: Settings, tasks: Tasks, found: Candidates) -> Plan:
     """The best plan found.
 
     Args:
         cell: The arm.
         settings: What is asked for.
+        tasks: Where the robot works.
         found: Poses to choose from.
 
     Raises:
         BenchError: When without a prior the poses are too few, or tasks ask for what no load shows.
     """
-    spec = specify(cell, settings)
-    if settings.uncertainty is None:
+    spec = specify(cell, settings, tasks)
+    if spec.uncertainty is None:
         _check_without_prior(spec, found.q)
-    checks = _checks(cell, settings)
+    checks = build_checks(cell, settings.conditions)
     reach = Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station))
     return make_plan(spec, settings.criterion, found.q, reach, stream(settings.seed, 1))
 
@@ -131,12 +133,12 @@ def judge(cell: Cell, settings: Settings, found: Candidates, plan: Plan) -> Plan
     workspace = promise(plan, workspace_rows(plan.specification))
     report = summary(cell, settings, found, plan, workspace)
     indices = report.observability
-    if settings.uncertainty is None and indices.seen < indices.of:
+    if settings.uncertainty_percent is None and indices.seen < indices.of:
         raise BenchError(
             f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
             "loads can show; give more --poses, or leave out --no-prior"
         )
-    return Planned(settings, found, plan, workspace, report)
+    return Planned(found, plan, workspace, report)
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
@@ -154,11 +156,6 @@ def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array]
         return all(contact is None for contact in contacts(site, start + share * (end - start)))
 
     return clear
-
-
-def _checks(cell: Cell, settings: Settings) -> Checks:
-    payload = Payload(max(settings.loads), settings.sling)
-    return build_checks(cell, Conditions(settings.area, settings.station, payload))
 
 
 def _check_without_prior(spec: Specification, q: Array) -> None:

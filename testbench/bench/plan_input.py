@@ -1,4 +1,4 @@
-"""What a plan is asked for in files and flags: tasks, tracker, work area; and what a plan.csv hangs where."""
+"""What a plan is asked for in files and flags: tasks, places; and what a plan.csv hangs where."""
 
 import math
 from pathlib import Path
@@ -7,14 +7,12 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
-from testbench.bench.plan_settings import LOAD_RANGE
+from testbench.bench.plan_settings import LOAD_RANGE, Place
 from testbench.data.posefile import XYZ, check_limits
-from testbench.data.station import Station
 from testbench.data.table import Table, read_table
 from testbench.design.rows import Load
 from testbench.design.specification import Tasks
 from testbench.errors import Array, BenchError, InputError
-from testbench.model.poses import WorkArea
 from testbench.plant import collisions
 
 MAX_TASKS = 1000
@@ -117,38 +115,31 @@ def read_payload(path: Path) -> Array | None:
     return mass
 
 
-def parse_station(text: str, acceptance_deg: float | None) -> Station:
-    """The tracker of a flag.
-
-    Args:
-        text: x,y,z [m].
-        acceptance_deg: Half angle in which fixed targets return the beam; None for targets turned by hand.
+def place(text: str) -> Place:
+    """Where the tracker stands, x,y,z [m].
 
     Raises:
-        BenchError: When it is not three numbers, or no place for a tracker.
+        BenchError: When it is not three finite numbers.
     """
     x, y, z = _numbers(text, 3, "--tracker x,y,z [m]")
-    return Station((x, y, z), acceptance=None if acceptance_deg is None else math.radians(acceptance_deg))
+    return x, y, z
 
 
-def parse_box(text: str) -> WorkArea:
-    """The work area of a flag, x0,y0,z0,x1,y1,z1 [m].
+def box(text: str) -> tuple[Place, Place]:
+    """Two corners of the work area, x0,y0,z0,x1,y1,z1 [m].
 
     Raises:
-        BenchError: When it is not six numbers, or the second corner does not lie beyond the first.
+        BenchError: When it is not six finite numbers.
     """
     x0, y0, z0, x1, y1, z1 = _numbers(text, 6, "--box x0,y0,z0,x1,y1,z1 [m]")
-    if not (x0 < x1 and y0 < y1 and z0 < z1):
-        raise BenchError(f"--box x0,y0,z0,x1,y1,z1 [m]: expected the lower corner first, got {text[:80]!r}")
-    return WorkArea((x0, y0, z0), (x1, y1, z1))
+    return (x0, y0, z0), (x1, y1, z1)
 
 
-def _numbers(text: str, count: int, what: str) -> tuple[float, ...]:
-    """So many finite numbers with commas between them."""
+def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise BenchError(f"{what}: expected {count} numbers with commas between them, got {text[:80]!r}")
+        raise BenchError(f"{flag}: expected {count} numbers with commas between them, got {text[:80]!r}")
     return values

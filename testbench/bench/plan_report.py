@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from testbench.bench.plan_settings import Settings
 from testbench.design.observability import Observability
 from testbench.trials.spread import Spread
 
@@ -35,47 +36,6 @@ class Unbounded:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What was asked for.
-
-    Attributes:
-        arm: Its name.
-        base_m: Where it stands, (3,).
-        joints: Their names.
-        model: Structure that is to be identified.
-        criterion: Key of planning.CRITERIA.
-        poses: How many are to be measured.
-        loads_kg: Masses that may be hung.
-        sigma_um: Standard deviation of one reading along one axis.
-        prior: Where the prior comes from; None without one.
-        uncertainty_percent: How firmly it is believed; None without one.
-        tracker_m: Where it stands, (3,); None leaves visibility unchecked.
-        acceptance_deg: Half angle of fixed targets; None where they are turned by hand.
-        box_m: Lower and upper corner of the work area; None for anywhere.
-        sling_m: From the load point to the weight.
-        candidates_wanted: Feasible poses to choose from.
-        seed: Root of all randomness.
-    """
-
-    arm: str
-    base_m: list[float]
-    joints: list[str]
-    model: str
-    criterion: str
-    poses: int
-    loads_kg: list[float]
-    sigma_um: float
-    prior: str | None
-    uncertainty_percent: float | None
-    tracker_m: list[float] | None
-    acceptance_deg: float | None
-    box_m: list[list[float]] | None
-    sling_m: float
-    candidates_wanted: int
-    seed: int
-
-
-@dataclass(frozen=True)
 class RandomPlans:
     """Errors at the tasks of so many random plans of as many poses; None: no bound."""
 
@@ -88,15 +48,10 @@ class RandomPlans:
 class Certificate:
     """What no plan of as many of the examined poses exceeds.
 
-    Attributes:
-        efficiency: At least this share of the best Phi [1].
-        phi: Of the plan.
-        phi_bound: No plan has more.
-        excess_percent: Standard deviations are at most this far above the least possible.
-        reached_mm: Error at the tasks of the plan, 1 / sqrt(Phi); None for criteria in other units.
-        least_mm: No plan has less.
-        examined: Candidates.
-        poses_and_loads: Whether a candidate is a pose and one of several loads.
+    Phi of the plan is at least the share `efficiency` of phi_bound; its standard deviations are at most
+    excess_percent above the least possible. By the test-pose criterion that is an error at the tasks, which
+    the plan has reached and no plan has less of; other criteria have no length. A candidate is a pose, or a
+    pose and one of several loads.
     """
 
     efficiency: float
@@ -175,14 +130,9 @@ class Found:
 class Directions:
     """Directions of the unknowns, and what rests on the prior.
 
-    Attributes:
-        unknowns: Of the model.
-        shown: Directions that the candidates can show.
-        at_most: Those that as many poses can see.
-        seen: Those that the plan sees.
-        outweighed: Those in which the readings say more than the prior.
-        hidden_mm: Error at the tasks in directions that no hung weight shows.
-        prior_share_percent: Share of the mean square error at the tasks that the prior leaves open.
+    The candidates can show some of them, as many poses can see `at_most` of those; in those `outweighed` the
+    readings say more than the prior. hidden_mm is the error at the tasks in directions that no hung weight
+    shows, prior_share_percent the share of the mean square error that the prior leaves open.
     """
 
     unknowns: int
@@ -217,13 +167,8 @@ class CurveRow:
 class Advice:
     """How many poses to measure, judged by greedy plans.
 
-    Attributes:
-        target_mm: Error at the tasks that is wanted.
-        fewest: Poses that reach it; None where none of the plans does.
-        examined_up_to: Poses of the largest plan.
-        more: So many more poses ...
-        little_percent: ... that bring less than this are not worth their time.
-        enough: From so many poses on they never are; None where they always are.
+    The fewest that reach the target; and from how many on so many `more` always bring less than a little.
+    None where no plan of the examined sizes does.
     """
 
     target_mm: float
@@ -234,10 +179,17 @@ class Advice:
     enough: int | None
 
 
-@dataclass(frozen=True)
-class PlanReport(Asked):
-    """A plan, what it promises, and what stands beside it; the fields are the keys of plan.json."""
+@dataclass(frozen=True, kw_only=True)
+class PlanReport(Settings):
+    """A plan, what it promises, and what stands beside it; the fields are the keys of plan.json.
 
+    The prior is said by its name, None without one; the arm stands at base_m.
+    """
+
+    arm: str
+    base_m: list[float]
+    joints: list[str]
+    prior: str | None
     error_mm: Expected
     workspace_error_mm: Expected | Unbounded
     error_if_prior_twice_as_uncertain_mm: Expected | None

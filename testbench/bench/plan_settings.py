@@ -1,66 +1,94 @@
-"""What an engineer asks of a plan, in SI units."""
+"""What an engineer asks of a plan: plain data, the units in the names, as flags and plan.json have them."""
 
+import math
 from dataclasses import dataclass
 
 from testbench.bench.campaign import MODELS, Cell, named_models
+from testbench.bench.candidates import Conditions
+from testbench.bench.rows import UM
 from testbench.data.csvfile import SIGMA_RANGE
 from testbench.data.station import Station
 from testbench.design.planning import CRITERIA
-from testbench.design.specification import Tasks
 from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure
+from testbench.plant import Payload
 
+Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)
 """Masses that can hang from an arm [kg], as in bench.Scenario."""
 MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What an engineer asks for.
+    """What is asked for.
 
     Attributes:
-        structure: Unknowns of the model that is to be identified, in whole blocks.
-        tasks: Where the robot works, and under which load.
-        loads: Masses that may be hung [kg].
-        poses: How many are to be measured.
+        model: Key of `MODELS`: its structure is to be identified.
         criterion: Key of planning.CRITERIA.
-        sigma: Standard deviation of one reading along one axis [m].
-        uncertainty: Relative uncertainty of the CAD prior [1]; None for an identification without a prior.
-        station: Where the tracker stands; None leaves visibility unchecked.
-        area: Where the tool may be while it is measured; None for anywhere.
-        sling: From the load point to the weight [m].
-        candidates: Feasible poses to choose from.
+        poses: How many are to be measured.
+        loads_kg: Masses that may be hung.
+        sigma_um: Standard deviation of one reading along one axis.
+        uncertainty_percent: Of the CAD prior; None for an identification without a prior.
+        tracker_m: Where it stands; None leaves visibility unchecked.
+        acceptance_deg: Half angle in which fixed targets return the beam; None for targets turned by hand.
+        box_m: Lower and upper corner of where the tool may be; None for anywhere.
+        sling_m: From the load point to the weight.
+        candidates_wanted: Feasible poses to choose from.
         seed: Root of all randomness.
     """
 
-    structure: Structure
-    tasks: Tasks
-    loads: tuple[float, ...]
-    poses: int = 12
+    model: str = "MGCO68"
     criterion: str = "test"
-    sigma: float = 50e-6
-    uncertainty: float | None = 0.3
-    station: Station | None = None
-    area: WorkArea | None = None
-    sling: float = 0.5
-    candidates: int = 5000
+    poses: int = 12
+    loads_kg: tuple[float, ...]
+    sigma_um: float = 50.0
+    uncertainty_percent: float | None = 30.0
+    tracker_m: Place | None = None
+    acceptance_deg: float | None = None
+    box_m: tuple[Place, Place] | None = None
+    sling_m: float = 0.5
+    candidates_wanted: int = 5000
     seed: int = 1
 
     def __post_init__(self) -> None:
         if self.criterion not in CRITERIA:
             raise BenchError(f"no criterion {self.criterion!r}; criteria are {', '.join(CRITERIA)}")
-        if not self.loads or len(set(self.loads)) < len(self.loads):
-            raise BenchError(f"loads [kg]: expected at least one, each once, got {list(self.loads)}")
-        for load in self.loads:
+        if not self.loads_kg or len(set(self.loads_kg)) < len(self.loads_kg):
+            raise BenchError(f"loads [kg]: expected at least one, each once, got {list(self.loads_kg)}")
+        for load in self.loads_kg:
             _check_range("load [kg]", load, *LOAD_RANGE)
         _check_range("poses", self.poses, 1, MOST_POSES)
-        _check_range("candidates", self.candidates, self.poses, MOST_CANDIDATES)
-        _check_range("sigma [m]", self.sigma, *SIGMA_RANGE)
-        if self.uncertainty is not None:  # doubled for doubters
-            _check_range("uncertainty of the prior [1]", self.uncertainty, RANGE[0], RANGE[1] / 2)
+        _check_range("candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
+        _check_range("sigma [um]", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
+        if self.uncertainty_percent is not None:  # doubled for doubters
+            _check_range(
+                "uncertainty of the prior [%]", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1]
+            )
+        if self.acceptance_deg is not None and self.tracker_m is None:
+            raise BenchError("acceptance [deg]: expected a tracker with it")
+        if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
+            raise BenchError(f"box [m]: expected the lower corner first, got {self.box_m}")
+
+    @property
+    def station(self) -> Station | None:
+        """The tracker."""
+        if self.tracker_m is None:
+            return None
+        half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
+        return Station(self.tracker_m, acceptance=half)
+
+    @property
+    def conditions(self) -> Conditions:
+        """What a pose must satisfy; under the largest load, as the others hang inside its outline."""
+        return Conditions(self.area, self.station, Payload(max(self.loads_kg), self.sling_m))
+
+    @property
+    def area(self) -> WorkArea | None:
+        """Where the tool may be."""
+        return None if self.box_m is None else WorkArea(*self.box_m)
 
 
 def _check_range(what: str, value: float, low: float, high: float) -> None:
@@ -69,7 +97,7 @@ def _check_range(what: str, value: float, low: float, high: float) -> None:
 
 
 def structure(cell: Cell, name: str) -> Structure:
-    """Unknowns of a model of `bench.MODELS`.
+    """Unknowns of a model of `MODELS`.
 
     Raises:
         BenchError: When there is no such model, the arm has too few links for it, or it lacks entries that a

@@ -8,7 +8,6 @@ from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
 from testbench.bench.plan_report import (
     Advice,
-    Asked,
     Certificate,
     CurveRow,
     Directions,
@@ -23,7 +22,7 @@ from testbench.bench.plan_report import (
     Way,
 )
 from testbench.bench.plan_settings import Settings
-from testbench.bench.rows import MM, UM
+from testbench.bench.rows import MM
 from testbench.design.baselines import (
     RANDOM,
     Baselines,
@@ -36,7 +35,7 @@ from testbench.design.forecast import Forecast
 from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise, seen_at_most
 from testbench.design.rows import deflection_rows
-from testbench.design.specification import loads_of, task_rows
+from testbench.design.specification import Specification, loads_of, task_rows
 from testbench.errors import Array
 from testbench.model.vjm import Vjm, chain
 
@@ -65,43 +64,24 @@ def summary(cell: Cell, settings: Settings, found: Candidates, plan: Plan, works
     indices = observability(plan.examined.problem, plan.chosen)
     own = others.random[settings.poses]
     return PlanReport(
-        **vars(_asked(cell, settings, spec.experiment.metric.prior)),
+        **vars(settings),
+        arm=cell.arm.name,
+        base_m=cell.vjm.base[:3, 3].tolist(),
+        joints=[joint.name for joint in cell.arm.joints],
+        prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
         error_mm=_overall(tasks),
         workspace_error_mm=_overall(workspace) if math.isfinite(workspace.overall) else Unbounded(),
         error_if_prior_twice_as_uncertain_mm=None if doubted is None else _overall(doubted),
         random_plans=RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
         certificate=_certificate(plan, influence),
         plan=_poses(settings, plan),
-        tasks=_tasks(cell.vjm, settings, tasks, _rms(moved)),
+        tasks=_tasks(spec, tasks, _rms(moved)),
         candidates=Found(len(found.q), found.drawn, found.rejected),
         observability=indices,
         directions=_directions(plan, indices.seen, influence),
         curve=[_count(others, poses) for poses in others.random],
         greedy_mm=[_finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
-    )
-
-
-def _asked(cell: Cell, settings: Settings, prior: str) -> Asked:
-    station, area, uncertainty = settings.station, settings.area, settings.uncertainty
-    acceptance = None if station is None else station.acceptance
-    return Asked(
-        arm=cell.arm.name,
-        base_m=cell.vjm.base[:3, 3].tolist(),
-        joints=[joint.name for joint in cell.arm.joints],
-        model=settings.structure.name,
-        criterion=settings.criterion,
-        poses=settings.poses,
-        loads_kg=list(settings.loads),
-        sigma_um=UM * settings.sigma,
-        prior=None if uncertainty is None else prior,
-        uncertainty_percent=None if uncertainty is None else 100 * uncertainty,
-        tracker_m=None if station is None else list(station.position),
-        acceptance_deg=None if acceptance is None else math.degrees(acceptance),
-        box_m=None if area is None else [list(area.lower), list(area.upper)],
-        sling_m=settings.sling,
-        candidates_wanted=settings.candidates,
-        seed=settings.seed,
     )
 
 
@@ -138,7 +118,7 @@ def _poses(settings: Settings, plan: Plan) -> list[PoseRow]:
             **vars(row),
             run=k + 1,
             q_rad=plan.q[k].tolist(),
-            load_kg=float(settings.loads[plan.load[k]]),
+            load_kg=float(settings.loads_kg[plan.load[k]]),
             travel_deg=float(np.rad2deg(travel[k])),
             way=way,
         )
@@ -146,8 +126,8 @@ def _poses(settings: Settings, plan: Plan) -> list[PoseRow]:
     ]
 
 
-def _tasks(vjm: Vjm, settings: Settings, forecast: Forecast, deflection: Array) -> list[TaskRow]:
-    tasks = settings.tasks
+def _tasks(spec: Specification, forecast: Forecast, deflection: Array) -> list[TaskRow]:
+    tasks = spec.tasks
     wrench = np.broadcast_to(tasks.load.wrench, (len(tasks.q), 6))
     point = np.broadcast_to(tasks.load.point, (len(tasks.q), 3))
     return [
@@ -158,7 +138,7 @@ def _tasks(vjm: Vjm, settings: Settings, forecast: Forecast, deflection: Array) 
             moment_Nm=wrench[k, 3:].tolist(),
             point_m=point[k].tolist(),
         )
-        for k, row in enumerate(_expected(vjm, tasks.q, deflection, forecast))
+        for k, row in enumerate(_expected(spec.experiment.vjm, tasks.q, deflection, forecast))
     ]
 
 

@@ -9,8 +9,8 @@ from rich.console import Console
 
 from testbench.arm.library import find_arm
 from testbench.bench import plan as plans
-from testbench.bench.campaign import Cell, build_cell
-from testbench.bench.plan_input import parse_box, parse_station, read_tasks
+from testbench.bench.campaign import build_cell
+from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import Settings, structure
 from testbench.cli.arguments import ArmName
 from testbench.errors import BenchError
@@ -49,13 +49,14 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
-    cell = build_cell(asked.arm)
-    settings = _settings(cell, asked)
+    cell, settings = build_cell(asked.arm), _settings(asked)
+    structure(cell, settings.model)  # refused here, not after the search
+    tasks = read_tasks(asked.task, cell, plans.hung(cell, asked.load[0]))
     console = Console(highlight=False)
     with console.status("looking for feasible poses") as status:
         found = plans.search(cell, settings)
         status.update(f"choosing {asked.poses} of {len(found.q)} poses")
-        chosen = plans.choose(cell, settings, found)
+        chosen = plans.choose(cell, settings, tasks, found)
         status.update("judging the plan")
         planned = plans.judge(cell, settings, found, chosen)
         status.update("writing")
@@ -71,30 +72,28 @@ def command(asked: Options) -> None:
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _settings(cell: Cell, asked: Options) -> Settings:
-    """The flags in SI units.
+def _settings(asked: Options) -> Settings:
+    """The flags as settings.
 
     Raises:
         BenchError: When two flags exclude each other, or one is out of range.
-        InputError: When the file of tasks is wrong.
     """
     if asked.uncertainty_percent is not None and asked.no_prior:
         raise BenchError("--uncertainty-percent: expected no --no-prior with it")
     if asked.acceptance_deg is not None and asked.tracker is None:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    station = None if asked.tracker is None else parse_station(asked.tracker, asked.acceptance_deg)
     return Settings(
-        structure=structure(cell, asked.model),
-        tasks=read_tasks(asked.task, cell, plans.hung(cell, asked.load[0])),
-        loads=tuple(asked.load),
-        poses=asked.poses,
+        model=asked.model,
         criterion=asked.criterion,
-        sigma=asked.sigma_um / 1e6,
-        uncertainty=None if asked.no_prior else percent / 100,
-        station=station,
-        area=None if asked.box is None else parse_box(asked.box),
-        sling=asked.sling_m,
-        candidates=asked.candidates,
+        poses=asked.poses,
+        loads_kg=tuple(asked.load),
+        sigma_um=asked.sigma_um,
+        uncertainty_percent=None if asked.no_prior else percent,
+        tracker_m=None if asked.tracker is None else place(asked.tracker),
+        acceptance_deg=asked.acceptance_deg,
+        box_m=None if asked.box is None else box(asked.box),
+        sling_m=asked.sling_m,
+        candidates_wanted=asked.candidates,
         seed=asked.seed,
     )

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from testbench.bench.plan import hung, nearest_turn
-from testbench.bench.plan_input import parse_box, parse_station, read_payload, read_tasks
+from testbench.bench.plan_input import box, place, read_payload, read_tasks
+from testbench.bench.plan_settings import Settings
 from testbench.data.posefile import read_poses
 from testbench.errors import BenchError, InputError
 
@@ -100,22 +101,28 @@ def test_an_absurd_load_in_a_plan_is_refused(tmp_path):
         read_payload(plan_csv(tmp_path / "plan.csv", "0.0"))
 
 
-def test_places_in_options():
-    assert parse_station("4.5,-2.5,1.6", None).position == (4.5, -2.5, 1.6)
-    assert parse_station("4.5,-2.5,1.6", 30.0).acceptance == pytest.approx(np.pi / 6)
-    area = parse_box("1,2,3,4,5,6")
-    assert (area.lower, area.upper, area.cone) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), np.pi)
+def test_places_in_flags_become_a_station_and_an_area():
+    asked = Settings(
+        loads_kg=(460.0,),
+        tracker_m=place("4.5,-2.5,1.6e0"),
+        acceptance_deg=30.0,
+        box_m=box("1,2,3,4,5,6"),
+    )
+    assert asked.station.position == (4.5, -2.5, 1.6)
+    assert asked.station.acceptance == pytest.approx(np.pi / 6)
+    assert (asked.area.lower, asked.area.upper, asked.area.cone) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), np.pi)
+    assert asked.conditions.payload.mass == 460.0
 
 
 @pytest.mark.parametrize("text", ["1,2", "1,2,x", "1,2,inf"])
 def test_what_is_not_three_numbers_is_refused(text):
     with pytest.raises(BenchError, match=r"--tracker x,y,z \[m\]: expected 3 numbers with commas between"):
-        parse_station(text, None)
+        place(text)
 
 
 def test_a_box_has_its_lower_corner_first():
     with pytest.raises(BenchError, match="expected the lower corner first"):
-        parse_box("1,1,1,0,2,2")
+        Settings(loads_kg=(460.0,), box_m=box("1,1,1,0,2,2"))
 
 
 def test_the_nearest_turn_is_the_same_pose_within_the_limits():

@@ -9,7 +9,8 @@ from pathlib import Path
 from testbench import files
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import Planned
-from testbench.bench.plan_report import Asked, PlanReport, Row
+from testbench.bench.plan_report import PlanReport, Row
+from testbench.bench.plan_settings import Settings
 from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
 from testbench.views.plan.figure import overview
@@ -41,8 +42,11 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
     from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.recording import write_plan
 
-    report, known = planned.report, {field.name for field in fields(Asked)} - {"base_m", "joints", "prior"}
-    asked = {"task": where.task.name, **{key: v for key, v in asdict(report).items() if key in known}}
+    report, own = (
+        planned.report,
+        {field.name: getattr(planned.report, field.name) for field in fields(Settings)},
+    )
+    asked = {"task": where.task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position
     with files.whole_folder(where.out) as folder:
         write_poses(report, folder / "plan.csv")

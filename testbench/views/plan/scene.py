@@ -29,15 +29,14 @@ def scene(cell: Cell, planned: Planned, candidates: Array, parameters: Mapping[s
     """
     report, errors, text = planned.report, planned.workspace.error, words(planned.report)
     known = np.isfinite(errors)
-    station = planned.settings.station
     summary = [f"### {text.block('question')}", f"#### **{text.block('answer')}**", text.block("statements")]
     return PlanScene(
         cell=cell,
         scenario=NAME,
         parameters=parameters,
         seed=report.seed,
-        station=None if station is None else station.position,
-        loads_kg=planned.settings.loads,
+        station=report.tracker_m,
+        loads_kg=report.loads_kg,
         load=planned.plan.load,
         candidates=candidates,
         q=planned.plan.q,
