@@ -44,8 +44,6 @@ class FitSet:
         centre: Those of the unconstrained least-squares fit, (r,).
         radius: Largest distance from it [standard deviations].
         nearest: Distance of the conservative model nearest to it; the set is empty where it is above radius.
-        misfit: Probability that noise alone leaves the residual of least squares; small where the structure,
-            sigma or linearity is wrong, and the set then proves little.
     """
 
     metric: Metric
@@ -55,7 +53,6 @@ class FitSet:
     centre: Array
     radius: float
     nearest: float
-    misfit: float
 
     @property
     def empty(self) -> bool:
@@ -107,8 +104,6 @@ def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceilin
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
     rows, centre = s[:r, None] * Vt[:r], U[:, :r].T @ y
-    residual = y @ y - centre @ centre + sum(t.rest * t.equations / 3 for t in regression.terms)
-    spare = regression.equations - r
     return FitSet(
         metric=metric,
         confidence=confidence,
@@ -117,7 +112,6 @@ def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceilin
         centre=centre,
         radius=math.sqrt(stats.chi2.ppf(confidence, r)) if r else 0.0,
         nearest=_nearest(rows, centre, metric.sizes, ceiling) if r else 0.0,
-        misfit=float(stats.chi2.sf(residual, spare)) if spare > 0 else 1.0,
     )
 
 

@@ -116,20 +116,30 @@ def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
 
 
 def vectors(problem: Factorised, b: Array) -> Array:
-    """The vectors v_j as columns, (m, n_theta), zero where C_theta is known."""
-    V = np.zeros((problem.m, problem.program.structure.n_theta))
-    part = np.zeros(problem.free.shape)
+    """The vectors v_j as columns, (m, n_theta, ...), zero where C_theta is known.
+
+    Args:
+        problem: The problem.
+        b: One b, (size,), or many as columns, (size, points).
+    """
+    V = np.zeros((problem.m, problem.program.structure.n_theta, *b.shape[1:]))
+    part = np.zeros((*problem.free.shape, *b.shape[1:]))
     part[problem.free] = b
     V[:, problem.rows] = part
     return V
 
 
 def parameters(problem: Factorised, b: Array) -> Array:
-    """Parameters pi of the compliances that b generates, Eq. (16), (n,) [m/N, rad/(N m), rad/N]."""
-    s, V = problem.program.structure, vectors(problem, b)
+    """Parameters pi of the compliances that b generates, Eq. (16), (n,) [m/N, rad/(N m)]."""
     pi = np.zeros(problem.regression.structure.n)
-    pi[problem.program.columns] = problem.program.scale * (V[:, s.a] * V[:, s.b]).sum(axis=0)
+    pi[problem.program.columns] = problem.program.scale * _gramians(problem, vectors(problem, b))
     return pi
+
+
+def _gramians(problem: Factorised, V: Array) -> Array:
+    """Products v_a . v_b of every parameter, Eq. (16), in the program's units, (n, ...)."""
+    s = problem.program.structure
+    return np.asarray(np.einsum("mn...,mn...->n...", V[:, s.a], V[:, s.b]))
 
 
 def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
@@ -158,20 +168,12 @@ def costs(problem: Factorised, population: Array) -> Array:
         problem: The problem.
         population: One b a column, (size, points).
     """
-    points = population.shape[1]
-    blocks = [population[:, k : k + BLOCK_POINTS] for k in range(0, points, BLOCK_POINTS)]
-    return np.concatenate([_costs(problem, block) for block in blocks])
-
-
-def _costs(problem: Factorised, population: Array) -> Array:
-    s = problem.program.structure
-    V = np.zeros((problem.m, s.n_theta, population.shape[1]))
-    part = np.zeros((*problem.free.shape, population.shape[1]))
-    part[problem.free] = population
-    V[:, problem.rows] = part
-    x = np.einsum("mns,mns->ns", V[:, s.a], V[:, s.b])
-    squares = [((term.R @ x - term.z[:, None]) ** 2).sum(axis=0) + term.rest for term in problem.terms]
-    return np.asarray(np.sqrt(squares).sum(axis=0))
+    found = []
+    for first in range(0, population.shape[1], BLOCK_POINTS):
+        x = _gramians(problem, vectors(problem, population[:, first : first + BLOCK_POINTS]))
+        rows = [(term.R @ x - term.z[:, None], term.rest) for term in problem.terms]
+        found.append(sum(np.sqrt((residual**2).sum(axis=0) + rest) for residual, rest in rows))
+    return np.concatenate(found)
 
 
 def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
@@ -278,6 +280,12 @@ def descents(
     """
     if starts < 1:
         raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
+    tell = falling(observe)
+    return [descend(problem, random_start(problem, rng), observe=tell) for _ in range(starts)]
+
+
+def falling(observe: Observe | None) -> Observe:
+    """An observer that is told only of an F_M below all before, whoever found it."""
     least = np.inf
 
     def tell(value: float) -> None:
@@ -286,7 +294,7 @@ def descents(
             least = value
             observe(value)
 
-    return [descend(problem, random_start(problem, rng), observe=tell) for _ in range(starts)]
+    return tell
 
 
 def order_range(structure: Structure, runs: int) -> tuple[float, float]:

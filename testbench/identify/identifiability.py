@@ -123,14 +123,11 @@ def describe(
     to_structure, to_loads = _unseen(vjm, structure, loads, unit)
     wanted, (B, _) = tasks(vjm, data, scaled), precision_root(scaled, strength)
     R = posterior(whitened(regression, scaled)[0], B)
-    n, links = structure.n, 6 * len(vjm.arm.links)
-    of_joint = structure.a >= links
-    names = [*(link.name for link in vjm.arm.links), *(joint.name for joint in vjm.arm.joints)]
-    where = np.where(of_joint, len(vjm.arm.links) + structure.a - links, structure.a // 6)
-    entry = np.where(of_joint, -1, np.array([structure.a, structure.b]) % 6).T
+    n = structure.n
+    component, entry = _places(vjm, structure)
     return Identifiability(
         structure=structure,
-        component=tuple(names[k] for k in where),
+        component=component,
         entry=entry,
         in_links=tuple(set_aside(vjm, structure)),
         prior=prior.name,
@@ -151,6 +148,16 @@ def describe(
     )
 
 
+def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
+    """Link or joint of every parameter, and its row and column there, (n, 2); -1 for a joint."""
+    links = 6 * len(vjm.arm.links)
+    of_joint = structure.a >= links
+    names = [*(link.name for link in vjm.arm.links), *(joint.name for joint in vjm.arm.joints)]
+    where = np.where(of_joint, len(vjm.arm.links) + structure.a - links, structure.a // 6)
+    entry = np.where(of_joint, -1, np.array([structure.a, structure.b]) % 6).T
+    return tuple(names[k] for k in where), entry
+
+
 def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     """The metric of the prior; for blocks that lack entries that of its entries taken one by one.
 
@@ -158,9 +165,9 @@ def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
         BenchError: As `metric` does for a prior of another size, not symmetric or not positive definite.
     """
     check_symmetric(structure)
-    pairs = [(a, b) for block in structure.blocks for b in block for a in block if a <= b]
-    if len(pairs) == structure.n:
+    if structure.whole:
         return metric(prior, vjm, structure)
+    pairs = [(a, b) for block in structure.blocks for b in block for a in block if a <= b]
     a, b = np.array(pairs).T
     metric(prior, vjm, replace(structure, a=a, b=b))  # refuses a bad prior
     size = _unit(prior, vjm, structure) * np.where(structure.a == structure.b, 1, np.sqrt(0.5))

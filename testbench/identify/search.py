@@ -16,7 +16,7 @@ from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
 from testbench.errors import Array, BenchError
-from testbench.identify.factorised import Factorised, Observe, costs, descend
+from testbench.identify.factorised import Factorised, Observe, costs, descend, falling
 
 BOX = 1.0
 """Bound of the entries of b in trial points: one axis of that size explains all the data by itself."""
@@ -56,14 +56,9 @@ class Budget:
         Raises:
             BenchError: When a number is below 1, or stage one has more trial points than there are.
         """
-        for name in ("population", "generations", "trial_points", "stage_one_points"):
-            if getattr(self, name) < 1:
-                raise BenchError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        if self.stage_one_points > self.trial_points:
-            raise BenchError(
-                f"stage_one_points: expected at most the {self.trial_points} trial points, "
-                f"got {self.stage_one_points}"
-            )
+        numbers = self.population, self.generations, self.trial_points, self.stage_one_points
+        if min(numbers) < 1 or self.stage_one_points > self.trial_points:
+            raise BenchError(f"expected numbers of at least 1, stage one within the trial points, got {self}")
 
 
 @dataclass(eq=False)  # arrays have no one truth value
@@ -111,23 +106,22 @@ class Search:
     """
 
     problem: Factorised
-    observe: Observe | None
+    observe: Observe
     best: Array
     f_m: float = np.inf
     basins: list[Basin] = field(default_factory=list)
     descents: list[float] = field(default_factory=list)
     evaluations: int = 0
-    _told: float = np.inf
 
     def keep(self, b: Array, value: float) -> None:
         """Keep a point that is the best so far."""
         if value < self.f_m:
             self.best, self.f_m = b.copy(), value
-            self._tell(value)
+            self.observe(value)
 
     def solve(self, start: Array) -> None:
         """A local solve; its optimum becomes a basin, or widens the one whose optimum it is."""
-        found = descend(self.problem, start, observe=self._tell)
+        found = descend(self.problem, start, observe=self.observe)
         self.evaluations += found.evaluations
         self.descents.append(found.f_m)
         self.keep(found.b, found.f_m)
@@ -137,12 +131,6 @@ class Search:
                 basin.radius = max(basin.radius, radius)
                 return
         self.basins.append(Basin(found.b, found.f_m, radius))
-
-    def _tell(self, value: float) -> None:
-        if value < self._told:
-            self._told = value
-            if self.observe is not None:
-                self.observe(value)
 
 
 def explore(
@@ -159,7 +147,7 @@ def explore(
         rng: Source of all randomness.
         observe: Told of every least F_M.
     """
-    search = Search(problem, observe, np.zeros(problem.size))
+    search = Search(problem, falling(observe), np.zeros(problem.size))
     genetic_algorithm(search, budget, rng)
     global_search(search, budget, rng)
     return search
