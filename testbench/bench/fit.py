@@ -26,9 +26,8 @@ def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[str, 
     Raises:
         BenchError: When there is only one pose, or a prior does not fit a structure.
     """
-    errors = {model.name: _errors(cell, model, data) for model in models}
-    unknowns = {model.name: (model.structure.n, errors[model.name]) for model in models}
-    return one_standard_error(unknowns), [Candidate(name, error) for name, error in errors.items()]
+    found = [Candidate(m.name, m.structure.n, _errors(cell, m, data)) for m in models]
+    return one_standard_error(found), found
 
 
 def _errors(cell: Cell, model: Model, data: Dataset) -> Array:

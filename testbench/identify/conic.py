@@ -62,9 +62,6 @@ def optimum(regression: Regression) -> Estimate:
     grows without end. So the trace in scaled units is minimised beside F_M with a small weight: among models
     that fit alike it takes the one of least trace. The certificate bounds the gap of F_M itself.
 
-    Args:
-        regression: The reduced dataset.
-
     Raises:
         BenchError: When the structure is not symmetric.
     """
@@ -118,11 +115,7 @@ def _advice(regression: Regression, held: bool) -> tuple[str, ...]:
 
 
 def scale_program(regression: Regression) -> Program:
-    """Units in which data and parameters are of order one.
-
-    Args:
-        regression: The reduced dataset.
-    """
+    """Units in which data and parameters are of order one."""
     s, weight = regression.structure, regression.weight
     touched = np.flatnonzero(regression.columns)
     seen = [block for block in s.blocks if np.isin(s.a[touched], block).any()]

@@ -4,7 +4,7 @@ Runs of one pose share its geometry, so that a pose is held out whole: what coun
 were never fitted. So it is with the runs of one load, where the data have several.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -46,14 +46,16 @@ class Fold:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One of the choices that cross-validation compares.
+    """One of the models that cross-validation compares.
 
     Attributes:
         name: For reports.
+        unknowns: How many it has.
         errors: F_M on the poses held out, one a fold, (folds,) [1].
     """
 
     name: str
+    unknowns: int
     errors: Array
 
     @property
@@ -67,33 +69,23 @@ class Candidate:
         return float(self.errors.std(ddof=1) / np.sqrt(len(self.errors)))
 
 
-def fold_poses(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS) -> list[Fold]:
-    """Split a dataset by pose into folds, each reduced.
-
-    Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
-        folds: How many; poses are dealt out in turn.
+def fold_poses(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
+    """Split a dataset by pose into at most `FOLDS` folds, each reduced; poses are dealt out in turn.
 
     Raises:
-        BenchError: When there are fewer poses than folds, or fewer than two folds.
+        BenchError: When there is only one pose.
     """
     poses = np.unique(data.pose)
-    if not 2 <= folds <= len(poses):
-        raise BenchError(
-            f"cross-validation: expected 2 to {len(poses)} folds, as many as poses at most, got {folds}"
-        )
+    if len(poses) < 2:
+        raise BenchError("cross-validation: expected at least 2 poses, got 1")
+    folds = min(FOLDS, len(poses))
     return [_fold(vjm, structure, data, np.isin(data.pose, poses[k::folds])) for k in range(folds)]
 
 
 def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """A fold for every load level, held out whole; none where the data have only one.
 
-    Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs; loads whose force and moment have the same length are one level.
+    Loads whose force and moment have the same length are one level.
     """
     size = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
     levels, level = np.unique(size.round(LEVEL_DIGITS), axis=0, return_inverse=True)
@@ -102,20 +94,14 @@ def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     return [_fold(vjm, structure, data, level.ravel() == k) for k in range(len(levels))]
 
 
-def read(data: Dataset) -> Dataset:
-    """The runs in which a target was read at all."""
-    return select(data, np.asarray(data.seen.any(axis=1)))
-
-
-def every_fold(vjm: Vjm, structure: Structure, data: Dataset, folds: int = FOLDS) -> list[Fold]:
-    """Folds over poses, as many as there are up to `folds`, and over load levels where there are several.
+def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
+    """Folds over poses and over load levels, of the runs in which a target was read at all.
 
     Raises:
         BenchError: When there is only one pose.
     """
-    data = read(data)
-    poses = len(np.unique(data.pose))
-    return fold_poses(vjm, structure, data, min(folds, poses)) + fold_loads(vjm, structure, data)
+    data = select(data, np.asarray(data.seen.any(axis=1)))
+    return fold_poses(vjm, structure, data) + fold_loads(vjm, structure, data)
 
 
 def _fold(vjm: Vjm, structure: Structure, data: Dataset, held_out: Mask) -> Fold:
@@ -128,39 +114,19 @@ def held_out_errors(folds: Sequence[Fold], fit: Fit) -> Array:
     return np.array([f_m(fold.held_out, fit(fold.fitted).pi) for fold in folds])
 
 
-def choose_strength(
-    folds: Sequence[Fold], metric: Metric, fit: Regularised, uncertainties: Sequence[float] = UNCERTAINTIES
-) -> tuple[Strength, list[Candidate]]:
-    """The uncertainty of a prior that predicts poses held out best, its scale left to the data.
-
-    Args:
-        folds: The dataset, split.
-        metric: The structure in the metric of the prior.
-        fit: The method that will use it.
-        uncertainties: What to try [1].
-    """
-    tried = []
-    for u in uncertainties:
-        errors = held_out_errors(folds, partial(_at, fit, metric, Strength(u)))
-        tried.append(Candidate(f"uncertainty {100 * u:g} %", errors))
-    best = int(np.argmin([candidate.error for candidate in tried]))
-    return Strength(uncertainties[best]), tried
+def choose_strength(folds: Sequence[Fold], metric: Metric, fit: Regularised) -> Strength:
+    """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
+    tried = [Strength(u) for u in UNCERTAINTIES]
+    errors = [held_out_errors(folds, partial(_at, fit, metric, strength)).mean() for strength in tried]
+    return tried[int(np.argmin(errors))]
 
 
 def _at(fit: Regularised, metric: Metric, strength: Strength, regression: Regression) -> Estimate:
     return fit(regression, metric, strength)
 
 
-def one_standard_error(candidates: Mapping[str, tuple[int, Array]]) -> str:
-    """The simplest model whose error is within one standard error of the best (Breiman et al. 1984).
-
-    Args:
-        candidates: By name the number of unknowns and the errors on the poses held out, (folds,).
-
-    Returns:
-        Its name.
-    """
-    rows = {name: (n, Candidate(name, errors)) for name, (n, errors) in candidates.items()}
-    best = min((candidate for _, candidate in rows.values()), key=lambda candidate: candidate.error)
-    good = [name for name, (_, c) in rows.items() if c.error <= best.error + best.standard_error]
-    return min(good, key=lambda name: (rows[name][0], rows[name][1].error))
+def one_standard_error(candidates: Sequence[Candidate]) -> str:
+    """The simplest model whose error is within one standard error of the best (Breiman et al. 1984)."""
+    best = min(candidates, key=lambda c: c.error)
+    good = [c for c in candidates if c.error <= best.error + best.standard_error]
+    return min(good, key=lambda c: (c.unknowns, c.error)).name

@@ -269,12 +269,6 @@ def descents(
 ) -> list[Descent]:
     """Local solves from random starts, one after the other.
 
-    Args:
-        problem: The problem.
-        rng: Source of the starts.
-        starts: Number of local solves.
-        observe: Told of every F_M that is the least of all solves so far.
-
     Raises:
         BenchError: When starts is below 1.
     """

@@ -122,11 +122,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
 
 
 def linearise(estimate: Estimate) -> Linearised:
-    """The distribution of an estimate's parameters, by its information matrix.
-
-    Args:
-        estimate: Of any method; the prior that it was made with counts as data.
-    """
+    """The distribution of an estimate's parameters; the prior that it was made with counts as data."""
     regression, belief = estimate.regression, estimate.belief
     L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
     x = np.linalg.solve(L, estimate.pi)

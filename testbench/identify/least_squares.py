@@ -14,9 +14,6 @@ def minimum_norm(regression: Regression) -> Estimate:
 
     Positions and rotations are weighted by the inverse of their sigma. The norm is that of the parameters in
     units in which each column of the observation matrix has length one.
-
-    Args:
-        regression: The reduced dataset.
     """
     advice: tuple[str, ...] = ()
     if regression.rank < regression.structure.n:

@@ -89,7 +89,7 @@ class Method:
                 f"{poses}; give it (--uncertainty-percent)"
             )
         folds = every_fold(vjm, regression.structure, data)
-        return Belief(own, choose_strength(folds, own, WITH_PRIOR[self.constraint])[0])
+        return Belief(own, choose_strength(folds, own, WITH_PRIOR[self.constraint]))
 
     def on_reduced(self, vjm: Vjm, structure: Structure, data: Dataset) -> Fit:
         """The method on any part of a dataset, its prior that of the whole; outliers stay in."""

@@ -143,10 +143,6 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
 
     An uncertainty is then relative to compliances of the right size, however wrong the prior's own scale is.
 
-    Args:
-        metric: The structure in the metric of the prior.
-        regression: The reduced dataset.
-
     Raises:
         BenchError: When the data want a scale that is not above 0.
     """

@@ -29,9 +29,6 @@ Entries = Callable[[Structure, list[Any]], Any]
 def cvxpy(solver: str) -> Any:
     """The module cvxpy, with this solver.
 
-    Args:
-        solver: As cvxpy names it, such as SCS.
-
     Raises:
         BenchError: When cvxpy or the solver is not installed.
     """
@@ -46,11 +43,7 @@ def cvxpy(solver: str) -> Any:
 
 
 def modelled(solver: str) -> Estimator:
-    """GCO by way of cvxpy and one of its solvers, at the solver's default settings.
-
-    Args:
-        solver: As cvxpy names it, such as SCS.
-    """
+    """GCO by way of cvxpy and one of its solvers, at the solver's default settings."""
 
     def estimator(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         return solve_modelled(reduce(vjm, structure, data), solver)
@@ -78,12 +71,6 @@ def solve_modelled(
     regression: Regression, solver: str, *, entries: Entries = vectorised, **settings: float
 ) -> Estimate:
     """The program of `gco` in the same units, written down in cvxpy.
-
-    Args:
-        regression: The reduced dataset.
-        solver: As cvxpy names it.
-        entries: How the model takes its parameters from the blocks.
-        settings: Of the solver.
 
     Raises:
         BenchError: When cvxpy or the solver is not installed, or the structure is not symmetric.

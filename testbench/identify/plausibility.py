@@ -11,12 +11,7 @@ FRAME = 0.2
 
 
 def doubts(vjm: Vjm, data: Dataset) -> tuple[str, ...]:
-    """Sentences about what looks wrong; none if all is plausible.
-
-    Args:
-        vjm: The model, for the rigid arm's kinematics.
-        data: The runs.
-    """
+    """Sentences about what looks wrong; none if all is plausible."""
     where = chain(vjm, data.q)
     nominal = where.position[:, None] + marker_points(vjm, data.markers) @ where.rotation.transpose(0, 2, 1)
     away = float(np.median(np.linalg.norm(data.before - nominal, axis=-1)[data.seen]))

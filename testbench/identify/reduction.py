@@ -41,11 +41,6 @@ def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
 
     Columns are chosen by QR with pivoting of a generic observation matrix; a dropped parameter is zero, and
     what it did is regrouped into the kept ones (Klimchik et al.; Khalil and Gautier's base parameters).
-
-    Args:
-        vjm: The model.
-        structure: The redundant structure.
-        name: Name of the reduced one.
     """
     A = generic_rows(vjm, structure)
     A = A / np.linalg.norm(A, axis=0)

@@ -84,11 +84,6 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
 
     Memory does not grow with the number of runs.
 
-    Args:
-        vjm: The model.
-        structure: The unknowns.
-        data: The runs.
-
     Raises:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
     """

@@ -24,13 +24,7 @@ SLACK = 1e-2
 
 
 def least_squares_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
-    """Weighted least squares with a prior; not conservative where the data pull it out of the cone.
-
-    Args:
-        regression: The reduced dataset.
-        metric: The structure in the metric of the prior.
-        strength: How firmly it is believed.
-    """
+    """Weighted least squares with a prior; not conservative where the data pull it out of the cone."""
     M, r = with_prior_rows(regression, metric, strength)
     pi = metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
     belief = Belief(metric, strength)
@@ -39,13 +33,7 @@ def least_squares_with(regression: Regression, metric: Metric, strength: Strengt
 
 
 def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
-    """GCO with a prior: the conservative model of greatest posterior density, a conic program.
-
-    Args:
-        regression: The reduced dataset.
-        metric: The structure in the metric of the prior.
-        strength: How firmly it is believed.
-    """
+    """GCO with a prior: the conservative model of greatest posterior density, a conic program."""
     M, r = with_prior_rows(regression, metric, strength)
     n = metric.structure.n
     R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
@@ -67,10 +55,6 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
     The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
     what was expected. As well means an F_M within `SLACK` of the optimum, which itself may only be approached
     as unseen compliance grows without end.
-
-    Args:
-        regression: The reduced dataset.
-        metric: The structure in the metric of a prior.
     """
     best = optimum(regression).f_m
     n, count = metric.structure.n, len(regression.terms)
@@ -124,11 +108,6 @@ WITH_PRIOR: dict[Constraint, Callable[[Regression, Metric, Strength], Estimate]]
 
 def fit_reduced(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:
     """The estimate of a reduced dataset: least squares or GCO, with or without a prior.
-
-    Args:
-        regression: The reduced dataset.
-        constraint: What is asked of the blocks.
-        belief: The prior; None for none.
 
     Raises:
         BenchError: When GCO is asked of a structure that is not symmetric.

@@ -140,12 +140,6 @@ def explore(
 
     The paper stops at an F_M "slightly higher or close to 2", its noise floor; whether any conservative model
     reaches that, the conic program tells.
-
-    Args:
-        problem: F_M(b).
-        budget: How far the search goes.
-        rng: Source of all randomness.
-        observe: Told of every least F_M.
     """
     search = Search(problem, falling(observe), np.zeros(problem.size))
     genetic_algorithm(search, budget, rng)

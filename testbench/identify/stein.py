@@ -23,11 +23,6 @@ def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Est
     """GCO with the log-determinant prior; the common scale is that of the Gaussian fit.
 
     The unknowns are x, residuals, the factors Z and the logarithms of their diagonals.
-
-    Args:
-        regression: The reduced dataset.
-        metric: The structure in the metric of the prior.
-        strength: How firmly it is believed.
     """
     first = gco_with(regression, metric, strength)
     e = metric.expected

@@ -9,6 +9,8 @@ from testbench.bench.campaign import Scenario, simulate
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.crossval import (
+    UNCERTAINTIES,
+    Candidate,
     choose_strength,
     every_fold,
     fold_loads,
@@ -165,7 +167,7 @@ def test_least_trace_has_less_trace_and_fits_as_well(kr500):
 
 def test_folds_hold_whole_poses_out_and_cover_all_runs(kr500):
     data = campaign(kr500, 1).identification
-    folds = fold_poses(kr500.vjm, template56(kr500.arm), data, 8)
+    folds = fold_poses(kr500.vjm, template56(kr500.arm), data)
     equations = [fold.held_out.equations for fold in folds]
     assert sum(equations) == 9 * data.runs
     assert all(f.fitted.equations + f.held_out.equations == 9 * data.runs for f in folds)
@@ -186,18 +188,18 @@ def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     data = campaign(kr500, 1).identification
     structure = template56(kr500.arm)
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
-    folds = fold_poses(kr500.vjm, structure, data, 4)
-    strength, tried = choose_strength(folds, own, least_squares_with, (0.01, 0.3, 30.0))
-    errors = [c.error for c in tried]
-    assert strength.uncertainty == (0.01, 0.3, 30.0)[int(np.argmin(errors))]
-    again = held_out_errors(folds, lambda r: least_squares_with(r, own, strength))
-    assert again.mean() == pytest.approx(min(errors), rel=1e-12)
+    folds = fold_poses(kr500.vjm, structure, data)
+    errors = {
+        u: held_out_errors(folds, lambda r, u=u: least_squares_with(r, own, Strength(u))).mean()
+        for u in UNCERTAINTIES
+    }
+    assert choose_strength(folds, own, least_squares_with).uncertainty == min(errors, key=errors.get)
 
 
 def test_one_standard_error_takes_the_simplest_that_is_good_enough():
     best = np.array([1.0, 1.2, 0.8, 1.0])  # standard error 0.08
-    rows = {"rich": (100, best), "simple": (10, best + 0.07), "poor": (1, best + 0.2)}
-    assert one_standard_error(rows) == "simple"
+    models = [("rich", 100, best), ("simple", 10, best + 0.07), ("poor", 1, best + 0.2)]
+    assert one_standard_error([Candidate(*model) for model in models]) == "simple"
 
 
 BROKEN = {
@@ -225,10 +227,10 @@ def test_a_strength_is_above_zero(bad):
         Strength(bad)
 
 
-def test_structures_with_holes_and_too_many_folds_are_refused(kr500):
+def test_structures_with_holes_and_too_few_poses_are_refused(kr500):
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
         metric(cad_prior(kr500.arm), kr500.vjm, holes)
-    data = campaign(kr500, 1).identification
-    with pytest.raises(BenchError, match="expected 2 to 8 folds"):
-        fold_poses(kr500.vjm, template56(kr500.arm), data, 9)
+    data = campaign(kr500, 1, identification_poses=1, identification_runs=2).identification
+    with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
+        fold_poses(kr500.vjm, template56(kr500.arm), data)

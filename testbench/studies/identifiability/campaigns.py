@@ -13,7 +13,7 @@ from typing import Literal
 from testbench.bench.campaign import Campaign, Cell, Model, Scenario, simulate, stream
 from testbench.data.outliers import spoil
 from testbench.identify import gco, robust, with_prior
-from testbench.identify.crossval import every_fold, held_out_errors, one_standard_error
+from testbench.identify.crossval import Candidate, every_fold, held_out_errors, one_standard_error
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.prior import Prior, Strength, cad_prior, distorted
 from testbench.identify.regularised import gco_with
@@ -137,18 +137,18 @@ def _poses(cell: Cell, scenario: Scenario, count: int, prior: Prior, seed: int) 
 
 def _choice(cell: Cell, campaign: Campaign, prior: Prior, tried: Tried) -> Iterator[CampaignRow]:
     """Cross-validated errors of every structure with the prior, and which one the rule recommends."""
-    data, errors, fits = campaign.identification, {}, {}
+    data, candidates, fits = campaign.identification, [], {}
     for name in tried.choice:
         structure = STRUCTURES[name](cell)
         fits[name], estimate = judge(cell, campaign, Model(name, structure, with_prior(gco, prior)), "prior")
         belief = estimate.belief
         assert belief is not None  # it has a prior
         fit = partial(gco_with, metric=belief.metric, strength=belief.strength)
-        errors[name] = structure.n, held_out_errors(every_fold(cell.vjm, structure, data), fit)
-    chosen = one_standard_error(errors)
-    for name, (_, held_out) in errors.items():
-        mean = float(held_out.mean())
-        yield CampaignRow("choice", fits[name], held_out_f_m=mean, chosen=name == chosen)
+        errors = held_out_errors(every_fold(cell.vjm, structure, data), fit)
+        candidates.append(Candidate(name, structure.n, errors))
+    chosen = one_standard_error(candidates)
+    for c in candidates:
+        yield CampaignRow("choice", fits[c.name], held_out_f_m=c.error, chosen=c.name == chosen)
 
 
 def _outliers(cell: Cell, campaign: Campaign, prior: Prior, seed: int) -> Iterator[CampaignRow]:

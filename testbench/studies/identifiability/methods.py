@@ -54,7 +54,7 @@ def log_det(prior: Prior) -> Estimator:
     def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         regression = reduce(vjm, structure, data)
         own = rescaled(metric(prior, vjm, structure), regression)
-        strength, _ = choose_strength(every_fold(vjm, structure, data), own, gco_stein)
+        strength = choose_strength(every_fold(vjm, structure, data), own, gco_stein)
         return gco_stein(regression, own, strength)
 
     return fit
@@ -65,7 +65,7 @@ def fixed_scale(prior: Prior) -> Estimator:
 
     def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         own = metric(prior, vjm, structure)
-        strength, _ = choose_strength(every_fold(vjm, structure, data), own, _believed)
+        strength = choose_strength(every_fold(vjm, structure, data), own, _believed)
         return _believed(reduce(vjm, structure, data), own, strength)
 
     return fit
