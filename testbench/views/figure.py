@@ -57,10 +57,9 @@ def lines(
     """
     own = sorted(rows, key=lambda row: middle(x.value(row)))
     at = [middle(x.value(row)) for row in own]
-    style = "--" if look.prior else "-"
-    axes.plot(
-        at, [middle(y.value(r)) for r in own], look.mark + style, color=look.hex, label=label, markersize=5
-    )
+    face, style = (look.hex, "--") if look.prior else ("white", "-")
+    middles = [middle(y.value(row)) for row in own]
+    axes.plot(at, middles, look.mark + style, color=look.hex, markerfacecolor=face, label=label, markersize=5)
     if band:
         low, high = np.array([ends(y.value(row)) for row in own]).T
         axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)

@@ -61,6 +61,16 @@ class Words:
         text = "".join(self._template.blocks[name](context)).strip()
         return line(text) if name in ("question", "title", "answer") else text
 
+    def summary(self, *tables: Table) -> str:
+        """What a recording says first: question, answer, tables, what else is to be said."""
+        parts = [
+            f"### {self.block('question')}",
+            f"#### **{self.block('answer')}**",
+            *map(grid, tables),
+            self.block("statements"),
+        ]
+        return "\n\n".join(parts)
+
     def has(self, name: str) -> bool:
         """Whether the template fills a block."""
         return name in self._template.blocks

@@ -108,12 +108,13 @@ def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
         cell: What stands there.
     """
     heads = list(dict.fromkeys(across.cell(row) for row in table.rows))
+    unit = f" {across.unit}" if across.unit else ""
     rows: dict[str, dict[str, object]] = {}
     for row in table.rows:
         own = rows.setdefault(down.cell(row), {"name": down.cell(row)})
         own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
     columns = [
-        Column(f"c{k}", head, across.unit, cell.form, exact=cell.exact, rounding=cell.rounding)
+        Column(f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding)
         for k, head in enumerate(heads)
     ]
     return Table((Column("name", down.heading), *columns), list(rows.values()), table.title, table.bold)
@@ -132,6 +133,8 @@ def show(value: object, form: str = ".3f") -> str:
         return value
     if form == "yes":
         return show_truth(value)  # type: ignore[arg-type]
+    if isinstance(value, Spread) and value.p05 == value.p95:  # one trial, or all alike
+        return _form(value.median, form)
     if isinstance(value, Spread):
         return f"{_form(value.median, form)} ({_form(value.p05, form)} to {_form(value.p95, form)})"
     return _form(value, form)

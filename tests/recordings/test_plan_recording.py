@@ -22,8 +22,8 @@ def sweep():
         for n in (4, 8)
         for name, a in (("plan", 1), ("random", 2))
     ]
-    words = ["How many poses are enough?", "0.2 mm with 4", "poses", "1", "RMS error in the tasks", "mm"]
-    return Sweep("plan", {}, 1, *words, points, {})
+    words = {"question": "How many poses are enough?", "answer": "0.2 mm with 4"}
+    return Sweep("plan", {}, 1, "poses", "1", "RMS error in the tasks", "mm", points, **words)
 
 
 def plan(cell, poses=POSES, candidates=300, field=40, **changes):

@@ -13,10 +13,10 @@ from testbench.views.recording import Point, Sweep, viewer, write_sweep
 def folder(tmp_path):
     """Two recordings, the one in the inner folder newer."""
     (tmp_path / "inner").mkdir()
-    words = ["How far off?", "0.1 mm at 1 N", "load", "N", "error", "mm"]
+    words = ["load", "N", "error", "mm"]
     points = [Point(x, "LS", 0.1 * x, 0.05 * x, 0.2 * x) for x in (1, 2)]
     for path, age in ((tmp_path / "old.rrd", 100), (tmp_path / "inner" / "new.rrd", 0)):
-        write_sweep(path, Sweep("test", {}, 1, *words, points, {}))
+        write_sweep(path, Sweep("test", {}, 1, *words, points))
         time = path.stat().st_mtime - age
         os.utime(path, (time, time))
     return tmp_path

@@ -1,4 +1,4 @@
-"""The study of noise as a stranger runs it: files, contract, claims, resume, refusals."""
+"""The study of noise as a stranger runs it: files, claims, resume, refusals."""
 
 import json
 from pathlib import Path
@@ -45,11 +45,12 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
         assert str(out / name) in done.stdout
 
 
-def test_every_trial_is_in_the_parquet_file(quick, report):
+def test_every_trial_is_in_the_parquet_file(quick):
     table = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
     assert {row["seed"] for row in table} == {3, 4}
     assert sum(row["part"] == "six_dof" for row in table) == 2 * 7 * 6
-    assert all(row["solved"] == 1 for row in table)
+    assert sum(row["part"].startswith("instrument") for row in table) == 2 * 8
+    assert all(row["solved"] for row in table)
 
 
 def test_error_grows_in_proportion_to_noise_where_the_model_is_linear(report):
@@ -62,13 +63,13 @@ def test_error_grows_in_proportion_to_noise_where_the_model_is_linear(report):
 
 def test_gco_is_conservative_and_never_worse_than_least_squares_under_gravity(report):
     for row in report["sweeps"]["gravity"]:
-        if not row["model"].startswith("MLS") and row["sigma_um"] > 0:
+        if row["constraint"] == "psd" and row["sigma_um"] > 0:
             assert row["conservative"] == 1
     ours, theirs = (rms(report, "gravity", name) for name in ("MGCO56", "MLS56"))
     assert all(a <= b * 1.001 for a, b in zip(ours[1:], theirs[1:], strict=True))
 
 
-def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick, report):
+def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick):
     out, _ = quick
     before = parquet.read_table(out / "trials.parquet").to_pylist()
     done = run("--seed", 3, "--seeds", 3, "--out", out, "--quick", "--workers", 1, "--resume")
@@ -83,9 +84,8 @@ def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick
     ("flags", "said"),
     [
         (["--sigma-um", "-1"], "--sigma-um: expected different values of 0 to 10000, got -1"),
-        (["--sigma-um", "nan"], "--sigma-um"),
         (["--sigma-um", "5", "--sigma-um", "5"], "--sigma-um"),
-        (["--cluster", "tcp://example.org:8786"], "--cluster: expected tls://"),
+        (["--sigma-um", "0"], "--sigma-um: expected at least one level above 0"),
     ],
 )
 def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
@@ -100,5 +100,5 @@ def test_resume_into_the_folder_of_other_settings_is_refused(quick):
     out, _ = quick
     done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
     assert done.returncode == 2
-    assert "trials.parquet" in done.stderr
+    assert "trials" in done.stderr
     assert "Traceback" not in done.stderr

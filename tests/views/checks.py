@@ -158,7 +158,7 @@ def check_pivot(table, rows, paths, unit=""):
     [(head, lines)] = tables_of(markdown.grid(table))
     cells = {(line[0], title): c for line in lines for title, c in zip(head[1:], line[1:], strict=True)}
     assert len(cells) == len(rows)
-    behind = f", {unit}" if unit else ""
+    behind = f" {unit}" if unit else ""
     exact = table.columns[-1].exact
     for row in rows:
         value, name, level = at(row, cell), at(row, down), at(row, across)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -18,17 +18,13 @@ from testbench.bench.campaign import (
     identify,
     named_models,
     simulate,
-    stream,
 )
 from testbench.bench.rows import MM, UM, ErrorRow, FitRow, NormalityRow, error_row, fit_row, normality_row
-from testbench.identify import with_prior
-from testbench.identify.prior import Prior, Strength, cad_prior, distorted
+from testbench.bench.wrong_prior import with_wrong_prior
 from testbench.trials.spread import Number
 
 NAME = "gravity_calibration"
 QUICK_WORKSPACE = 40
-SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
-"""How wrong the prior is, by a common factor and axis by axis, and how firmly it is believed."""
 WITH_PRIOR = ("MLS56", "MGCO47", "MGCO56", "MGCO68")
 """Models that are fitted with the prior too; MLS32 is no structure of whole blocks."""
 
@@ -123,19 +119,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
 
 def results(cell: Cell, campaign: Campaign) -> list[Result]:
     """The paper's models, then the same structures with a prior that is wrong."""
-    models = named_models(cell)
-    prior, believed = wrong_prior(cell, campaign.seed), Strength(UNCERTAINTY)
-    filled = [
-        replace(model, name=f"{model.name} + prior", estimator=with_prior(model.estimator, prior, believed))
-        for model in models
-        if model.name in WITH_PRIOR
-    ]
-    return identify(cell, campaign, [*models, *filled], time.perf_counter)
-
-
-def wrong_prior(cell: Cell, seed: int) -> Prior:
-    """The CAD prior, SCALE times too soft and SHAPE wrong axis by axis; another one for every seed."""
-    return distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
+    models = with_wrong_prior(cell, named_models(cell), WITH_PRIOR, campaign.seed)
+    return identify(cell, campaign, models, time.perf_counter)
 
 
 def row(campaign: Campaign, result: Result) -> ModelRow:

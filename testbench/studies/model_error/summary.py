@@ -1,106 +1,144 @@
-"""The study of model error as report.json: what every disturbance costs, beside the noise."""
+"""The report of the study of model error: what every disturbance costs, beside the noise."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.studies.model_error.trial import ALL, NAME, NONE, STIFF, Study, sizes
-from testbench.studies.spread import grouped, spread
-from testbench.views.report import UM, Report
+from testbench.arm.library import find_arm
+from testbench.bench.rows import UM
+from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, sizes
+from testbench.studies.model_error.report import CaseErrors, Claim, Held, ModelErrorReport, Together
+from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
+from testbench.studies.noise_sensitivity.report import ModelAt, Scores
+from testbench.studies.noise_sensitivity.summary import METHODS, in_mm
+from testbench.studies.study import Trials
+from testbench.trials.spread import grouped, spread
+from testbench.views.schema import best_of
 
 CLAIM = 0.048
 """Largest difference that the paper quotes between errors with and without a gravity compensator [1]."""
-COMPENSATORS = ("gravity compensator", STIFF)
+MOST = 0.5
+"""Share of trials from which on a claim holds."""
+
+Groups = Mapping[tuple[str, str, float], Sequence[CaseRow]]
+"""Rows of all trials by case, model and noise."""
 
 
-def summary(rows: Iterable[dict[str, Any]], study: Study, arm: str, seed: int, trials: int) -> Report:
-    """report.json.
-
-    Args:
-        rows: Of all trials.
-        study: What was tried.
-        arm: Name of the arm.
-        seed: First root of randomness.
-        trials: How many.
-    """
-    found = grouped(
-        rows, ("case", "model", "noise_um"), ("rms_um", "p95_um", "moved_um", "conservative", "solved")
+def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErrorReport:
+    """Medians and spreads by case, model and noise."""
+    rows = [row for _, own in trials for row in own]
+    groups = grouped(rows, lambda row: (row.case, row.model, row.noise_um))
+    cells = [_errors(own, groups) for own in groups.values()]
+    noisy = [cell for cell in cells if cell.noise_um > 0]
+    claim = _claims(groups, UM * asked.sigma)
+    pairs = together(noisy)
+    order = ranking(cells)
+    adds = noise_adds(cells)
+    return ModelErrorReport(
+        scenario=NAME,
+        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        arm=find_arm(asked.arm).resolve().name,
+        noise=True,
+        truth="nonlinear",
+        sigma_um=UM * asked.sigma,
+        scale=asked.scale,
+        trials=len(seeds),
+        workspace_poses=asked.workspace,
+        sizes=sizes(asked.scale, asked.only),
+        cells=cells,
+        claim=claim,
+        claim_percent=100 * CLAIM,
+        held=held(claim),
+        featured=FEATURED,
+        ranking=order,
+        noise_adds_um=adds,
+        above_noise=tuple(cell.case for cell in order if cell.added_um.median > adds),
+        together=pairs,
+        best_together=best_of({p.model: p.all_um for p in pairs}).names,
+        models=[_model(cell) for case in (NONE, ALL) for cell in noisy if cell.case == case],
+        dataset=next(row.measured for row in rows if row.measured is not None),
     )
-    return {
-        "scenario": NAME,
-        "seed": list(range(seed, seed + trials)) if trials > 1 else seed,
-        "arm": arm,
-        "noise": True,
-        "truth": "nonlinear",
-        "sigma_um": UM * study.sigma,
-        "scale": study.scale,
-        "trials": trials,
-        "workspace_poses": study.workspace,
-        "sizes": sizes(study.scale, study.only),
-        "cells": [_cell(key, numbers, found) for key, numbers in found.items()],
-        "claim": [
-            _claim(found, model, case, study)
-            for case in COMPENSATORS
-            if any(key[0] == case for key in found)
-            for model in _models(found)
-        ],
-        "models": [_model(found, model, case, study) for case in (NONE, ALL) for model in _models(found)],
-    }
 
 
-def _models(found: dict[tuple[Any, ...], Any]) -> list[str]:
-    return list(dict.fromkeys(model for _, model, _ in found))
+def _errors(rows: Sequence[CaseRow], groups: Groups) -> CaseErrors:
+    """One case, model and noise; what the case adds is counted trial by trial."""
+    first = rows[0]
+    base = groups[NONE, first.model, first.noise_um]
+    return CaseErrors(
+        case=first.case,
+        model=first.model,
+        structure=first.structure,
+        constraint=first.constraint,
+        prior=first.prior,
+        noise_um=first.noise_um,
+        rms_um=spread([row.rms_um for row in rows]),
+        p95_um=spread([row.p95_um for row in rows]),
+        added_um=spread([own.rms_um - none.rms_um for own, none in zip(rows, base, strict=True)]),
+        moved_um=spread([row.moved_um for row in rows]),
+        conservative=float(np.mean([row.conservative for row in rows])),
+        solved=float(np.mean([row.solved for row in rows])),
+    )
 
 
-def _cell(
-    key: tuple[Any, ...],
-    numbers: dict[str, list[float]],
-    found: dict[tuple[Any, ...], dict[str, list[float]]],
-) -> Report:
-    """One case, model and noise: its errors, and what the case adds to the same trial without it."""
-    case, model, noise = key
-    own, base = np.array(numbers["rms_um"]), np.array(found[NONE, model, noise]["rms_um"])
-    return {
-        "case": case,
-        "model": model,
-        "noise_um": noise,
-        "rms_um": spread(numbers["rms_um"]),
-        "p95_um": spread(numbers["p95_um"]),
-        "added_um": spread((own - base).tolist()),
-        "moved_um": spread(numbers["moved_um"]),
-        "conservative": float(np.mean(numbers["conservative"])),
-        "solved": float(np.mean(numbers["solved"])),
-    }
+def _claims(groups: Groups, noise_um: float) -> list[Claim]:
+    return [
+        _claim(rows, groups[NONE, model, noise])
+        for compensator in (PLAIN_COMPENSATOR, STIFF)
+        for (case, model, noise), rows in groups.items()
+        if case == compensator and noise == noise_um
+    ]
 
 
-def _claim(
-    found: dict[tuple[Any, ...], dict[str, list[float]]], model: str, case: str, study: Study
-) -> Report:
-    """Errors with a compensator over those without: against readings, as in the paper, and the truth."""
-    noise = UM * study.sigma
-    true = [np.array(found[name, model, noise]["rms_um"]) for name in (case, NONE)]
-    read = [np.sqrt(values**2 + 6 * noise**2) for values in true]  # two readings of three axes
-    return {
-        "case": case,
-        "model": model,
-        "against_truth": spread((true[0] / true[1] - 1).tolist()),
-        "against_readings": spread((read[0] / read[1] - 1).tolist()),
-        "within_claim": float(np.mean(np.abs(read[0] / read[1] - 1) <= CLAIM)),
-    }
+def _claim(rows: Sequence[CaseRow], base: Sequence[CaseRow]) -> Claim:
+    first = rows[0]
+    true = [np.array([row.rms_um for row in own]) for own in (rows, base)]
+    read = [np.sqrt(values**2 + 6 * first.noise_um**2) for values in true]  # two readings of three axes
+    seen = read[0] / read[1] - 1
+    return Claim(
+        case=first.case,
+        model=first.model,
+        against_truth=spread((true[0] / true[1] - 1).tolist()),
+        against_readings=spread(seen.tolist()),
+        within_claim=float(np.mean(np.abs(seen) <= CLAIM)),
+    )
 
 
-def _model(
-    found: dict[tuple[Any, ...], dict[str, list[float]]], model: str, case: str, study: Study
-) -> Report:
-    numbers = found[case, model, UM * study.sigma]
-    return {
-        "name": f"{model}, {case}",
-        "method": "least squares" if model.startswith("MLS") else "GCO",
-        "conservative": float(np.mean(numbers["conservative"])),
-        "solved": float(np.mean(numbers["solved"])),
-        "workspace": {
-            f"{key}_mm": spread([value / 1e3 for value in numbers[f"{key}_um"]]) for key in ("rms", "p95")
-        },
-        "paper": None,
-    }
+def held(claims: Sequence[Claim]) -> list[Held]:
+    """For which models the claim holds, by reading of the compensator."""
+    return [
+        Held(case, tuple(c.model for c in own if c.within_claim >= MOST))
+        for case, own in grouped(claims, lambda claim: claim.case).items()
+    ]
+
+
+def ranking(cells: Sequence[CaseErrors]) -> list[CaseErrors]:
+    """What each disturbance alone does to the featured model without noise, the costliest first."""
+    alone = [c for c in cells if c.model == FEATURED and c.noise_um == 0 and c.case not in (NONE, ALL)]
+    return sorted(alone, key=lambda cell: -cell.added_um.median)
+
+
+def noise_adds(cells: Sequence[CaseErrors]) -> float:
+    """What noise adds to the featured model's median error without disturbance [um]."""
+    calm, noisy = sorted(
+        (c for c in cells if c.model == FEATURED and c.case == NONE), key=lambda cell: cell.noise_um
+    )
+    return noisy.rms_um.median - calm.rms_um.median
+
+
+def together(noisy: Sequence[CaseErrors]) -> list[Together]:
+    """Every model without disturbance and with all."""
+    none, every = ({c.model: c.rms_um for c in noisy if c.case == case} for case in (NONE, ALL))
+    return [Together(model, none[model], every[model]) for model in none]
+
+
+def _model(cell: CaseErrors) -> ModelAt:
+    return ModelAt(
+        name=f"{cell.model}, {cell.case}",
+        method=METHODS[cell.constraint],
+        constraint=cell.constraint,
+        prior=cell.prior,
+        conservative=cell.conservative,
+        solved=cell.solved,
+        check=None,
+        workspace=Scores(in_mm(cell.rms_um), in_mm(cell.p95_um)),
+    )

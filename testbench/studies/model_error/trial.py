@@ -6,160 +6,122 @@ under exactly the recorded loads: a payload that was weighed wrongly spoils the 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+import typer
 
-from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import (
+    Campaign,
+    Cell,
+    Model,
+    Scenario,
+    build_cell,
+    named_models,
+    simulate,
+    stream,
+)
+from testbench.bench.rows import UM, DatasetRow, dataset_row
+from testbench.bench.wrong_prior import with_wrong_prior
 from testbench.data.dataset import Dataset
-from testbench.errors import BenchError
-from testbench.identify.evaluate import predict, score
-from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
-from testbench.studies.noise_sensitivity.trial import Way, reread, ways
-from testbench.views.report import UM
+from testbench.plant import Disturbances, disturb, settle_pair
+from testbench.studies.model_error.cases import ALL, cases
+from testbench.studies.noise_sensitivity.trial import FitRow, fit, reread
 
 NAME = "model_error"
-PLAIN, WITH_PRIOR = ("MLS56", "MGCO56"), ("MGCO56", "MGCO68")
-NONE, ALL = "none", "all together"
-STIFF = "compensator, other reading"
-SWITCHES: dict[str, tuple[str, ...]] = {
-    "own weight": ("own_weight",),
-    "gravity compensator": ("compensator",),
-    "nominal geometry": ("geometry",),
-    "joint sensors": ("sensor_offset",),
-    "payload mass": ("mass_error",),
-    "payload centre": ("centre_error",),
-    "stiffening joints": ("stiffening",),
-    "backlash": ("backlash",),
-    "hysteresis": ("hysteresis",),
-    "soft foundation": ("foundation",),
-}
-"""Fields of Disturbances that each case switches on, at their typical size."""
+MODELS, WITH_PRIOR, ONLY_WITH_PRIOR = ("MLS56", "MGCO56", "MGCO68"), ("MGCO56", "MGCO68"), "MGCO68"
+FEATURED = "MGCO56 + prior"
+"""The model by which disturbances are ranked."""
+QUICK_WORKSPACE = 20
 
 
 @dataclass(frozen=True)
-class Study:
+class Options:
+    """Flags of the study."""
+
+    scale: Annotated[
+        float, typer.Option(min=0, max=10, help="Size of every disturbance over its typical one.")
+    ] = 1.0
+    only: Annotated[
+        list[str] | None, typer.Option(help="Switch on this disturbance alone; again for more.")
+    ] = None
+    sigma_um: Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading.")] = 50.0
+    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+
+
+@dataclass(frozen=True)
+class Settings:
     """What is tried.
 
     Attributes:
+        arm: Folder or name of the arm.
         scale: Size of every disturbance over its typical one [1]; switches are on or off.
         sigma: Standard deviation of one reading along one axis [m].
         workspace: Poses in which the models are judged.
         only: Names of cases beside none and all together; none for every one.
     """
 
+    arm: str
     scale: float = 1.0
     sigma: float = 50e-6
     workspace: int = 100
     only: tuple[str, ...] = ()
 
 
-def cases(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
-    """Disturbances by name: none, each alone, the compensator's other reading, all together.
-
-    Args:
-        scale: Size of those that have one, over the typical one.
-        only: Cases to keep beside none; then all together are these alone.
-
-    Raises:
-        BenchError: When there is no such case.
-    """
-    sized = resized(TYPICAL, scale)
-    if only:
-        return _only(sized, only)
-    alone = {
-        name: replace(Disturbances(), **{field: getattr(sized, field) for field in fields})
-        for name, fields in SWITCHES.items()
-    }
-    return {
-        NONE: Disturbances(),
-        **alone,
-        STIFF: Disturbances(compensator=STIFF_COMPENSATOR),
-        ALL: sized,
-    }
-
-
-def _only(sized: Disturbances, only: Sequence[str]) -> dict[str, Disturbances]:
-    """None, the cases asked for, and they together."""
-    for name in only:
-        if name not in SWITCHES:
-            raise BenchError(f"no disturbance {name!r}; disturbances are {', '.join(SWITCHES)}")
-    fields = {name: {key: getattr(sized, key) for key in SWITCHES[name]} for name in only}
-    together = {key: value for own in fields.values() for key, value in own.items()}
-    alone = {name: replace(Disturbances(), **own) for name, own in fields.items()}
-    return {NONE: Disturbances(), **alone, ALL: replace(Disturbances(), **together)}
-
-
-def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
-    """What every case switches on, as plain data."""
-    return {
-        name: {key: value for key, value in asdict(case).items() if value}
-        for name, case in cases(scale, only).items()
-    }
-
-
-def resized(typical: Disturbances, scale: float) -> Disturbances:
-    """Every disturbance that has a size, so many times as large."""
-    fields = "sensor_offset mass_error centre_error stiffening backlash hysteresis foundation".split()
-    geometry = typical.geometry
-    if geometry is not None:
-        geometry = replace(geometry, position=scale * geometry.position, angle=scale * geometry.angle)
-    return replace(typical, geometry=geometry, **{name: scale * getattr(typical, name) for name in fields})
-
-
 @dataclass(frozen=True)
-class Row:
-    """One fit judged by true deflections."""
+class CaseRow(FitRow):
+    """One fit of one trial.
+
+    Attributes:
+        case: What the true arm does.
+        noise_um: Of a reading along an axis.
+        moved_um: How far the disturbance moves the deflections to be predicted, RMS.
+        measured: The dataset of all disturbances together, with noise.
+    """
 
     case: str
     noise_um: float
-    model: str
-    rms_um: float
-    p95_um: float
     moved_um: float
-    conservative: int
-    solved: int
+    measured: DatasetRow | None
 
 
-def trials(folder: Path, study: Study, seeds: Sequence[int]) -> list[list[Row]]:
-    """Rows of some trials, a list a seed.
-
-    Args:
-        folder: Of the arm.
-        study: What is tried.
-        seeds: Roots of randomness.
-    """
-    cell = build_cell(folder)
-    fits = ways(cell, PLAIN, WITH_PRIOR)
-    return [list(_trial(cell, fits, study, seed)) for seed in seeds]
+def settings(options: Options, quick: bool, _: range) -> Settings:
+    """What the flags ask for; raises BenchError for a disturbance that does not exist."""
+    cases(options.scale, options.only or ())
+    workspace = QUICK_WORKSPACE if quick else Settings.workspace
+    return Settings(options.arm, options.scale, options.sigma_um / 1e6, workspace, tuple(options.only or ()))
 
 
-def _trial(cell: Cell, fits: dict[str, Way], study: Study, seed: int) -> Iterator[Row]:
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CaseRow]]:
+    """Rows of some seeds, one a fit."""
+    cell = build_cell(find_arm(asked.arm))
+    plain = named_models(cell, MODELS)
+    found = []
+    for seed in seeds:
+        models = with_wrong_prior(cell, plain, WITH_PRIOR, seed)
+        found.append(list(_trial(cell, [m for m in models if m.name != ONLY_WITH_PRIOR], asked, seed)))
+    return found
+
+
+def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[CaseRow]:
     scenario = Scenario(
-        arm=cell.arm.name, truth="linear", noise=False, sigma=study.sigma, workspace_poses=study.workspace
+        arm=cell.arm.name, truth="linear", noise=False, sigma=asked.sigma, workspace_poses=asked.workspace
     )
     campaign = simulate(cell, scenario, seed)  # for its poses and loads
     quiet: Dataset | None = None
-    for name, disturbances in cases(study.scale, study.only).items():
+    for case, disturbances in cases(asked.scale, asked.only).items():
         clean, truth = disturbed(cell, campaign, disturbances, seed)
         quiet = quiet or truth
         moved = UM * float(np.sqrt(np.square(truth.deflection - quiet.deflection).sum(axis=2).mean()))
-        for noise in (0.0, study.sigma):
+        for noise in (0.0, asked.sigma):
             data = reread(clean, noise, stream(seed, 1))
-            for model, fit in fits.items():
-                estimate = fit(cell, data, seed)
-                found = score(predict(cell.vjm, estimate, truth), truth.deflection)
-                yield Row(
-                    case=name,
-                    noise_um=UM * noise,
-                    model=model,
-                    rms_um=UM * found.rms,
-                    p95_um=UM * found.p95,
-                    moved_um=moved,
-                    conservative=int(estimate.conservative),
-                    solved=int(estimate.status == "solved"),
+            measured = dataset_row(data) if case == ALL and noise > 0 else None
+            for model in models:
+                found = fit(cell, model, data, truth)
+                yield CaseRow(
+                    **vars(found), case=case, noise_um=UM * noise, moved_um=moved, measured=measured
                 )
 
 

@@ -1,144 +1,202 @@
-"""The study of noise as report.json: every error with its spread, and what they say."""
+"""The report of the study of noise: every error with its spread, and what they say."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
-from testbench.studies.noise_sensitivity.trial import GRAVITY, NAME, PRIOR, SIX_DOF, WITH_PRIOR, Study
-from testbench.studies.spread import grouped, spread
-from testbench.views.report import MM, UM, Report
+from testbench.bench.campaign import Truth
+from testbench.bench.rows import UM
+from testbench.studies.noise_sensitivity.instruments import UNWEIGHTED, WEIGHTED
+from testbench.studies.noise_sensitivity.report import (
+    Errors,
+    Extremes,
+    Instrument,
+    Level,
+    ModelAt,
+    NearInstruments,
+    NoiseReport,
+    Paired,
+    PriorEffect,
+    Scores,
+    Shares,
+    Slope,
+    Weighted,
+)
+from testbench.studies.noise_sensitivity.trial import INSTRUMENT_PARTS, NAME, NoiseRow, Part, Settings
+from testbench.studies.study import Trials
+from testbench.trials.spread import Spread, grouped, spread
+from testbench.views.schema import Best, best_of
 
-PARTS = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
+PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
+NEAREST: dict[Part, float] = {"six_dof": 25.0, "gravity": 50.0}
+"""Noise of the paper's trackers [um], sections 5.2 and 6."""
 NEAR = 4.0
-"""Distance at which weights are compared [m]."""
+"""Distance at which instruments are compared [m]."""
+PAIR = ("MGCO56", "MLS56")
+"""GCO and least squares of the same structure."""
+METHODS = {"none": "least squares", "psd": "GCO"}
 
 
-def summary(rows: Iterable[dict[str, Any]], study: Study, seed: int, trials: int) -> Report:
-    """report.json.
-
-    Args:
-        rows: Of all trials.
-        study: What was tried.
-        seed: First root of randomness.
-        trials: How many.
-    """
-    found = grouped(rows, ("part", "model", "x"), ("rms_um", "p95_um", "conservative", "solved"))
-    cells = [
-        {
-            "part": part,
-            "model": model,
-            "x": x,
-            "rms_um": spread(v["rms_um"]),
-            "p95_um": spread(v["p95_um"]),
-            "conservative": float(np.mean(v["conservative"])),
-            "solved": float(np.mean(v["solved"])),
-            "trials": len(v["rms_um"]),
-        }
-        for (part, model, x), v in found.items()
+def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseReport:
+    """Medians and spreads by part, model and level."""
+    rows = [row for _, own in trials for row in own]
+    groups = grouped(rows, lambda row: (row.part, row.model, row.x))
+    errors = [_errors(own) for own in groups.values()]
+    sweeps = {part: [_level(e) for e in errors if e.part == part] for part in PARTS}
+    instruments = [
+        Instrument(**vars(e), truth=truth)
+        for truth, part in INSTRUMENT_PARTS.items()
+        for e in errors
+        if e.part == part
     ]
-    sweeps = {part: _sweep(cells, part) for part in PARTS}
-    return {
-        "scenario": NAME,
-        "seed": list(range(seed, seed + trials)) if trials > 1 else seed,
-        "noise": True,
-        "truth": {"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
-        "trials": {"six_dof": trials, **{p: _trials(cells, p) for p in ("gravity", "instrument_linear")}},
-        "sigmas_um": [UM * s for s in study.sigmas],
-        "sweeps": sweeps,
-        "slopes": {part: _slopes(rows) for part, rows in sweeps.items()},
-        "instruments": [c for c in cells if str(c["part"]).startswith("instrument")],
-        "weighted_over_flat": {
-            truth: _weighted(cells, f"instrument_{truth}") for truth in ("linear", "nonlinear")
+    slopes = {part: _slopes(levels) for part, levels in sweeps.items()}
+    paired = _paired(groups)
+    every = [level for levels in sweeps.values() for level in levels if level.sigma_um > 0]
+    counts: dict[Part, int] = {e.part: e.trials for e in errors if e.part != "instrument_nonlinear"}
+    return NoiseReport(
+        scenario=NAME,
+        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        noise=True,
+        truth={"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
+        trials=counts,
+        sigmas_um=[UM * s for s in asked.sigmas],
+        sweeps=sweeps,
+        slopes=slopes,
+        extremes=[
+            extremes(part, prior, {n: s.um_per_um for n, s in own.items() if s.prior == prior})
+            for part, own in slopes.items()
+            for prior in (False, True)
+        ],
+        prior=[effect for own in slopes.values() for effect in effects(list(own.values()))],
+        instruments=instruments,
+        weighted_over_flat={t: weighted([c for c in instruments if c.truth == t]) for t in INSTRUMENT_PARTS},
+        near=near([c for c in instruments if c.truth == "linear"]),
+        gco_over_ls=paired,
+        gco_better={part: shares([p.better_in for p in paired if p.part == part]) for part in PARTS},
+        conservative={
+            c: shares([level.conservative for level in every if level.constraint == c])
+            for c in ("none", "psd")
         },
-        "gco_over_ls": _paired(found),
-        "models": _models(cells),
-    }
+        models=[model for part, levels in sweeps.items() for model in _models(part, levels)],
+        dataset=next(row.measured for row in rows if row.measured is not None),
+    )
 
 
-def dataset(first: Dataset) -> Report:
-    """What the dataset of the run's folder holds."""
-    size = MM * np.linalg.norm(first.deflection, axis=-1)
-    return {
-        "runs": first.runs,
-        "points": first.points,
-        "deflection_min_mm": float(size.min()),
-        "deflection_max_mm": float(size.max()),
-        "sigma_um": UM * first.sigma,
-    }
+def _errors(rows: Sequence[NoiseRow]) -> Errors:
+    first = rows[0]
+    return Errors(
+        part=first.part,
+        model=first.model,
+        structure=first.structure,
+        constraint=first.constraint,
+        prior=first.prior,
+        x=first.x,
+        rms_um=spread([row.rms_um for row in rows]),
+        p95_um=spread([row.p95_um for row in rows]),
+        conservative=float(np.mean([row.conservative for row in rows])),
+        solved=float(np.mean([row.solved for row in rows])),
+        trials=len(rows),
+    )
 
 
-def _trials(cells: list[Report], part: str) -> int:
-    return max((c["trials"] for c in cells if c["part"] == part), default=0)
+def _level(errors: Errors) -> Level:
+    return Level(**vars(errors), sigma_um=UM * errors.x)
 
 
-def _sweep(cells: list[Report], part: str) -> list[Report]:
-    """Error by sigma and model."""
-    return [{**c, "sigma_um": UM * c["x"]} for c in cells if c["part"] == part]
-
-
-def _slopes(rows: list[Report]) -> dict[str, Report]:
-    """Median error per sigma at the largest one, and without noise, by model."""
-    top = max((row["sigma_um"] for row in rows), default=0.0)
-    found: dict[str, Report] = {}
-    for row in rows:
-        own = found.setdefault(row["model"], {})
-        if row["sigma_um"] == 0:
-            own["noise_free_um"] = row["rms_um"]["median"]
-        if row["sigma_um"] == top and top > 0:
-            own["um_per_um"] = row["rms_um"]["median"] / top
+def _slopes(levels: Sequence[Level]) -> dict[str, Slope]:
+    """Median error without noise, and per noise at the largest one, by model."""
+    top = max(level.sigma_um for level in levels)
+    found = {}
+    for name, own in grouped(levels, lambda level: level.model).items():
+        by_sigma = {level.sigma_um: level.rms_um.median for level in own}
+        first = own[0]
+        found[name] = Slope(
+            first.part, name, first.structure, first.prior, by_sigma[0.0], by_sigma[top] / top
+        )
     return found
 
 
-def _weighted(cells: list[Report], part: str) -> list[Report]:
-    """Full covariances against flat weights at every distance."""
-    errors = {(c["model"], c["x"]): c["rms_um"]["median"] for c in cells if c["part"] == part}
+def extremes(part: Part, prior: bool, slopes: Mapping[str, float]) -> Extremes:
+    """The models to which noise costs least and most."""
+    least, most = best_of(slopes), _worst_of(slopes)
+    return Extremes(part, prior, least.names, least.value, most.names, 1 / most.value)
+
+
+def near(instruments: Sequence[Instrument]) -> NearInstruments:
+    """The best and the worst instrument at NEAR; the flat one is as good anywhere."""
+    errors = {c.model: c.rms_um.median for c in instruments if c.x in (0.0, NEAR)}
+    least, most = best_of(errors), _worst_of(errors)
+    return NearInstruments(NEAR, least.names, least.value, most.names, 1 / most.value)
+
+
+def _worst_of(values: Mapping[str, float]) -> Best:
+    """The names of largest value; `value` is its inverse."""
+    return best_of({name: 1 / value for name, value in values.items()})
+
+
+def effects(slopes: Sequence[Slope]) -> list[PriorEffect]:
+    """What a prior does to every structure that is fitted with and without one."""
+    plain = {s.structure: s for s in slopes if not s.prior}
     return [
-        {"distance_m": x, "ratio": errors["weighted", x] / errors["flat weights", x]}
-        for model, x in errors
-        if model == "weighted"
+        PriorEffect(
+            part=s.part,
+            structure=s.structure,
+            lower_with_noise=s.um_per_um < plain[s.structure].um_per_um,
+            lower_without_noise=s.noise_free_um < plain[s.structure].noise_free_um,
+        )
+        for s in slopes
+        if s.prior
     ]
 
 
-def _paired(found: dict[tuple[Any, ...], dict[str, list[float]]]) -> list[Report]:
-    """Trial by trial, on the same readings: GCO's error over that of LS with the same structure."""
-    rows = []
+def weighted(instruments: Sequence[Instrument]) -> list[Weighted]:
+    """Full covariances against flat weights at every distance."""
+    errors = {(c.model, c.x): c.rms_um.median for c in instruments}
+    truths: dict[float, Truth] = {c.x: c.truth for c in instruments if c.model == WEIGHTED}
+    found = []
+    for x, truth in truths.items():
+        full, flat = errors[WEIGHTED, x], errors[UNWEIGHTED, x]
+        better = best_of({"full covariances": full, "flat weights": flat}).names
+        found.append(Weighted(truth, x, full / flat, better))
+    return found
+
+
+def _paired(groups: Mapping[tuple[Part, str, float], Sequence[NoiseRow]]) -> list[Paired]:
+    found = []
     for part in PARTS:
-        for x in sorted({key[2] for key in found if key[0] == part and key[2] > 0}):
-            ours, theirs = (np.array(found[part, name, x]["rms_um"]) for name in ("MGCO56", "MLS56"))
-            rows.append(
-                {
-                    "part": part,
-                    "sigma_um": UM * x,
-                    "ratio": spread((ours / theirs).tolist()),
-                    "better_in": float(np.mean(ours < theirs)),
-                }
+        for x in sorted({key[2] for key in groups if key[0] == part and key[2] > 0}):
+            ours, theirs = (np.array([row.rms_um for row in groups[part, name, x]]) for name in PAIR)
+            better = float(np.mean(ours < theirs))
+            found.append(Paired(part, UM * x, spread((ours / theirs).tolist()), better))
+    return found
+
+
+def shares(values: Sequence[float]) -> Shares:
+    """The least and the largest of some shares of trials."""
+    return Shares(min(values), max(values))
+
+
+def _models(part: Part, levels: Sequence[Level]) -> list[ModelAt]:
+    """A row a model at the level nearest the paper's trackers."""
+    nearest = min({level.sigma_um for level in levels}, key=lambda s: abs(s - NEAREST[part]))
+    found = []
+    for level in (own for own in levels if own.sigma_um == nearest):
+        scores = Scores(in_mm(level.rms_um), in_mm(level.p95_um))
+        found.append(
+            ModelAt(
+                name=f"{level.model}, {PARTS[part]}",
+                method=METHODS[level.constraint],
+                constraint=level.constraint,
+                prior=level.prior,
+                conservative=level.conservative,
+                solved=level.solved,
+                check=scores if part == "six_dof" else None,
+                workspace=scores if part == "gravity" else None,
             )
-    return rows
+        )
+    return found
 
 
-def _models(cells: list[Report]) -> list[Report]:
-    """A row a model at the level nearest the paper's trackers: 25 um (section 5.2), 50 um (section 6)."""
-    rows = []
-    for part, sigma, plain in (("six_dof", 25.0, SIX_DOF), ("gravity", 50.0, GRAVITY)):
-        names = (*plain, *(name + PRIOR for name in WITH_PRIOR[part]))
-        levels = [(abs(UM * c["x"] - sigma), c["x"]) for c in cells if c["part"] == part]
-        nearest = min(levels, default=(0.0, 0.0))[1]
-        for c in cells:
-            if c["part"] == part and c["model"] in names and c["x"] == nearest:
-                key = "check" if part == "six_dof" else "workspace"
-                scores = {
-                    f"{name}_mm": {k: v / 1e3 for k, v in c[f"{name}_um"].items()} for name in ("rms", "p95")
-                }
-                rows.append(
-                    {
-                        "name": f"{c['model']}, {PARTS[part]}",
-                        "method": "least squares" if c["model"].startswith("MLS") else "GCO",
-                        "conservative": c["conservative"],
-                        "solved": c["solved"],
-                        key: scores,
-                        "paper": None,
-                    }
-                )
-    return rows
+def in_mm(um: Spread) -> Spread:
+    """Micrometres in millimetres."""
+    return Spread(um.median / 1e3, um.p05 / 1e3, um.p95 / 1e3)

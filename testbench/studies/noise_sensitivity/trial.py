@@ -6,58 +6,68 @@ poses read by laser trackers near and far, weighted or not. All levels of a tria
 so that differences between levels and methods are theirs alone.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+import typer
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import Cell, Model, Scenario, build_cell, named_models, simulate, stream
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import Cell, Model, Scenario, Truth, build_cell, named_models, simulate, stream
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.bench.rows import UM, DatasetRow, dataset_row
+from testbench.bench.wrong_prior import with_wrong_prior
 from testbench.data.dataset import Dataset
-from testbench.data.outliers import spoil
-from testbench.data.tracker import (
-    Drift,
-    LaserTracker,
-    Tracker,
-    drifted,
-    precision,
-    read_orientations,
-    read_positions,
-)
-from testbench.identify import Estimate, with_prior
+from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.errors import BenchError
+from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import predict, score
-from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.views.report import UM
+from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA, readings
 
 NAME = "noise_sensitivity"
+LIGHT, HEAVY = "arm_6r", "kr500_l480"
 SIX_DOF = ("MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
 """Models of section 5.2 without a prior."""
 GRAVITY = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """Models of section 6 without a prior."""
-PRIOR = " + prior"
-WITH_PRIOR = {"six_dof": ("MGCO56", "MGCO69"), "gravity": ("MGCO56", "MGCO68")}
-SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
-"""How wrong a prior is, by a common factor and axis by axis, and how firmly it is believed."""
+SIX_DOF_PRIOR, GRAVITY_PRIOR, INSTRUMENT = ("MGCO56", "MGCO69"), ("MGCO56", "MGCO68"), ("MGCO56",)
+"""Those that are fitted with a prior too; instruments are compared by the last one alone."""
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
 WEIGHT = 25e-6
 """Sigma by which noise-free readings are weighted [m]: any will do."""
+MOST_UM = 10_000.0
+"""Largest noise that an instrument can have [um]."""
+
+Part = Literal["six_dof", "gravity", "instrument_linear", "instrument_nonlinear"]
+INSTRUMENT_PARTS: dict[Truth, Part] = {"linear": "instrument_linear", "nonlinear": "instrument_nonlinear"}
 
 
 @dataclass(frozen=True)
-class Study:
+class Options:
+    """Flags of the study."""
+
+    sigma_um: Annotated[
+        list[float] | None, typer.Option(help="Noise of a reading along an axis, beside 0; again for more.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class Settings:
     """What is tried.
 
     Attributes:
+        first: The first seed of all: the parts with fewer trials have the first ones.
         sigmas: Standard deviations of one reading along one axis [m].
         gravity_trials: So many of the trials have the gravity part too.
         instrument_trials: So many have the part of the instruments.
         distances: Of the laser tracker from the middle of the work area [m].
     """
 
+    first: int
     sigmas: tuple[float, ...] = (0.0, 10e-6, 25e-6, 50e-6, 100e-6, 200e-6)
     gravity_trials: int = 200
     instrument_trials: int = 100
@@ -65,89 +75,123 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Row:
-    """One fit judged by true deflections; x is the swept quantity in SI."""
+class FitRow:
+    """A model fitted, and judged by true deflections.
 
-    part: str
+    Attributes:
+        model: Its name.
+        structure: Name of its structure.
+        constraint: What its method asks of the blocks.
+        prior: Whether a prior fills what the data cannot see.
+        rms_um: RMS error of predicted deflection.
+        p95_um: 95 % of the errors are smaller.
+        conservative: Whether every block is symmetric and positive semi-definite.
+        solved: Whether the method found its solution.
+    """
+
     model: str
-    x: float
+    structure: str
+    constraint: Constraint
+    prior: bool
     rms_um: float
     p95_um: float
-    conservative: int
-    solved: int
+    conservative: bool
+    solved: bool
 
 
-def trials(six_dof: Path, heavy: Path, study: Study, first: int, seeds: Sequence[int]) -> list[list[Row]]:
-    """Rows of some trials, a list a seed.
+@dataclass(frozen=True)
+class NoiseRow(FitRow):
+    """One fit of one trial.
 
-    Args:
-        six_dof: Folder of the arm of section 5.2.
-        heavy: Folder of the arm under gravity.
-        study: What is tried.
-        first: The first seed of all: the parts with fewer trials have the first ones.
-        seeds: Roots of randomness.
+    Attributes:
+        part: Of the study; of the instruments `model` is the instrument's name.
+        x: Noise of a reading along an axis, or distance of the instrument [m].
+        measured: The dataset of the gravity part at 50 um.
     """
-    light, cell = build_cell(six_dof), build_cell(heavy)
-    light_fits, fits = ways(light, SIX_DOF, WITH_PRIOR["six_dof"]), ways(cell, GRAVITY, WITH_PRIOR["gravity"])
+
+    part: Part
+    x: float
+    measured: DatasetRow | None = None
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for: levels ascending, no noise at all among them.
+
+    Raises:
+        BenchError: When a level is out of range or there twice, or none is above 0.
+    """
+    found = Settings(seeds[0])
+    if quick:
+        found = replace(found, gravity_trials=2, instrument_trials=1, distances=(4.0,))
+    levels = options.sigma_um
+    if not levels:
+        return found
+    for value in levels:
+        if not 0 <= value <= MOST_UM or levels.count(value) > 1:
+            raise BenchError(f"--sigma-um: expected different values of 0 to {MOST_UM:g}, got {value:g}")
+    if max(levels) == 0:
+        raise BenchError("--sigma-um: expected at least one level above 0")
+    return replace(found, sigmas=tuple(value / 1e6 for value in sorted({0.0, *levels})))
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[NoiseRow]]:
+    """Rows of some seeds, one a fit."""
+    light, cell = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
+    light_models, models = named_models(light, SIX_DOF), named_models(cell, GRAVITY)
     found = []
     for seed in seeds:
-        rows = list(_six_dof(light, light_fits, study, seed))
-        if seed - first < study.gravity_trials:
-            rows += _gravity(cell, fits, study, seed)
-        if seed - first < study.instrument_trials:
-            rows += _instruments(cell, study, seed)
+        rows = list(_six_dof(light, with_wrong_prior(light, light_models, SIX_DOF_PRIOR, seed), asked, seed))
+        if seed - asked.first < asked.gravity_trials:
+            rows += _gravity(cell, with_wrong_prior(cell, models, GRAVITY_PRIOR, seed), asked, seed)
+        if seed - asked.first < asked.instrument_trials:
+            rows += _instruments(cell, with_wrong_prior(cell, models, INSTRUMENT, seed)[-1], asked, seed)
         found.append(rows)
     return found
 
 
-Way = Callable[[Cell, Dataset, int], Estimate]
-"""Identify an arm from a dataset; the seed is that of the prior's errors."""
-
-
-def ways(cell: Cell, plain: Sequence[str], filled: Sequence[str]) -> dict[str, Way]:
-    """Methods by name, their structures built once.
-
-    Args:
-        cell: The arm.
-        plain: Keys of bench.MODELS.
-        filled: Keys of bench.MODELS to be fitted with a prior.
-    """
-    found: dict[str, Way] = {}
-    for name in plain:
-        found[name] = _plain(named_models(cell, [name])[0])
-    for name in filled:
-        found[name + PRIOR] = _with_prior(named_models(cell, [name])[0])
-    return found
-
-
-def _plain(model: Model) -> Way:
-    return lambda cell, data, _: model.estimator(cell.vjm, model.structure, data)
-
-
-def _with_prior(model: Model) -> Way:
-    def fit(cell: Cell, data: Dataset, seed: int) -> Estimate:
-        prior = distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
-        method = with_prior(model.estimator, prior, Strength(UNCERTAINTY))
-        return method(cell.vjm, model.structure, data)
-
-    return fit
-
-
-def _six_dof(cell: Cell, fits: dict[str, Way], study: Study, seed: int) -> Iterator[Row]:
+def _six_dof(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
     scenario = FullPose(arm=cell.arm.name, least=9e-3, most=41e-3, noise=False)
     campaign = simulate_full_pose(cell, scenario, seed)
-    for sigma in study.sigmas:
+    for sigma in asked.sigmas:
         data = reread(campaign.identification, sigma, stream(seed, 1))
-        for name, fit in fits.items():
-            yield _row("six_dof", name, sigma, cell, fit(cell, data, seed), campaign.truth)
+        for model in models:
+            yield NoiseRow(**vars(fit(cell, model, data, campaign.truth)), part="six_dof", x=sigma)
 
 
-def _gravity(cell: Cell, fits: dict[str, Way], study: Study, seed: int) -> Iterator[Row]:
+def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
     campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False), seed)
-    for sigma in study.sigmas:
+    measured = dataset_row(reread(campaign.identification, FLAT_SIGMA, stream(seed, 1)))
+    for sigma in asked.sigmas:
         data = reread(campaign.identification, sigma, stream(seed, 1))
-        for name, fit in fits.items():
-            yield _row("gravity", name, sigma, cell, fit(cell, data, seed), campaign.workspace)
+        for model in models:
+            found = fit(cell, model, data, campaign.workspace)
+            yield NoiseRow(**vars(found), part="gravity", x=sigma, measured=measured)
+
+
+def _instruments(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[NoiseRow]:
+    """The same poses read by several instruments, MGCO56 with prior; linear truth tells their noise alone."""
+    for truth, part in INSTRUMENT_PARTS.items():
+        campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, truth=truth), seed)
+        flat = reread(campaign.identification, FLAT_SIGMA, stream(seed, 1))
+        for name, distance, data in readings(campaign.identification, flat, asked.distances, seed):
+            found = replace(fit(cell, model, data, campaign.workspace), model=name)
+            yield NoiseRow(**vars(found), part=part, x=distance)
+
+
+def fit(cell: Cell, model: Model, data: Dataset, truth: Dataset) -> FitRow:
+    """Identify a model, and judge it by true deflections."""
+    estimate: Estimate = model.estimator(cell.vjm, model.structure, data)
+    found = score(predict(cell.vjm, estimate, truth), truth.deflection)
+    return FitRow(
+        model=model.name,
+        structure=model.structure.name,
+        constraint=estimate.constraint,
+        prior=estimate.belief is not None,
+        rms_um=UM * found.rms,
+        p95_um=UM * found.p95,
+        conservative=estimate.conservative,
+        solved=estimate.status == "solved",
+    )
 
 
 def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
@@ -167,92 +211,5 @@ def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
         read_orientations(tracker, Rotation.from_rotvec(r).as_matrix(), rng)
         for r in (clean.rotation_before, clean.rotation_after)
     ]
-    return replace(
-        data,
-        rotation_before=turned[0],
-        rotation_after=turned[1],
-        sigma_rotation=ANGLE_PER_LENGTH * data.sigma,
-    )
-
-
-def _row(part: str, name: str, x: float, cell: Cell, estimate: Estimate, truth: Dataset) -> Row:
-    """One fit judged by true deflections; x is the swept quantity in SI."""
-    found = score(predict(cell.vjm, estimate, truth), truth.deflection)
-    return Row(
-        part=part,
-        model=name,
-        x=x,
-        rms_um=UM * found.rms,
-        p95_um=UM * found.p95,
-        conservative=int(estimate.conservative),
-        solved=int(estimate.status == "solved"),
-    )
-
-
-CENTRE = (2.2, 0.0, 1.6)
-"""Middle of the work area, section 6 [m]."""
-LOST, MISREAD, BY = 0.1, 0.05, 1e-3
-"""Share of targets that are lost, share that are misread, and by how much [m]."""
-DRIFT = Drift(shift=20e-6, turn=5e-6)
-"""Drift of the frame between the two readings of a run: 20 um and 5 urad (20 um at 4 m) [assumed]."""
-INSTRUMENT_MODEL = "MGCO56"
-
-
-def _instruments(cell: Cell, study: Study, seed: int) -> Iterator[Row]:
-    """The same poses read by several instruments, MGCO56 with prior; linear truth tells their noise alone."""
-    fit = _with_prior(named_models(cell, [INSTRUMENT_MODEL])[0])
-    for truth in ("linear", "nonlinear"):
-        scenario = Scenario(arm=cell.arm.name, noise=False, truth=truth)
-        campaign = simulate(cell, scenario, seed)
-        for name, x, data in readings(campaign.identification, study, seed):
-            row = _row(f"instrument_{truth}", name, x, cell, fit(cell, data, seed), campaign.workspace)
-            yield row
-
-
-def readings(clean: Dataset, study: Study, seed: int) -> Iterator[tuple[str, float, Dataset]]:
-    """A noise-free dataset as several instruments read it: name, distance [m], readings."""
-    yield "flat 50 um", 0.0, reread(clean, 50e-6, stream(seed, 1))
-    for distance in study.distances:
-        tracker = LaserTracker((CENTRE[0], CENTRE[1] - distance, CENTRE[2]))
-        yield "weighted", distance, by_laser(clean, tracker, seed)
-        yield "flat weights", distance, flat(by_laser(clean, tracker, seed))
-        worst = replace(tracker, quality="mpe")
-        yield "weighted, maximum errors", distance, by_laser(clean, worst, seed)
-        averaged = replace(tracker, repeats=3)
-        yield "weighted, 3 readings averaged", distance, by_laser(clean, averaged, seed)
-        yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
-        yield "weighted, 10 % of targets lost", distance, _lose(by_laser(clean, tracker, seed), seed)
-        misread, _ = spoil(by_laser(clean, tracker, seed), MISREAD, BY, stream(seed, 6))
-        yield "weighted, 5 % misread by 1 mm", distance, misread
-
-
-def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | None = None) -> Dataset:
-    """A noise-free dataset read by a laser tracker, weighted by what it knows of itself.
-
-    Args:
-        clean: Readings without noise.
-        tracker: The instrument.
-        seed: Root of noise and drift.
-        drift: Of its frame before the loaded reading; the weights do not know of it.
-    """
-    rng = stream(seed, 1)
-    before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
-    if drift is not None:
-        after = drifted(after, drift, tracker.station, stream(seed, 2))
-    return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
-
-
-def flat(data: Dataset) -> Dataset:
-    """The same readings weighted alike along every axis, by the sigma that they have in the mean."""
-    assert data.precision is not None
-    variance = (
-        np.trace(np.linalg.inv(data.precision), axis1=2, axis2=3).mean() / 6
-    )  # three axes, two readings
-    return replace(data, sigma=float(np.sqrt(variance)), precision=None)
-
-
-def _lose(data: Dataset, seed: int) -> Dataset:
-    """The same without some of its targets."""
-    assert data.precision is not None
-    gone = stream(seed, 3).random((data.runs, len(data.markers))) < LOST
-    return replace(data, precision=np.where(gone[..., None, None], 0.0, data.precision))
+    sigma_rotation = ANGLE_PER_LENGTH * data.sigma
+    return replace(data, rotation_before=turned[0], rotation_after=turned[1], sigma_rotation=sigma_rotation)

@@ -10,9 +10,11 @@ import rerun.blueprint as rrb
 from testbench.errors import Array
 from testbench.views.recording.style import NOISE, Colour
 
-ROW, WIDTH = 60.0, 1000.0
-"""Height of a row and width of the axis, in the chart's own units."""
-LEFT, RIGHT = 300.0, 240.0
+ROW, TALL, WIDTH = 60.0, 100.0, 1000.0
+"""Height of a line, of one that several dots share, and width of the axis, in the chart's own units."""
+SHARE = 0.7
+"""How much of a line its dots take up."""
+LEFT, RIGHT = 340.0, 200.0
 """Room for names on the left and for numbers on the right."""
 PANE = 1580.0, 760.0
 """About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
@@ -51,10 +53,11 @@ def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> N
     """
     first, last = _decades(dots)
     names = _names(dots)
-    rows = ROW * _heights(dots)
+    tall = TALL if _shared(dots) else ROW
+    rows = tall * _heights(dots)
     x = np.array([[_place(v, first, last) for v in (d.low, d.value, d.high)] for d in dots])
     colours = [d.colour for d in dots]
-    bottom = ROW * len(names)
+    bottom = tall * len(names)
     unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (bottom + ROW) / PANE[1])  # of the chart a ui point
     ticks = [_place(10.0**k, first, last) for k in range(first, last + 1)]
     lines = [[(t, 0), (t, bottom)] for t in ticks]
@@ -76,7 +79,7 @@ def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> N
     )
     lift = BELOW * unit
     own = [dots[[d.name for d in dots].index(name)].colour for name in names]
-    places = [(-LEFT / 2, ROW * (k + 0.5) - lift) for k in range(len(names))]
+    places = [(-LEFT / 2, tall * (k + 0.5) - lift) for k in range(len(names))]
     _write_labels(stream, f"{path}/name", places, names, NOISE if _shared(dots) else own)
     if _shared(dots):
         _write_legend(stream, path, dots)
@@ -121,13 +124,14 @@ def _heights(dots: Sequence[Dot]) -> Array:
     names = [d.name for d in dots]
     order = [names[:k].count(name) for k, name in enumerate(names)]
     line = [_names(dots).index(name) for name in names]
-    return np.array([i + (k + 0.5) / names.count(n) for i, k, n in zip(line, order, names, strict=True)])
+    within = [(k + 0.5) / names.count(name) - 0.5 for k, name in zip(order, names, strict=True)]
+    return np.array(line) + 0.5 + SHARE * np.array(within)
 
 
 def chart_view(path: str, name: str, dots: Sequence[Dot]) -> rrb.Spatial2DView:
     """The view of a chart, its unit in the name."""
-    top = -1.5 * ROW if _shared(dots) else -ROW / 4
-    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, ROW * (len(_names(dots)) + 1)))
+    top, tall = (-1.5 * ROW, TALL) if _shared(dots) else (-ROW / 4, ROW)
+    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, tall * len(_names(dots)) + ROW))
     return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
 
 

@@ -142,9 +142,8 @@ def _expected_views(poses: int) -> list[rrb.TimeSeriesView]:
 
 
 def _sweep_view(sweep: Sweep) -> rrb.Container:
-    measured = f"{sweep.measured[:1].upper()}{sweep.measured[1:]}"
     return rrb.Horizontal(
-        chart_view(CHART, f"{measured} ({sweep.unit}), logarithmic", _dots(sweep)),
+        chart_view(CHART, f"{sweep.title} ({sweep.unit}), logarithmic", _dots(sweep)),
         rrb.TextDocumentView(origin="sweep_words", name="In words"),
         column_shares=[12, 9],
         name="How many poses",

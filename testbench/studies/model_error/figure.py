@@ -1,0 +1,53 @@
+"""What every disturbance costs, without noise and with it."""
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
+from testbench.studies.model_error.tables import RMS
+from testbench.trials.spread import grouped
+from testbench.views.colours import look
+from testbench.views.figure import log_ticks, quiet
+
+STEP = 0.16
+"""Between the models of one case [cases]."""
+
+
+def disturbances(report: ModelErrorReport) -> Figure:
+    """Median and spread of every model, a line a case: nothing joins one case to the next."""
+    figure = Figure(figsize=(14, 6.4), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    calm, noisy = ([c for c in report.cells if (c.noise_um == 0) == quietly] for quietly in (True, False))
+    for axes, cells, words in (
+        (left, calm, "without noise"),
+        (right, noisy, f"with noise of {report.sigma_um:g} um"),
+    ):
+        _intervals(axes, cells, list(report.sizes))
+        axes.set_title(words, fontsize="medium")
+    left.set_yticks(range(len(report.sizes)), list(report.sizes))
+    left.set_ylim(len(report.sizes) - 0.5, -0.5)
+    figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=5)
+    figure.suptitle(
+        f"{report.arm}: each disturbance alone and all together, {report.trials} trials: median, 5 to 95 %; "
+        "filled with prior",
+        fontsize="medium",
+    )
+    return figure
+
+
+def _intervals(axes: Axes, cells: Sequence[CaseErrors], cases: Sequence[str]) -> None:
+    by_model = grouped(cells, lambda cell: cell.model)
+    for k, (model, own) in enumerate(by_model.items()):
+        shown = look(own[0].structure, own[0].constraint, own[0].prior)
+        y = [cases.index(c.case) + STEP * (k - (len(by_model) - 1) / 2) for c in own]
+        for place, cell in zip(y, own, strict=True):
+            axes.plot((cell.rms_um.p05, cell.rms_um.p95), (place, place), color=shown.hex, alpha=0.5)
+        face = shown.hex if shown.prior else "white"
+        medians = [cell.rms_um.median for cell in own]
+        axes.plot(medians, y, shown.mark, color=shown.hex, markerfacecolor=face, label=model, markersize=5)
+    log_ticks(axes, "x", min(c.rms_um.p05 for c in cells), max(c.rms_um.p95 for c in cells))
+    axes.set_xlabel(f"{RMS.heading} of predicted deflection [{RMS.unit}]")
+    axes.grid(axis="y", alpha=0.2)
+    quiet(axes)
