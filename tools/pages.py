@@ -1,0 +1,70 @@
+"""The pages of docs/studies from the run folders of full studies, and the demo's table in README.md; no number is typed.
+
+python tools/pages.py --runs runs/full
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbench.errors import BenchError
+from testbench.shell import command
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
+STUDIES = (
+    "gravity_calibration", "single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness",
+    "identifiability", "noise_sensitivity", "model_error", "pose_selection",
+)  # fmt: skip
+DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    runs: Annotated[Path, typer.Option(help="Folder with one folder a study.")] = ROOT / "runs" / "full",
+    demo: Annotated[bool, typer.Option(help="Run the demo and write its table into README.md.")] = True,
+) -> None:
+    """Write every page whose run is there."""
+    found = [name for name in STUDIES if (runs / name / "report.md").is_file()]
+    if not found:
+        raise BenchError(f"no run of a study in {runs}")
+    for name in found:
+        page(name, runs / name)
+        print(PAGES / f"{name}.md")
+    if demo:
+        README.write_text(
+            DEMO.sub(rf"\g<1>{shown()}\g<2>", README.read_text(encoding="utf-8")), encoding="utf-8"
+        )
+
+
+def page(name: str, run: Path) -> None:
+    """A study's page: how to run it, its figure, its report.md."""
+    title, _, rest = (run / "report.md").read_text(encoding="utf-8").partition("\n")
+    figure = run / f"{name}.png"
+    picture = figure if figure.is_file() else run / "models.png"
+    shutil.copyfile(picture, PAGES / f"{name}.png")
+    script = f"    python scenarios/{name}.py --out runs/{name}"
+    rest = re.sub(r"!\[[^]]*\]\([^)]*\)\n", "", rest)
+    parts = [title, script, f"![{name}]({name}.png)", rest.strip()]
+    (PAGES / f"{name}.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+
+
+def shown() -> str:
+    """What the demo prints, up to its words."""
+    with tempfile.TemporaryDirectory() as out:
+        script = [sys.executable, ROOT / "scenarios" / "gravity_calibration.py", "--seed", "1", "--out", out]
+        done = subprocess.run(script, capture_output=True, text=True, check=True)
+    lines = done.stdout.partition("\n •")[0].strip("\n").split("\n")
+    return "\n".join(f"    {line}".rstrip() for line in lines) + "\n\n"
+
+
+if __name__ == "__main__":
+    sys.exit(command.run(app))
