@@ -54,7 +54,7 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         where=merge([x.where for x in groups["measured", "test", n, PLANNED.name] if x.where]),
         plans=plans,
         errors=errors,
-        featured={name: _featured(own, n) for name, own in errors.items()},
+        featured={name: featured(own, n) for name, own in errors.items()},
         possible=_possible(groups, scene.plan("test", n), at(ours[RANDOM], n)),
         recommendation=recommend(ours),
         replanned=_anew(groups, n),
@@ -91,7 +91,8 @@ def at(levels: Sequence[r.Level], poses: int) -> r.Level:
     return next(level for level in levels if level.poses == poses)
 
 
-def _featured(errors: Levels, poses: int) -> r.Featured:
+def featured(errors: Levels, poses: int) -> r.Featured:
+    """The plan for the tasks against random poses of the same number."""
     plan, chance = at(errors["test"], poses), at(errors[RANDOM], poses)
     return r.Featured(
         poses=poses,

@@ -1,0 +1,370 @@
+"""What people see of pose selection equals its report, and the report its rows, for rows that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import check_pivot, check_report, check_table, curves, looks_differ, tables_of, unit_in
+from made_up import fill, single
+from read_back import chunks_of, columns, document, series
+
+from testbench.model.vjm import chain
+from testbench.studies.pose_selection import STUDY, recording, summary
+from testbench.studies.pose_selection.measure import build_bench
+from testbench.studies.pose_selection.report import Level
+from testbench.studies.pose_selection.rows import Certificate, Expected, Model, PlanRow, Row, Scene, Where
+from testbench.studies.pose_selection.settings import BARE, FITS, ON_ARMS, PLANNED, Scope, Settings
+from testbench.studies.pose_selection.trial import first_runs
+from testbench.studies.study import Run
+from testbench.trials.spread import Spread, ends, middle
+from testbench.views import markdown
+from testbench.views.recording import write_plan
+
+CRITERIA, NAMES, POSES, SEEDS = ("test", "I", "D"), ("test", "I", "D", "random"), (8, 12), range(4, 7)
+OTHERS = ("12 poses, one weight, three markers", "4 more poses", "a fourth marker")
+ON_ARM = [("test", 8), ("test", 12), ("I", 12), ("D", 12), ("random", 8), ("random", 12)]
+BY = {
+    "poses by": "plan",
+    "efficient, at least, %": "efficiency",
+    "forecast tasks, mm": "expected_tasks_mm",
+    "tasks, mm": "tasks_mm",
+    "workspace, mm": "workspace_mm",
+    "tasks without prior, mm": "bare_tasks_mm",
+}
+PLANS = {
+    "criterion": "criterion",
+    "poses": "poses",
+    "efficient, at least, %": "efficiency",
+    "directions seen": "directions_seen",
+    "of": "directions_of_loads",
+    "forecast tasks, mm": "expected_tasks_mm",
+    "5 %, mm": "expected_tasks_p05_mm",
+    "95 %, mm": "expected_tasks_p95_mm",
+    "forecast workspace, mm": "expected_workspace_mm",
+    **{f"O{k}": f"observability.o{k}" for k in range(1, 6)},
+    "time, s": "seconds",
+}
+FORECASTS = {
+    "poses by": "plan",
+    "poses": "poses",
+    "forecast, mm": "expected_mm",
+    "simulated GCO, mm": "gco_mm",
+    "simulated LS, mm": "ls_mm",
+    "GCO over forecast": "gco_over_expected",
+    "inside 90 % interval, %": "inside_90_percent",
+}
+VARIANTS = {
+    "measured": "variant",
+    "poses": "poses",
+    "directions": "directions",
+    "runs under first load": "with_first_load",
+    "efficient, at least, %": "efficiency",
+    "forecast tasks, mm": "expected_tasks_mm",
+    "simulated tasks, mm": "judged.tasks_mm",
+    "simulated workspace, mm": "judged.workspace_mm",
+}
+
+
+@pytest.fixture
+def asked(rng, kr500):
+    """What was tried: plans and places drawn evenly over the joint limits."""
+
+    def drawn(count):
+        return tuple(map(tuple, rng.uniform(*kr500.arm.limits, (count, len(kr500.arm.joints))).tolist()))
+
+    def plan(criterion, poses, variant=""):
+        fixed = {"q_rad": sum(drawn(poses), ()), "load": (0,) * poses, "seconds": rng.uniform(11, 99)}
+        row = fill(PlanRow, rng, criterion=criterion, variant=variant, poses=poses, **fixed)
+        return replace(single(row), efficiency=rng.uniform(0.1, 1))
+
+    plans = [plan(name, n) for name in CRITERIA for n in POSES] + [plan("test", 12, way) for way in OTHERS]
+    scene = Scene(drawn(30), 99, tuple(range(11)), drawn(4), drawn(5), tuple(plans))
+    scope = Scope(poses=POSES, criteria=CRITERIA, candidates=30, tasks=4, workspace=5, variants=3)
+    return Settings("kr500_l480", 4, scope, scene)
+
+
+def rows_of(rng, tasks=None, workspace=None):
+    """Rows of one trial; errors of some plans or other ways are that many times the made-up ones."""
+    tasks, workspace = tasks or {}, workspace or {}
+
+    def row(part, plan, poses, fit, **more):
+        errors = rng.uniform(20, 40) * tasks.get(plan, 1), rng.uniform(20, 40) * workspace.get(plan, 1)
+        return Row(part, plan, poses, fit.name, *errors, **more)
+
+    found = [row("measured", name, n, fit) for name in NAMES for n in POSES for fit in FITS]
+    where = Where(tuple(rng.uniform(1, 9, 4)), tuple(rng.uniform(1, 9, 5)))
+    for k, own in enumerate(found):
+        if (own.poses, own.fit) == (12, PLANNED.name):
+            model = single(fill(Model, rng, name=f"{own.plan}, {own.fit}"))
+            found[k] = replace(own, model=model, where=where if own.plan == "test" else None)
+    found += [row("noise-free", name, 12, PLANNED) for name in NAMES]
+    found.append(row("planned anew", "test", 12, PLANNED, certificate=single(fill(Certificate, rng))))
+    found.append(row("planned anew", "random", 12, PLANNED, expected=fill(Expected, rng)))
+    for name, n in ON_ARM:
+        middle_mm = rng.uniform(20, 40)
+        forecast = Expected(middle_mm, 0.8 * middle_mm, 1.2 * middle_mm)
+        found += [row("drawn arm", name, n, fit, expected=forecast) for fit in ON_ARMS]
+    return found + [row("variant", way, 12, PLANNED) for way in OTHERS]
+
+
+@pytest.fixture
+def trials(rng):
+    return [(seed, rows_of(rng)) for seed in SEEDS]
+
+
+@pytest.fixture
+def report(asked, trials):
+    return summary.summary(asked, SEEDS, trials)
+
+
+def pick(trials, key="tasks_mm", **wanted):
+    """A number of the rows that are meant, one a trial."""
+    return [
+        getattr(row, key)
+        for _, rows in trials
+        for row in rows
+        if all(getattr(row, name) == value for name, value in wanted.items())
+    ]
+
+
+def spread(values):
+    p05, median, p95 = np.percentile(values, [5, 50, 95])
+    return Spread(median, p05, p95)
+
+
+def test_the_report_has_the_rows_numbers_each_in_its_place(report, trials, asked):
+    for fit in FITS:
+        for name in NAMES:
+            for k, n in enumerate(POSES):
+                level, own = report.errors[fit.name][name][k], {"plan": name, "poses": n, "fit": fit.name}
+                errors = pick(trials, part="measured", **own)
+                assert (level.plan, level.poses, level.tasks_mm) == (name, n, spread(errors))
+                assert level.workspace_mm == spread(pick(trials, "workspace_mm", part="measured", **own))
+                assert level.tasks_best_tenth_mm == np.percentile(errors, 10)
+        planned, chance = (report.errors[fit.name][name][1] for name in ("test", "random"))
+        own = report.featured[fit.name]
+        assert (own.test_mm, own.random_mm) == (planned.tasks_mm, chance.tasks_mm)
+        assert own.ratio_of_medians == planned.tasks_mm.median / chance.tasks_mm.median
+    for row, (name, n) in zip(report.promises, ON_ARM, strict=True):
+        gco, ls = (
+            pick(trials, part="drawn arm", plan=name, poses=n, fit=fit)
+            for fit in ("MGCO68 + prior", "MLS68 + prior")
+        )
+        known = pick(trials, "expected", part="drawn arm", plan=name, poses=n, fit="MGCO68 + prior")
+        assert (row.plan, row.poses, row.arms) == (name, n, 3)
+        assert row.gco_mm == pytest.approx(np.sqrt(np.mean(np.square(gco))), rel=1e-12)
+        assert row.ls_mm == pytest.approx(np.sqrt(np.mean(np.square(ls))), rel=1e-12)
+        assert row.gco_over_expected == row.gco_mm / row.expected_mm
+        inside = [0.8 * e.tasks_mm <= error <= 1.2 * e.tasks_mm for e, error in zip(known, gco, strict=True)]
+        assert row.inside_90_percent == np.mean(inside)
+    calm, anew = report.possible.noise_free_mm, report.replanned
+    for name, errors in (("test", anew.test), ("random", anew.random)):
+        assert calm[name] == spread(pick(trials, part="noise-free", plan=name))
+        assert errors.tasks_mm == spread(pick(trials, part="planned anew", plan=name))
+    ours, theirs = (pick(trials, part="planned anew", plan=name) for name in ("test", "random"))
+    assert anew.wins == np.sum(np.less(ours, theirs))
+    for row, plan in zip(report.worth, asked.scene.plans[-3:], strict=True):
+        assert (row.variant, row.expected_tasks_mm) == (plan.variant, plan.expected_tasks_mm)
+        assert row.judged.tasks_mm == spread(pick(trials, part="variant", plan=plan.variant))
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_tables_show_the_reports_numbers_with_their_units(report, several):
+    report = report if several else single(report)
+    tables = STUDY.tables(report)
+    short = {title: BY[title] for title in ("poses by", "tasks, mm", "workspace, mm")}
+    check_table(tables["criteria"], report.criteria, BY)
+    check_table(tables["recorded"], report.criteria, short)
+    check_table(tables["plans"], report.plans, PLANS)
+    in_percent = [replace(row, inside_90_percent=100 * row.inside_90_percent) for row in report.promises]
+    check_table(tables["forecasts"], in_percent, FORECASTS)
+    check_table(tables["variants"], report.worth, VARIANTS)
+    text = check_report(STUDY, report)
+    for fit, levels in report.errors.items():
+        every = [level for own in levels.values() for level in own]
+        for what, title in (("tasks", "at the tasks"), ("workspace", "over the workspace")):
+            table = tables[f"{what}, {fit}"]
+            check_pivot(table, every, ("poses", "plan", f"{what}_mm"))
+            assert f"## Error {title}, mm: {fit}\n\n{markdown.grid(table)}" in text
+    for row, own in zip(report.criteria, report.errors[PLANNED.name].values(), strict=True):
+        assert (row.tasks_mm, row.workspace_mm) == (own[1].tasks_mm, own[1].workspace_mm)
+        assert row.bare_tasks_mm == report.errors[BARE.name][row.plan][1].tasks_mm
+
+
+def made(rng, asked, **factors):
+    return summary.summary(asked, SEEDS, [(seed, rows_of(rng, **factors)) for seed in SEEDS])
+
+
+def mm(value):
+    return f"{middle(value):.3f} mm"
+
+
+@pytest.mark.parametrize("winner", CRITERIA)
+def test_the_best_criterion_is_named_whichever_it_is(rng, asked, winner):
+    other = CRITERIA[CRITERIA.index(winner) - 1]
+    report = made(rng, asked, tasks={winner: 0.1, "random": 0.3}, workspace={other: 0.1})
+    text = STUDY.words(report).block("statements")
+    best, wide = (next(c for c in report.criteria if c.plan == name) for name in (winner, other))
+    assert f"Least error at the tasks: {winner} {mm(best.tasks_mm)}." in text
+    assert f"Over the workspace: {other} {mm(wide.workspace_mm)}." in text
+    losers = markdown.listed([name for name in CRITERIA if name != winner])
+    assert f"No better than random poses at the tasks: {losers}." in text
+    assert f"**{winner}**" in markdown.grid(STUDY.tables(report)["criteria"])
+
+
+@pytest.mark.parametrize(("winner", "said"), [("test", "Planned"), ("random", "Random")])
+def test_the_answer_says_whether_planned_or_random_poses_are_better(rng, asked, winner, said):
+    report = made(rng, asked, tasks={winner: 0.1})
+    own, words = report.featured[PLANNED.name], STUDY.words(report)
+    assert words.block("answer").startswith(
+        f"{said} poses are better: 12 poses chosen for the tasks leave an"
+    )
+    text = (
+        f"an error of {markdown.show(own.test_mm)} mm there, random ones {markdown.show(own.random_mm)} mm."
+    )
+    assert words.block("answer").endswith(text)
+    assert ("no worse than the best tenth" in words.block("statements")) == (winner == "test")
+    assert f"{own.ratio_of_medians:.2f} of the random median" in words.block("statements")
+
+
+def test_what_is_the_same_is_alike(report):
+    same = replace(report.criteria[0], plan="I")
+    judged = summary.verdict(
+        [report.criteria[0], same, report.criteria[3]], report.promises, report.worth, ()
+    )
+    assert set(judged.tasks) == set(judged.workspace) == {"test", "I"}
+    equal = dict.fromkeys(NAMES, report.errors[PLANNED.name]["test"])
+    own = summary.featured(equal, 12)
+    alike = replace(report, verdict=judged, featured={PLANNED.name: own})
+    words = STUDY.words(alike)
+    assert words.block("answer").startswith("Planned and random poses are alike:")
+    assert words.block("statements").count("(alike)") >= 2
+    assert "**" not in markdown.grid(STUDY.tables(alike)["criteria"])
+
+
+@pytest.mark.parametrize("winner", [*OTHERS[1:], None])
+def test_the_other_way_that_helps_most_is_named_with_both_errors(rng, asked, winner):
+    report = made(rng, asked, tasks={winner or OTHERS[0]: 0.1})
+    text = STUDY.words(report).block("statements")
+    if winner is None:
+        assert "None of the other ways to measure leaves less error at the tasks." in text
+        return
+    errors = {row.variant: mm(row.judged.tasks_mm) for row in report.worth}
+    said = f"help most: {winner}, {errors[winner]} at the tasks in place of {errors[OTHERS[0]]}."
+    assert said in text
+
+
+def test_statements_carry_the_reports_numbers(report):
+    text, anew = STUDY.words(report).block("statements"), report.replanned
+    assert f"have a forecast below {mm(report.possible.least_promise_mm)}" in text
+    calm = report.possible.noise_free_mm
+    assert (
+        f"noise {markdown.show(calm['test'])} mm stay, with random poses {markdown.show(calm['random'])}"
+        in text
+    )
+    for fit in FITS[1:]:
+        own = report.featured[fit.name]
+        assert f"{fit.name} {middle(own.test_mm):.3f} against {mm(own.random_mm)}" in text
+    assert f"{markdown.show(anew.test.tasks_mm)} mm, random {markdown.show(anew.random.tasks_mm)} mm" in text
+    assert f"better in {anew.wins} of 3. Every plan is at least {100 * anew.least_efficiency:.1f} %" in text
+    ratios = [row.gco_over_expected for row in report.promises]
+    shares = [100 * row.inside_90_percent for row in report.promises]
+    assert f"forecast error is {min(ratios):.2f} to {max(ratios):.2f}." in text
+    assert f"interval holds {min(shares):.0f} % to {max(shares):.0f} % of them" in text
+    for level, plan in zip(report.errors[PLANNED.name]["test"], report.plans[:2], strict=True):
+        assert f"{level.tasks_mm.median / plan.expected_tasks_mm:.2f} ({level.poses} poses)" in text
+
+
+def levels(**errors):
+    """Errors at 4, 8 and 12 poses, their 95th percentile a tenth higher."""
+    return {
+        name: [
+            Level(Spread(v, 0.9 * v, 1.1 * v), 1.0, name, n, v) for n, v in zip((4, 8, 12), own, strict=True)
+        ]
+        for name, own in errors.items()
+    }
+
+
+def test_the_number_of_poses_that_is_enough_is_that_of_95_percent_of_trials(report):
+    few = summary.recommend(levels(test=(0.2, 0.095, 0.09), random=(0.3, 0.2, 0.09)))
+    assert few.fewest == {"test": 12, "random": 12}
+    assert few.little_more_beyond == 8
+    few = summary.recommend(levels(test=(0.09, 0.08, 0.07), random=(0.3, 0.2, 0.1)))
+    assert (few.fewest, few.little_more_beyond) == ({"test": 4, "random": None}, None)
+    text = STUDY.words(replace(report, recommendation=few)).block("statements")
+    assert (
+        "4 planned poses keep the tasks within 0.1 mm in 95 % of all trials; random ones: more than" in text
+    )
+    assert "Every step tried still pays" in text
+
+
+def test_curves_are_the_reports_errors_over_the_number_of_poses(report):
+    figure = STUDY.figures["curves.png"](report)
+    panels = zip(figure.axes, (PLANNED, PLANNED, BARE), ("tasks_mm", "workspace_mm", "tasks_mm"), strict=True)
+    for axes, fit, key in panels:
+        assert unit_in(axes.get_ylabel()) == "mm"
+        assert axes.get_xlabel() == "poses measured"
+        assert [t.get_text() for t in axes.get_xticklabels()] == ["8", "12"]
+        drawn = curves(axes)
+        assert list(drawn) == list(NAMES)
+        for name, (x, y) in drawn.items():
+            own = report.errors[fit.name][name]
+            assert x.tolist() == [8, 12]
+            assert y.tolist() == [getattr(level, key).median for level in own]
+        shaded = [band.get_paths()[0].vertices[:, 1] for band in axes.collections]
+        for corners, name in zip(shaded, ("test", "random"), strict=True):
+            edges = {e for level in report.errors[fit.name][name] for e in ends(getattr(level, key))}
+            assert edges <= set(corners)
+    looks_differ(figure.legends[0])
+    enough = report.recommendation.aim_mm
+    assert enough in [line.get_ydata()[0] for line in figure.axes[0].get_lines()]
+    assert f"{enough:g} mm" in [text.get_text() for text in figure.axes[0].texts]
+
+
+def test_dots_of_the_featured_poses_are_the_reports(report):
+    left, centre, right = STUDY.figures["featured.png"](report).axes
+    panels = (
+        (left, report.criteria, "plan", lambda row: row.tasks_mm),
+        (centre, report.criteria, "plan", lambda row: row.workspace_mm),
+        (right, report.worth, "variant", lambda row: row.judged.tasks_mm),
+    )
+    for axes, rows, name, value in panels:
+        assert unit_in(axes.get_xlabel()) == "mm"
+        shown = [t.get_text().rsplit("  ", 1) for t in axes.get_yticklabels()]
+        assert shown == [[getattr(row, name), f"{value(row).median:.3f}"] for row in rows]
+        for k, row in enumerate(rows):
+            bar, dot = axes.get_lines()[2 * k : 2 * k + 2]
+            assert tuple(bar.get_xdata()) == ends(value(row))
+            assert (np.ravel(dot.get_xdata())[0], np.ravel(dot.get_ydata())[0]) == (value(row).median, k)
+    x, y = curves(right)["forecast"]
+    assert x.tolist() == [row.expected_tasks_mm for row in report.worth]
+    assert y.tolist() == [0, 1, 2]
+
+
+def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500, tmp_path):
+    words = STUDY.words(report)
+    run = Run(asked, SEEDS, report, words, STUDY.tables(report), tmp_path, "{}")
+    bench = build_bench(kr500, asked)
+    first = first_runs(bench, asked, SEEDS[0])
+    scene = recording.scene(run, bench, first)
+    write_plan(tmp_path / "recording.rrd", scene)
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    text = document(chunks, "/summary")
+    assert words.block("question") in text
+    assert words.block("answer") in text
+    assert tables_of(text) == tables_of(markdown.grid(run.tables["recorded"]))
+    assert words.block("statements") in document(chunks, "/tables")
+    assert tables_of(document(chunks, "/sweep_words")) == tables_of(
+        markdown.grid(run.tables["tasks, MGCO68 + prior"])
+    )
+    moved = 1e3 * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
+    np.testing.assert_allclose(series(chunks, "/expected_deflection_mm", "run"), moved, rtol=1e-12)
+    assert scene.task_error_mm.tolist() == [v.median for v in report.where.tasks_mm]
+    assert scene.field_error_mm.tolist() == [v.median for v in report.where.workspace_mm]
+    for places, q in ((scene.tasks, asked.scene.tasks), (scene.field, asked.scene.workspace)):
+        np.testing.assert_allclose(places, chain(kr500.vjm, np.array(q)).position)
+    points = {(p.model, p.x): (p.median, p.p05, p.p95) for p in scene.sweep.points}
+    for name, own in report.errors[PLANNED.name].items():
+        for level in own:
+            assert points[name, level.poses] == (level.tasks_mm.median, *ends(level.tasks_mm))
+    assert columns(chunks, "/other_plans_mm/legend")["Points2D:labels"][0] == list(NAMES)
