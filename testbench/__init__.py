@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from testbench.bench.campaign import Scenario as Scenario
     from testbench.bench.campaign import build_cell as build_cell
     from testbench.bench.campaign import simulate as simulate
+    from testbench.bench.plan import plan as plan
+    from testbench.bench.plan_settings import PlanSettings as PlanSettings
     from testbench.data.csvfile import read_csv as read_csv
     from testbench.data.csvfile import write_csv as write_csv
     from testbench.data.dataset import Dataset as Dataset
@@ -54,6 +56,8 @@ HOMES = {
     "intervals": "identify",
     "predict": "identify.evaluate",
     "score": "identify.evaluate",
+    "PlanSettings": "bench.plan_settings",
+    "plan": "bench.plan",
     "BenchError": "errors",
 }
 """The module of every public name."""

@@ -51,7 +51,7 @@ def main(
         if not folder.is_dir():
             print(f"{png}: left out, no {folder}; make it with scenarios/{run}.py --out {folder}")
             continue
-        viewer.shot(folder, png, size=size, tab=tab, timeline=timeline, at=at)
+        viewer.shot(folder, png, viewer.Sight(size, tab, timeline, at))
         shrink(png)
         made += 1
         print(f"{png}: {png.stat().st_size // 1024} KiB")

@@ -10,7 +10,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.bench.plan_report import PlanReport
-from testbench.bench.plan_settings import Settings, structure
+from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.bench.plan_summary import summary
 from testbench.bench.rows import UM
 from testbench.data.station import Station
@@ -19,7 +19,7 @@ from testbench.design.planning import Plan, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load
 from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, check_array
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.plant import build_site, contacts
@@ -54,7 +54,29 @@ def hung(cell: Cell, mass: float) -> Load:
     return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load)
 
 
-def search(cell: Cell, settings: Settings) -> Candidates:
+def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
+    """Plan a calibration: the poses that tell most about the tasks, and what they promise.
+
+    Args:
+        cell: The arm.
+        q: Poses in which the robot works under the first of the loads, (tasks, n) [rad].
+        settings: What is asked for, such as PlanSettings(loads_kg=(460.3,), poses=12).
+
+    Returns:
+        The poses in the order of measuring, `.plan.q`, and what readers see, `.report`.
+
+    Raises:
+        BenchError: When a number is out of range, or too little is measured without a prior.
+        PoseError: When there are fewer feasible poses than the plan needs.
+    """
+    q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad]")
+    load = hung(cell, settings.loads_kg[0])
+    every = Load(np.tile(load.wrench, (len(q), 1)), np.tile(load.point, (len(q), 1)))
+    found = search(cell, settings)
+    return judge(cell, settings, found, choose(cell, settings, Tasks(q, every), found))
+
+
+def search(cell: Cell, settings: PlanSettings) -> Candidates:
     """Feasible poses.
 
     Args:
@@ -84,7 +106,7 @@ def nearest_turn(q: Array, limits: Array) -> Array:
     return np.where((near >= limits[0]) & (near <= limits[1]), near, q)
 
 
-def specify(cell: Cell, settings: Settings, tasks: Tasks) -> Specification:
+def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:
     """The settings as the design of experiments wants them.
 
     Raises:
@@ -104,7 +126,7 @@ def specify(cell: Cell, settings: Settings, tasks: Tasks) -> Specification:
     )
 
 
-def choose(cell: Cell, settings: Settings, tasks: Tasks, found: Candidates) -> Plan:
+def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) -> Plan:
     """The best plan found.
 
     Args:
@@ -124,7 +146,7 @@ def choose(cell: Cell, settings: Settings, tasks: Tasks, found: Candidates) -> P
     return make_plan(spec, settings.criterion, found.q, reach, stream(settings.seed, 1))
 
 
-def judge(cell: Cell, settings: Settings, found: Candidates, plan: Plan) -> Planned:
+def judge(cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan) -> Planned:
     """What a plan promises, beside other plans from the same candidates.
 
     Raises:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from testbench.bench.plan_settings import Settings
+from testbench.bench.plan_settings import PlanSettings
 from testbench.design.observability import Observability
 from testbench.trials.spread import Spread
 
@@ -180,7 +180,7 @@ class Advice:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanReport(Settings):
+class PlanReport(PlanSettings):
     """A plan, what it promises, and what stands beside it; the fields are the keys of plan.json.
 
     The prior is said by its name, None without one; the arm stands at base_m.

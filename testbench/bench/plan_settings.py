@@ -22,7 +22,7 @@ MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class PlanSettings:
     """What is asked for.
 
     Attributes:

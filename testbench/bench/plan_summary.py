@@ -21,7 +21,7 @@ from testbench.bench.plan_report import (
     Unbounded,
     Way,
 )
-from testbench.bench.plan_settings import Settings
+from testbench.bench.plan_settings import PlanSettings
 from testbench.bench.rows import MM
 from testbench.design.baselines import (
     RANDOM,
@@ -45,7 +45,9 @@ MORE, LITTLE = 4, 0.10
 """So many more poses that bring less than this share are not worth their time."""
 
 
-def summary(cell: Cell, settings: Settings, found: Candidates, plan: Plan, workspace: Forecast) -> PlanReport:
+def summary(
+    cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan, workspace: Forecast
+) -> PlanReport:
     """The report of a plan.
 
     Args:
@@ -106,7 +108,7 @@ def _certificate(plan: Plan, influence: PriorInfluence) -> Certificate:
     )
 
 
-def _poses(settings: Settings, plan: Plan) -> list[PoseRow]:
+def _poses(settings: PlanSettings, plan: Plan) -> list[PoseRow]:
     spec = plan.specification
     own = deflection_rows(spec.experiment, plan.q, loads_of(spec, plan.load))
     deflection = _rms(own @ spec.experiment.metric.expected)

@@ -11,7 +11,7 @@ from testbench.arm.library import find_arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import build_cell
 from testbench.bench.plan_input import box, place, read_tasks
-from testbench.bench.plan_settings import Settings, structure
+from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName
 from testbench.errors import BenchError
 from testbench.shell.options import takes
@@ -72,7 +72,7 @@ def command(asked: Options) -> None:
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _settings(asked: Options) -> Settings:
+def _settings(asked: Options) -> PlanSettings:
     """The flags as settings.
 
     Raises:
@@ -83,7 +83,7 @@ def _settings(asked: Options) -> Settings:
     if asked.acceptance_deg is not None and asked.tracker is None:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    return Settings(
+    return PlanSettings(
         model=asked.model,
         criterion=asked.criterion,
         poses=asked.poses,

@@ -27,7 +27,6 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Render it."""
-    file = viewer.shot(
-        asked.folder, asked.out, size=asked.size, tab=asked.tab, timeline=asked.timeline, at=asked.at
-    )
+    sight = viewer.Sight(asked.size, asked.tab, asked.timeline, asked.at)
+    file = viewer.shot(asked.folder, asked.out, sight)
     Console(highlight=False).print(f"{asked.out}: {file}", soft_wrap=True)

@@ -52,7 +52,7 @@ def test_a_viewer_that_fails_is_an_error(folder, monkeypatch):
 def test_without_software_vulkan_the_package_is_named(folder, monkeypatch):
     monkeypatch.setattr(viewer, "DRIVERS", (folder / "nothing",))
     with pytest.raises(BenchError, match="mesa-vulkan-drivers"):
-        viewer.shot(folder, folder / "picture.png")
+        viewer.shot(folder, folder / "picture.png", viewer.Sight())
 
 
 def has_lavapipe():
@@ -62,7 +62,8 @@ def has_lavapipe():
 @pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
 def test_a_recording_becomes_a_picture_without_a_screen(folder):
     png = folder / "made" / "picture.png"
-    assert viewer.shot(folder, png, size="640x400", timeline="sweep", at=2) == folder / "inner" / "new.rrd"
+    at_2 = viewer.Sight(size="640x400", timeline="sweep", at=2)
+    assert viewer.shot(folder, png, at_2) == folder / "inner" / "new.rrd"
     assert png.read_bytes().startswith(b"\x89PNG")
     with pytest.raises(BenchError, match="no tab 'Nothing'; tabs are Overview, Table"):
-        viewer.shot(folder, png, size="640x400", tab="Nothing")
+        viewer.shot(folder, png, viewer.Sight(size="640x400", tab="Nothing"))

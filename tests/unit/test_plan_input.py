@@ -5,7 +5,7 @@ import pytest
 
 from testbench.bench.plan import hung, nearest_turn
 from testbench.bench.plan_input import box, place, read_payload, read_tasks
-from testbench.bench.plan_settings import Settings
+from testbench.bench.plan_settings import PlanSettings
 from testbench.data.posefile import read_poses
 from testbench.errors import BenchError, InputError
 
@@ -102,7 +102,7 @@ def test_an_absurd_load_in_a_plan_is_refused(tmp_path):
 
 
 def test_places_in_flags_become_a_station_and_an_area():
-    asked = Settings(
+    asked = PlanSettings(
         loads_kg=(460.0,),
         tracker_m=place("4.5,-2.5,1.6e0"),
         acceptance_deg=30.0,
@@ -122,7 +122,7 @@ def test_what_is_not_three_numbers_is_refused(text):
 
 def test_a_box_has_its_lower_corner_first():
     with pytest.raises(BenchError, match="expected the lower corner first"):
-        Settings(loads_kg=(460.0,), box_m=box("1,1,1,0,2,2"))
+        PlanSettings(loads_kg=(460.0,), box_m=box("1,1,1,0,2,2"))
 
 
 def test_the_nearest_turn_is_the_same_pose_within_the_limits():

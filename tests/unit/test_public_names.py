@@ -46,6 +46,18 @@ def test_importing_the_package_imports_nothing_heavy():
     assert not HEAVY & set(done.stdout.split())
 
 
+def test_a_plan_of_a_few_lines_has_the_poses_that_were_asked_for():
+    cell = tb.build_cell("kr500_l480")
+    tasks = tb.simulate(cell, seed=2).check.q
+    asked = tb.PlanSettings(loads_kg=(460.3,), poses=6, candidates_wanted=60)
+    planned = tb.plan(cell, tasks, asked)
+    assert planned.plan.q.shape == (6, 6)
+    assert (planned.plan.q >= cell.arm.limits[0]).all()
+    assert (planned.plan.q <= cell.arm.limits[1]).all()
+    with pytest.raises(tb.BenchError, match="tasks q"):
+        tb.plan(cell, tasks[0], asked)
+
+
 def clipped(vjm, structure, data):
     """An estimator of one's own."""
     plain = tb.least_squares(vjm, structure, data)

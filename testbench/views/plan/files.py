@@ -10,7 +10,7 @@ from testbench import files
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import Planned
 from testbench.bench.plan_report import PlanReport, Row
-from testbench.bench.plan_settings import Settings
+from testbench.bench.plan_settings import PlanSettings
 from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
 from testbench.views.plan.figure import overview
@@ -44,7 +44,7 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
 
     report, own = (
         planned.report,
-        {field.name: getattr(planned.report, field.name) for field in fields(Settings)},
+        {field.name: getattr(planned.report, field.name) for field in fields(PlanSettings)},
     )
     asked = {"task": where.task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position

@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -63,24 +64,30 @@ def view(folder: Path) -> None:
         raise BenchError(f"the Rerun viewer ended with exit code {code}")
 
 
-def shot(
-    folder: Path,
-    png: Path,
-    *,
-    size: str = "1600x1000",
-    tab: str | None = None,
-    timeline: str | None = None,
-    at: int = 0,
-) -> Path:
+@dataclass(frozen=True)
+class Sight:
+    """What a picture shows.
+
+    Attributes:
+        size: Of the picture, WIDTHxHEIGHT [pixel].
+        tab: Name of the tab in front; None for the first.
+        timeline: Active timeline; None for the recording's own.
+        at: Place on it.
+    """
+
+    size: str = "1600x1000"
+    tab: str | None = None
+    timeline: str | None = None
+    at: int = 0
+
+
+def shot(folder: Path, png: Path, sight: Sight) -> Path:
     """Render the newest recording of a folder without a screen, by Mesa's software Vulkan.
 
     Args:
         folder: Of a run.
         png: The picture to write.
-        size: Of the picture, WIDTHxHEIGHT [pixel].
-        tab: Name of the tab in front; None for the first.
-        timeline: Active timeline; None for the recording's own.
-        at: Place on it.
+        sight: What it shows.
 
     Returns:
         The recording.
@@ -88,20 +95,20 @@ def shot(
     Raises:
         BenchError: When there is no recording, no driver, no such tab, or the viewer fails.
     """
-    if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", size):
-        raise BenchError(f"size: expected WIDTHxHEIGHT in pixels, such as 1600x1000, got {size!r}")
+    if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", sight.size):
+        raise BenchError(f"size: expected WIDTHxHEIGHT in pixels, such as 1600x1000, got {sight.size!r}")
     file, driver = newest(folder), _software_driver()
     try:
         png.parent.mkdir(parents=True, exist_ok=True)
     except OSError as err:
         raise InputError(png, "", f"cannot be written: {err.strerror}") from err
-    with _headless(driver, size) as client:
+    with _headless(driver, sight.size) as client:
         client.open(str(file.resolve()))
         _wait(lambda: _loaded(client), LOAD, f"the viewer did not load {file} in {LOAD:g} s")
-        if tab is not None:
-            _bring_forward(client, tab)
-        if timeline is not None:
-            client.set_time(timeline, sequence=at, play_state="paused")
+        if sight.tab is not None:
+            _bring_forward(client, sight.tab)
+        if sight.timeline is not None:
+            client.set_time(sight.timeline, sequence=sight.at, play_state="paused")
         _settle(client)
         client.save_screenshot(str(png.resolve()))
     return file
