@@ -1,4 +1,4 @@
-"""The pages of docs/studies from the run folders of full studies, and the demo's table in README.md; no number is typed.
+"""The pages of docs/studies from full runs, and the demo's table in README.md: no number is typed.
 
 python tools/pages.py --runs runs/full
 """
@@ -40,9 +40,8 @@ def main(
         page(name, runs / name)
         print(PAGES / f"{name}.md")
     if demo:
-        README.write_text(
-            DEMO.sub(rf"\g<1>{shown()}\g<2>", README.read_text(encoding="utf-8")), encoding="utf-8"
-        )
+        text = README.read_text(encoding="utf-8")
+        README.write_text(DEMO.sub(rf"\g<1>{shown()}\g<2>", text), encoding="utf-8")
 
 
 def page(name: str, run: Path) -> None:

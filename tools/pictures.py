@@ -6,6 +6,7 @@ Needs Mesa's software Vulkan (Debian: mesa-vulkan-drivers). A run that is not th
 """
 
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -35,6 +36,12 @@ PICTURES = {
 }
 """By file: folder of the run, tab in front, timeline, place on it."""
 
+STEP = 10
+"""Of the load between two pictures of the loading [%]."""
+SMALL, GIF_COLOURS = (960, 600), 64
+REST, MOVE = 1500, 250
+"""How long the first and last picture stand, and the others [ms]."""
+
 app = typer.Typer(add_completion=False)
 
 
@@ -55,8 +62,25 @@ def main(
         shrink(png)
         made += 1
         print(f"{png}: {png.stat().st_size // 1024} KiB")
+    calibration = runs / "gravity_calibration"
+    if calibration.is_dir():
+        moving(calibration, out / "loading.gif", size)
     if not made:
         raise BenchError(f"no run in {runs}")
+
+
+def moving(folder: Path, gif: Path, size: str) -> None:
+    """The loading from 0 to 100 %, step by step at one frame, and back."""
+    with tempfile.TemporaryDirectory() as scratch:
+        shots = []
+        for load in range(0, 101, STEP):
+            png = Path(scratch) / f"{load}.png"
+            viewer.shot(folder, png, size=size, tab="Loading", timeline="load", at=load)
+            with Image.open(png) as picture:
+                small = picture.convert("RGB").resize(SMALL, Image.Resampling.LANCZOS)
+            shots.append(small.quantize(GIF_COLOURS, dither=Image.Dither.NONE))
+    rests = [REST, *[MOVE] * (len(shots) - 2), REST]
+    shots[0].save(gif, save_all=True, append_images=shots[1:], duration=rests, loop=0, optimize=True)
 
 
 def shrink(png: Path) -> None:
