@@ -23,17 +23,11 @@ MAX_STEP = 0.5
 
 @dataclass(frozen=True)
 class LoadedEquilibrium:
-    """Where the virtual joints rest under a load.
+    """Where the virtual joints rest under a load."""
 
-    Attributes:
-        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
-        step: Last Newton step, (runs,) [m, rad].
-        iterations: Newton steps taken, (runs,).
-    """
-
-    theta: Array
-    step: Array
-    iterations: npt.NDArray[np.int_]
+    theta: Array  #: Virtual joint coordinates, (runs, n_theta) [m, rad].
+    step: Array  #: Last Newton step, (runs,) [m, rad].
+    iterations: npt.NDArray[np.int_]  #: Newton steps taken, (runs,).
 
 
 def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:

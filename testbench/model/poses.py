@@ -15,19 +15,13 @@ MAX_BATCHES = 400
 
 @dataclass(frozen=True)
 class WorkArea:
-    """Where the tool has to be, and where it has to point.
+    """Where the tool has to be, and where it has to point."""
 
-    Attributes:
-        lower: Lower corner of the tool's position, world, (3,) [m].
-        upper: Upper corner, (3,) [m].
-        direction: Unit vector that the tool's x axis follows, world, (3,).
-        cone: Largest angle between the two [rad].
-    """
-
-    lower: tuple[float, float, float]
-    upper: tuple[float, float, float]
+    lower: tuple[float, float, float]  #: Lower corner of the tool's position, world, (3,) [m].
+    upper: tuple[float, float, float]  #: Upper corner, (3,) [m].
+    #: Unit vector that the tool's x axis follows, world, (3,).
     direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    cone: float = np.pi
+    cone: float = np.pi  #: Largest angle between the two [rad].
 
 
 def in_area(vjm: Vjm, area: WorkArea, q: Array) -> npt.NDArray[np.bool_]:

@@ -30,22 +30,15 @@ TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4
 
 @dataclass(frozen=True)
 class Structure:
-    """The unknown entries of C_theta.
+    """The unknown entries of C_theta."""
 
-    Attributes:
-        name: For reports, such as MGCO68.
-        n_theta: Size of C_theta.
-        a: Row of each parameter in C_theta, (n,).
-        b: Column of each parameter, (n,).
-        labels: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
-        symmetric: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
-    """
-
-    name: str
-    n_theta: int
-    a: npt.NDArray[np.int_]
-    b: npt.NDArray[np.int_]
+    name: str  #: For reports, such as MGCO68.
+    n_theta: int  #: Size of C_theta.
+    a: npt.NDArray[np.int_]  #: Row of each parameter in C_theta, (n,).
+    b: npt.NDArray[np.int_]  #: Column of each parameter, (n,).
+    #: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
     labels: tuple[str, ...] = field(repr=False)
+    #: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
     symmetric: bool = True
 
     @classmethod

@@ -23,41 +23,26 @@ from testbench.model.structure import Structure
 
 @dataclass(frozen=True)
 class Vjm:
-    """Kinematics of the extended chain.
+    """Kinematics of the extended chain."""
 
-    Attributes:
-        arm: Its description.
-        base: Pose of the base link's body in the world, (4, 4).
-        placements: Pose of each joint's body in the body before it at q = 0, (n, 4, 4).
-        axes: Unit axis of each joint in its body, (n, 3).
-        tool: Pose of the tool in the last link's body, (4, 4) [m].
-        load: Load point in the tool's frame, (3,) [m].
-        markers: Marker positions in the tool's frame, (m, 3) [m].
-    """
-
-    arm: Arm
-    base: Array
-    placements: Array
-    axes: Array
-    tool: Array
-    load: Array
-    markers: Array
+    arm: Arm  #: Its description.
+    base: Array  #: Pose of the base link's body in the world, (4, 4).
+    placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4).
+    axes: Array  #: Unit axis of each joint in its body, (n, 3).
+    tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
+    load: Array  #: Load point in the tool's frame, (3,) [m].
+    markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Where the tool of every run is, and how the virtual joints move it, in world axes.
+    """Where the tool of every run is, and how the virtual joints move it, in world axes."""
 
-    Attributes:
-        J_theta: Jacobian of the virtual joints at the tool's origin, Eq. (3), (6, n_theta, runs) [1, m].
-            Runs are last in all arrays of the hot path: every product is one long loop.
-        position: Tool position, (runs, 3) [m].
-        rotation: Tool orientation, world from tool, (runs, 3, 3).
-    """
-
+    #: Jacobian of the virtual joints at the tool's origin, Eq. (3), (6, n_theta, runs) [1, m]. Runs are last
+    #: in all arrays of the hot path: every product is one long loop.
     J_theta: Array
-    position: Array
-    rotation: Array
+    position: Array  #: Tool position, (runs, 3) [m].
+    rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
 
 
 def build_vjm(arm: Arm) -> Vjm:

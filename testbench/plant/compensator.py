@@ -25,20 +25,13 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Compensator:
-    """A spring between a point of link 1 and a point of link 2.
+    """A spring between a point of link 1 and a point of link 2."""
 
-    Attributes:
-        foot: Where it is hinged on link 1, in the frame of that body, (3,) [m].
-        head: Where it is hinged on link 2, in the frame of that body, (3,) [m].
-        rate: Change of force over change of length as joint 2 turns [N/m].
-        rest_length: Length without force [m].
-        stiffness: Change of force over change of length as the arm deflects [N/m]; None for the rate.
-    """
-
-    foot: Point
-    head: Point
-    rate: float
-    rest_length: float
+    foot: Point  #: Where it is hinged on link 1, in the frame of that body, (3,) [m].
+    head: Point  #: Where it is hinged on link 2, in the frame of that body, (3,) [m].
+    rate: float  #: Change of force over change of length as joint 2 turns [N/m].
+    rest_length: float  #: Length without force [m].
+    #: Change of force over change of length as the arm deflects [N/m]; None for the rate.
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
@@ -81,15 +74,12 @@ radian would take 400 times the torque of the arm's own weight.
 
 @dataclass(frozen=True)
 class Strut:
-    """The compensator in one pose.
+    """The compensator in one pose."""
 
-    Attributes:
-        add: Adds its generalised force at data.qpos, kinematics and mj_comPos done, to Q, (nv,) [N, N m].
-        inverse: Inverse of C (C^-1 + stiffness g g^T), by Sherman and Morrison, with g = ds / dqpos in
-            the held pose: how far it stiffens the arm, (nv, nv).
-    """
-
+    #: Adds its generalised force at data.qpos, kinematics and mj_comPos done, to Q, (nv,) [N, N m].
     add: Callable[[Array], None]
+    #: Inverse of C (C^-1 + stiffness g g^T), by Sherman and Morrison, with g = ds / dqpos in the held pose:
+    #: how far it stiffens the arm, (nv, nv).
     inverse: Array
 
 

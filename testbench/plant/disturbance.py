@@ -13,15 +13,10 @@ from testbench.plant.compensator import KR500_COMPENSATOR, Compensator
 
 @dataclass(frozen=True)
 class GeometryErrors:
-    """How far every joint's frame, and the tool's, is from where it is drawn.
+    """How far every joint's frame, and the tool's, is from where it is drawn."""
 
-    Attributes:
-        position: Standard deviation along each axis of the link before it [m].
-        angle: Standard deviation about each of its own axes [rad].
-    """
-
-    position: float
-    angle: float
+    position: float  #: Standard deviation along each axis of the link before it [m].
+    angle: float  #: Standard deviation about each of its own axes [rad].
 
     def __post_init__(self) -> None:
         _check("position", self.position)
@@ -30,33 +25,24 @@ class GeometryErrors:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What the true arm does beyond bending linearly; all off by default.
+    """What the true arm does beyond bending linearly; all off by default."""
 
-    Attributes:
-        own_weight: Whether its links weigh. Off, only the payload, and a compensator, bend it.
-        compensator: Spring from link 1 to link 2.
-        geometry: Errors of the nominal geometry.
-        sensor_offset: Standard deviation of each joint's constant offset [rad]: true q = commanded q
-            + offset.
-        mass_error: True weight of the payload over the recorded one, less one [1]; scales the whole wrench.
-        centre_error: Standard deviation of the true hanging point about the recorded one, along each axis of
-            the tool [m]; the same in all runs.
-        stiffening: Share beta by which a joint is stiffer when its spring is turned by a milliradian [1].
-        backlash: Half-width of the play of every joint [rad], on the side that its torque tells.
-        hysteresis: Half-width of the hysteresis loop of every joint [rad], by friction in its gear.
-        foundation: Compliance of the foundation over `FOUNDATION` [1].
-    """
-
-    own_weight: bool = False
-    compensator: Compensator | None = None
-    geometry: GeometryErrors | None = None
+    own_weight: bool = False  #: Whether its links weigh. Off, only the payload, and a compensator, bend it.
+    compensator: Compensator | None = None  #: Spring from link 1 to link 2.
+    geometry: GeometryErrors | None = None  #: Errors of the nominal geometry.
+    #: Standard deviation of each joint's constant offset [rad]: true q = commanded q + offset.
     sensor_offset: float = 0.0
+    #: True weight of the payload over the recorded one, less one [1]; scales the whole wrench.
     mass_error: float = 0.0
+    #: Standard deviation of the true hanging point about the recorded one, along each axis of the tool [m];
+    #: the same in all runs.
     centre_error: float = 0.0
+    #: Share beta by which a joint is stiffer when its spring is turned by a milliradian [1].
     stiffening: float = 0.0
-    backlash: float = 0.0
+    backlash: float = 0.0  #: Half-width of the play of every joint [rad], on the side that its torque tells.
+    #: Half-width of the hysteresis loop of every joint [rad], by friction in its gear.
     hysteresis: float = 0.0
-    foundation: float = 0.0
+    foundation: float = 0.0  #: Compliance of the foundation over `FOUNDATION` [1].
 
     def __post_init__(self) -> None:
         for name in ("sensor_offset", "centre_error", "stiffening", "backlash", "hysteresis", "foundation"):

@@ -34,20 +34,14 @@ from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
 
 @dataclass(frozen=True)
 class DisturbedPlant:
-    """The true arm with its disturbances.
+    """The true arm with its disturbances."""
 
-    Attributes:
-        plant: The arm with true weight, geometry and foundation. `arm` and `load` are as recorded, and so is
-            the order of theta: the foundation's six coordinates come into C and the residual, not into theta.
-        disturbances: What is disturbed.
-        offset: True minus commanded joint angles, (n,) [rad].
-        centre: True minus recorded hanging point, tool's axes, (3,) [m].
-    """
-
+    #: The arm with true weight, geometry and foundation. `arm` and `load` are as recorded, and so is the
+    #: order of theta: the foundation's six coordinates come into C and the residual, not into theta.
     plant: Plant
-    disturbances: Disturbances
-    offset: Array
-    centre: Array
+    disturbances: Disturbances  #: What is disturbed.
+    offset: Array  #: True minus commanded joint angles, (n,) [rad].
+    centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
 
 
 def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> DisturbedPlant:

@@ -34,49 +34,29 @@ class Plant:
     """The true arm: a MuJoCo model with sprung virtual joints.
 
     All its joints are slides and hinges, so that one address serves qpos and qvel.
-
-    Attributes:
-        arm: Its description.
-        model: Elastic MuJoCo model.
-        theta: Address of each virtual joint, (n_theta,).
-        joints: Address of each actuated joint, (n,).
-        tool: Body id of the tool.
-        markers: Body ids of the markers, (m,).
-        load: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
-        C: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     """
 
-    arm: Arm
-    model: mujoco.MjModel
-    theta: Index
-    joints: Index
-    tool: int
-    markers: Index
-    load: Array
-    C: Array
+    arm: Arm  #: Its description.
+    model: mujoco.MjModel  #: Elastic MuJoCo model.
+    theta: Index  #: Address of each virtual joint, (n_theta,).
+    joints: Index  #: Address of each actuated joint, (n,).
+    tool: int  #: Body id of the tool.
+    markers: Index  #: Body ids of the markers, (m,).
+    load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
+    C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Poses of the arm at rest under a load.
+    """Poses of the arm at rest under a load."""
 
-    Attributes:
-        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
-        markers: Marker positions in the world, (runs, m, 3) [m].
-        tool: Tool positions in the world, (runs, 3) [m].
-        rotation: Tool orientations, world from tool, (runs, 3, 3) [1].
-        residual: Largest generalised force out of balance, (runs,) [N, N m].
-        step: Last Newton step, (runs,) [m, rad].
-        iterations: Newton steps taken, (runs,).
-    """
-
-    theta: Array
-    markers: Array
-    tool: Array
-    rotation: Array
-    residual: Array
-    step: Array
-    iterations: Array
+    theta: Array  #: Virtual joint coordinates, (runs, n_theta) [m, rad].
+    markers: Array  #: Marker positions in the world, (runs, m, 3) [m].
+    tool: Array  #: Tool positions in the world, (runs, 3) [m].
+    rotation: Array  #: Tool orientations, world from tool, (runs, 3, 3) [1].
+    residual: Array  #: Largest generalised force out of balance, (runs,) [N, N m].
+    step: Array  #: Last Newton step, (runs,) [m, rad].
+    iterations: Array  #: Newton steps taken, (runs,).
 
 
 @dataclass(frozen=True)
@@ -84,20 +64,16 @@ class Statics:
     """Forces and springs of one pose, as functions of the MuJoCo data that they were made for.
 
     At rest the actuated joints are where they are held, and all others at deflect(force()).
-
-    Attributes:
-        force: Generalised force Q at data.qpos, springs apart, (nv,) [N, N m].
-        deflect: Deflection under a generalised force, zero at the actuated joints, (nv,) [m, rad].
-        compliance: Its derivative at a generalised force, (nv, nv).
-        springs: Generalised force of the springs at data.qpos, (nv,) [N, N m]; they are told Q, since a joint
-            with play or friction has no force of its own.
-        start: First guess of the inverse of C (K_theta - K_w), Eq. (7), (nv, nv); None for the identity.
     """
 
-    force: Callable[[], Array]
+    force: Callable[[], Array]  #: Generalised force Q at data.qpos, springs apart, (nv,) [N, N m].
+    #: Deflection under a generalised force, zero at the actuated joints, (nv,) [m, rad].
     deflect: Callable[[Array], Array]
-    compliance: Callable[[Array], Array]
+    compliance: Callable[[Array], Array]  #: Its derivative at a generalised force, (nv, nv).
+    #: Generalised force of the springs at data.qpos, (nv,) [N, N m]; they are told Q, since a joint with play
+    #: or friction has no force of its own.
     springs: Callable[[Array], Array]
+    #: First guess of the inverse of C (K_theta - K_w), Eq. (7), (nv, nv); None for the identity.
     start: Array | None = None
 
 

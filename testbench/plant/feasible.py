@@ -13,17 +13,11 @@ from testbench.plant.equilibrium import compile_mjcf
 
 @dataclass(frozen=True)
 class Room:
-    """The rigid arm and the floor, for collision checks.
+    """The rigid arm and the floor, for collision checks."""
 
-    Attributes:
-        arm: Its description.
-        model: Rigid MuJoCo model.
-        joints: Address of each actuated joint in qpos, (n,).
-    """
-
-    arm: Arm
-    model: mujoco.MjModel
-    joints: npt.NDArray[np.int_]
+    arm: Arm  #: Its description.
+    model: mujoco.MjModel  #: Rigid MuJoCo model.
+    joints: npt.NDArray[np.int_]  #: Address of each actuated joint in qpos, (n,).
 
 
 def build_room(arm: Arm) -> Room:

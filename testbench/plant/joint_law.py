@@ -29,20 +29,13 @@ STIFFENING_ANGLE = 1e-3
 
 @dataclass(frozen=True)
 class JointLaw:
-    """Turn of every joint's spring over its torque.
+    """Turn of every joint's spring over its torque."""
 
-    Attributes:
-        compliance: Of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
-        stiffening: beta [1].
-        backlash: Half-width of the play b [rad].
-        hysteresis: Half-width of the loop h [rad].
-        before: Turns that the joints come from, (n,) [rad]; None where friction has been shaken off.
-    """
-
-    compliance: Array
-    stiffening: float
-    backlash: float
-    hysteresis: float
+    compliance: Array  #: Of the joints at no torque, 1 / k_0, (n,) [rad/(N m)].
+    stiffening: float  #: beta [1].
+    backlash: float  #: Half-width of the play b [rad].
+    hysteresis: float  #: Half-width of the loop h [rad].
+    #: Turns that the joints come from, (n,) [rad]; None where friction has been shaken off.
     before: Array | None = None
 
 

@@ -33,54 +33,34 @@ STICK = 0.02
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh.
+    """A triangle mesh."""
 
-    Attributes:
-        vertices: One a different corner, (v, 3) [m].
-        normals: Unit normal of every corner, (v, 3) [1].
-        faces: Three corners a triangle, (f, 3).
-    """
-
-    vertices: Array
-    normals: Array
-    faces: npt.NDArray[np.int_]
+    vertices: Array  #: One a different corner, (v, 3) [m].
+    normals: Array  #: Unit normal of every corner, (v, 3) [1].
+    faces: npt.NDArray[np.int_]  #: Three corners a triangle, (f, 3).
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One visual geom, fixed in a body.
+    """One visual geom, fixed in a body."""
 
-    Attributes:
-        kind: MuJoCo's geom type.
-        body: Index of its body.
-        size: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius,
-            half length without caps).
-        position: Of its centre in the body, (3,) [m].
-        rotation: Body from shape, (3, 3) [1].
-        rgba: Colour, (4,) [1].
-        mesh: For kind "mesh", in the shape's axes.
-    """
-
-    kind: Kind
-    body: int
+    kind: Kind  #: MuJoCo's geom type.
+    body: int  #: Index of its body.
+    #: Half sizes of the shape along its own axes, (3,) [m]: of a capsule or cylinder (radius, radius, half
+    #: length without caps).
     size: Array
-    position: Array
-    rotation: Array
-    rgba: Array
-    mesh: Mesh | None = None
+    position: Array  #: Of its centre in the body, (3,) [m].
+    rotation: Array  #: Body from shape, (3, 3) [1].
+    rgba: Array  #: Colour, (4,) [1].
+    mesh: Mesh | None = None  #: For kind "mesh", in the shape's axes.
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Where the bodies of the rigid MJCF are, the world first.
+    """Where the bodies of the rigid MJCF are, the world first."""
 
-    Attributes:
-        positions: Origins, (runs, bodies, 3) [m].
-        rotations: World from body, (runs, bodies, 3, 3) [1].
-    """
-
-    positions: Array
-    rotations: Array
+    positions: Array  #: Origins, (runs, bodies, 3) [m].
+    rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
 def body_names(room: Room) -> list[str]:

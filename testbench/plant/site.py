@@ -47,19 +47,12 @@ OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 
 @dataclass(frozen=True)
 class Payload:
-    """A weight that hangs from the load point: an upright steel cylinder, as high as it is wide.
+    """A weight that hangs from the load point: an upright steel cylinder, as high as it is wide."""
 
-    Attributes:
-        mass: Of the weight [kg].
-        sling: From the load point to the top of the weight [m].
-        density: Of the weight [kg/m^3]; 7850 is steel.
-        clearance: Least distance to anything [m], as weights swing.
-    """
-
-    mass: float
-    sling: float = 0.5
-    density: float = 7850.0
-    clearance: float = 0.05
+    mass: float  #: Of the weight [kg].
+    sling: float = 0.5  #: From the load point to the top of the weight [m].
+    density: float = 7850.0  #: Of the weight [kg/m^3]; 7850 is steel.
+    clearance: float = 0.05  #: Least distance to anything [m], as weights swing.
 
     def __post_init__(self) -> None:
         for name in ("mass", "density"):
@@ -90,44 +83,27 @@ class Payload:
 
 @dataclass(frozen=True)
 class Contact:
-    """Two bodies that touch, or come nearer than the payload's clearance.
+    """Two bodies that touch, or come nearer than the payload's clearance."""
 
-    Attributes:
-        kind: What is touched.
-        bodies: Their names, in the order of `KINDS`: the arm's before the world's, the payload's last.
-    """
-
-    kind: Kind
+    kind: Kind  #: What is touched.
+    #: Their names, in the order of `KINDS`: the arm's before the world's, the payload's last.
     bodies: tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Site:
-    """The rigid arm, its room, and what stands or hangs there while it is measured.
+    """The rigid arm, its room, and what stands or hangs there while it is measured."""
 
-    Attributes:
-        arm: Its description.
-        payload: What hangs from it; None for nothing.
-        station: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
-        model: Rigid MuJoCo model of all of it.
-        joints: Address of each actuated joint in qpos, (n,).
-        slides: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
-        load: Body id of the load point.
-        markers: Body ids of the markers, (m,).
-        facing: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
-        part: Index in `KINDS` of what each geom belongs to, (geoms,).
-    """
-
-    arm: Arm
-    payload: Payload | None
-    station: Array | None
-    model: mujoco.MjModel
-    joints: Index
-    slides: Index
-    load: int
-    markers: Index
-    facing: Array
-    part: Index
+    arm: Arm  #: Its description.
+    payload: Payload | None  #: What hangs from it; None for nothing.
+    station: Array | None  #: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
+    model: mujoco.MjModel  #: Rigid MuJoCo model of all of it.
+    joints: Index  #: Address of each actuated joint in qpos, (n,).
+    slides: Index  #: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
+    load: int  #: Body id of the load point.
+    markers: Index  #: Body ids of the markers, (m,).
+    facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
+    part: Index  #: Index in `KINDS` of what each geom belongs to, (geoms,).
 
 
 def build_site(

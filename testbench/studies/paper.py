@@ -10,17 +10,11 @@ Verdict = Literal["confirmed", "not confirmed", "not confirmed on this arm"]
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, and what our numbers say of it.
+    """A statement of the paper, and what our numbers say of it."""
 
-    Attributes:
-        claim: What the paper says, or our own thesis about it.
-        verdict: Whether our numbers agree.
-        why: Our numbers.
-    """
-
-    claim: str
-    verdict: Verdict
-    why: str
+    claim: str  #: What the paper says, or our own thesis about it.
+    verdict: Verdict  #: Whether our numbers agree.
+    why: str  #: Our numbers.
 
 
 def judged(claim: str, holds: bool, why: str, otherwise: Verdict = "not confirmed") -> Claim:

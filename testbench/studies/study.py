@@ -38,46 +38,30 @@ class Everywhere(Protocol):
 
 @dataclass(frozen=True)
 class Study(Generic[O, S, W, R]):
-    """A study: what is asked, tried, found and shown.
+    """A study: what is asked, tried, found and shown."""
 
-    Attributes:
-        name: Of the scenario.
-        about: What it asks, one line for --help.
-        folder: Where `report.md.j2` is.
-        options: Dataclass of its own flags; see `cli.options.takes`.
-        settings: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
-        seeds: How many trials by default, and with `--quick` at most.
-        arms: Folders of the arms that it needs.
-        row: Type of a trial's rows.
-        trials: Rows of some seeds, one sequence a seed; a function of a module (see `trials.chunk.Work`).
-        summary: The report of all trials: a dataclass; its fields are the keys of report.json.
-        tables: Tables by name, for the template; made of declared columns.
-        printed: Those that the terminal shows.
-        figures: What makes each PNG of the report.
-        write: Writes what is not made of the report alone: dataset, recording, other figures.
-        extra: Names of other figures that `write` makes.
-        data: Name of the data file that `write` makes.
-        size: Seeds of a chunk: 0.1 to 1 s of work.
-        prepare: Adds to the settings what all trials share and what is too dear for each of them.
-    """
-
-    name: str
-    about: str
-    folder: Path
-    options: type[O]
+    name: str  #: Of the scenario.
+    about: str  #: What it asks, one line for --help.
+    folder: Path  #: Where `report.md.j2` is.
+    options: type[O]  #: Dataclass of its own flags; see `cli.options.takes`.
+    #: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
     settings: Callable[[O, bool, range], S]
-    seeds: tuple[int, int]
-    arms: Callable[[S], Sequence[Path]]
-    row: type[W]
+    seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
+    arms: Callable[[S], Sequence[Path]]  #: Folders of the arms that it needs.
+    row: type[W]  #: Type of a trial's rows.
+    #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.chunk.Work`).
     trials: Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
+    #: The report of all trials: a dataclass; its fields are the keys of report.json.
     summary: Callable[[S, range, Trials[W]], R]
-    tables: Callable[[R], Mapping[str, Table]]
-    printed: tuple[str, ...]
-    figures: Mapping[str, Callable[[R], Figure]]
+    tables: Callable[[R], Mapping[str, Table]]  #: Tables by name, for the template; made of declared columns.
+    printed: tuple[str, ...]  #: Those that the terminal shows.
+    figures: Mapping[str, Callable[[R], Figure]]  #: What makes each PNG of the report.
+    #: Writes what is not made of the report alone: dataset, recording, other figures.
     write: Callable[["Run[S, R]"], None]
-    extra: tuple[str, ...] = ()
-    data: str = "dataset.csv"
-    size: int = 1
+    extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
+    data: str = "dataset.csv"  #: Name of the data file that `write` makes.
+    size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
+    #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
 
     def words(self, report: R) -> Words:
@@ -87,22 +71,12 @@ class Study(Generic[O, S, W, R]):
 
 @dataclass(frozen=True)
 class Run(Generic[S, R]):
-    """A finished study, for what is still to be written.
+    """A finished study, for what is still to be written."""
 
-    Attributes:
-        settings: What was tried.
-        seeds: Of the trials.
-        report: What was found.
-        words: Of the report.
-        tables: Of the report, by name.
-        folder: Where to write.
-        parameters: The settings as JSON.
-    """
-
-    settings: S
-    seeds: range
-    report: R
-    words: Words
-    tables: Mapping[str, Table]
-    folder: Path
-    parameters: str
+    settings: S  #: What was tried.
+    seeds: range  #: Of the trials.
+    report: R  #: What was found.
+    words: Words  #: Of the report.
+    tables: Mapping[str, Table]  #: Of the report, by name.
+    folder: Path  #: Where to write.
+    parameters: str  #: The settings as JSON.

@@ -35,17 +35,11 @@ MARKS = "osD^vP"
 
 @dataclass(frozen=True)
 class Look:
-    """How a model is drawn.
+    """How a model is drawn."""
 
-    Attributes:
-        colour: Of its family, in the shade of its structure.
-        place: Of the shade in the family, for shapes.
-        prior: Whether a prior stands behind it: dashed lines, filled markers.
-    """
-
-    colour: Colour
-    place: int
-    prior: bool
+    colour: Colour  #: Of its family, in the shade of its structure.
+    place: int  #: Of the shade in the family, for shapes.
+    prior: bool  #: Whether a prior stands behind it: dashed lines, filled markers.
 
     @property
     def hex(self) -> str:

@@ -9,29 +9,19 @@ from testbench.trials.spread import Number, Share, Spread, middle
 
 @dataclass(frozen=True)
 class Column:
-    """One quantity of a table.
+    """One quantity of a table."""
 
-    Attributes:
-        key: Where it is in a row and in report.json, such as "check.rms_mm".
-        heading: What it is, such as "RMS check".
-        unit: Its unit, empty for none.
-        form: Format of a number, or "yes" for a truth value and the share of trials in which it holds.
-        paper: Key of the paper's number in the row's `paper`, if it gives one.
-        exact: Nothing to spread: only the median is shown.
-        short: Heading and unit for a terminal, line by line; each word on a line if empty.
-        scale: What is shown is so many times the report's number, for a unit that is not the key's.
-        rounding: Numbers below, in the shown unit, are rounding and shown as "exact".
-    """
-
-    key: str
-    heading: str
-    unit: str = ""
+    key: str  #: Where it is in a row and in report.json, such as "check.rms_mm".
+    heading: str  #: What it is, such as "RMS check".
+    unit: str = ""  #: Its unit, empty for none.
+    #: Format of a number, or "yes" for a truth value and the share of trials in which it holds.
     form: str = ".3f"
-    paper: str = ""
-    exact: bool = False
-    short: str = ""
+    paper: str = ""  #: Key of the paper's number in the row's `paper`, if it gives one.
+    exact: bool = False  #: Nothing to spread: only the median is shown.
+    short: str = ""  #: Heading and unit for a terminal, line by line; each word on a line if empty.
+    #: What is shown is so many times the report's number, for a unit that is not the key's.
     scale: float = 1.0
-    rounding: float = 0.0
+    rounding: float = 0.0  #: Numbers below, in the shown unit, are rounding and shown as "exact".
 
     @property
     def title(self) -> str:
@@ -83,19 +73,12 @@ def _times(scale: float, value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under columns.
+    """Rows under columns."""
 
-    Attributes:
-        columns: From left to right; the first one names the row.
-        rows: Dataclasses or mappings.
-        title: What it shows, empty for none.
-        bold: Value of the first column in the row that is marked, empty for none.
-    """
-
-    columns: tuple[Column, ...]
-    rows: Sequence[object]
-    title: str = ""
-    bold: str = ""
+    columns: tuple[Column, ...]  #: From left to right; the first one names the row.
+    rows: Sequence[object]  #: Dataclasses or mappings.
+    title: str = ""  #: What it shows, empty for none.
+    bold: str = ""  #: Value of the first column in the row that is marked, empty for none.
 
 
 def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
@@ -158,15 +141,10 @@ def _median(value: object) -> object:
 
 @dataclass(frozen=True)
 class Best:
-    """Which of several is best.
+    """Which of several is best."""
 
-    Attributes:
-        names: The best; more than one where nothing tells them apart.
-        value: Least value (median).
-    """
-
-    names: tuple[str, ...]
-    value: float
+    names: tuple[str, ...]  #: The best; more than one where nothing tells them apart.
+    value: float  #: Least value (median).
 
     @property
     def words(self) -> str:

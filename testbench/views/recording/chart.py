@@ -24,23 +24,14 @@ BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
 
 @dataclass(frozen=True)
 class Dot:
-    """A value of the chart, on a line of its own or on one with others.
+    """A value of the chart, on a line of its own or on one with others."""
 
-    Attributes:
-        name: What it is; dots of the same name share a line.
-        low: Low end of the spread; the value itself where there is none.
-        value: Positive.
-        high: High end of the spread.
-        colour: Of its role.
-        text: The value for people, unit included; on a shared line what the colour means.
-    """
-
-    name: str
-    low: float
-    value: float
-    high: float
-    colour: Colour
-    text: str
+    name: str  #: What it is; dots of the same name share a line.
+    low: float  #: Low end of the spread; the value itself where there is none.
+    value: float  #: Positive.
+    high: float  #: High end of the spread.
+    colour: Colour  #: Of its role.
+    text: str  #: The value for people, unit included; on a shared line what the colour means.
 
 
 def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> None:

@@ -33,87 +33,49 @@ STEPS = 20
 
 @dataclass(frozen=True)
 class Loading:
-    """One run loaded step by step.
+    """One run loaded step by step."""
 
-    Attributes:
-        run: Index of the run.
-        share: Of the load, (steps,) [1].
-        deflection: True deflection of the markers, (steps, m, 3) [m].
-        predicted: The same by each model, (models, steps, m, 3) [m].
-        rigid: The arm without load.
-        ghost: The arm at every step, its deflection magnified.
-    """
-
-    run: int
-    share: Array
-    deflection: Array
-    predicted: Array
-    rigid: Frames
-    ghost: Frames
+    run: int  #: Index of the run.
+    share: Array  #: Of the load, (steps,) [1].
+    deflection: Array  #: True deflection of the markers, (steps, m, 3) [m].
+    predicted: Array  #: The same by each model, (models, steps, m, 3) [m].
+    rigid: Frames  #: The arm without load.
+    ghost: Frames  #: The arm at every step, its deflection magnified.
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a recording of a calibration is made of.
+    """What a recording of a calibration is made of."""
 
-    Attributes:
-        scenario: Name of the scenario.
-        parameters: The settings as JSON.
-        summary: Markdown: question, answer, table.
-        notes: Markdown: what is said beside it.
-        errors: Errors by model over all seeds, in millimetres, for the tab of errors.
-        models: One an estimate.
-        best: Index of the model that the runs are sorted by.
-        shown: Indices of the models that are visible at first.
-        magnification: Of the drawn deflection [1].
-    """
-
-    scenario: str
-    parameters: str
-    summary: str
-    notes: str
-    errors: Table
-    models: Sequence[FitRow]
-    best: int
-    shown: tuple[int, ...]
-    magnification: float
+    scenario: str  #: Name of the scenario.
+    parameters: str  #: The settings as JSON.
+    summary: str  #: Markdown: question, answer, table.
+    notes: str  #: Markdown: what is said beside it.
+    errors: Table  #: Errors by model over all seeds, in millimetres, for the tab of errors.
+    models: Sequence[FitRow]  #: One an estimate.
+    best: int  #: Index of the model that the runs are sorted by.
+    shown: tuple[int, ...]  #: Indices of the models that are visible at first.
+    magnification: float  #: Of the drawn deflection [1].
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A campaign and its results, made ready for drawing.
+    """A campaign and its results, made ready for drawing."""
 
-    Attributes:
-        about: Words and models.
-        cell: The arm.
-        data: What was measured, identification and check runs.
-        seed: Root of what was measured.
-        noise: Whether readings are noisy.
-        payload: Hung mass [kg]; None where wrenches act.
-        estimates: One a model.
-        errors: Measured minus predicted deflections, (models, runs, m, 3) [m].
-        checked: Which runs are of the check poses, (runs,).
-        rank: Place of each run in worst_first, (runs,); 0 has the largest residual of the best model.
-        rigid: The arm without its load and without any sag.
-        ghost: The arm under its load, the deflection magnified.
-        loading: The worst run step by step.
-        residual_scale: Magnification of the residual arrows [1].
-    """
-
-    about: Calibration
-    cell: Cell
-    data: Dataset
-    seed: int
-    noise: bool
-    payload: float | None
-    estimates: Sequence[Estimate]
-    errors: Array
-    checked: Mask
-    rank: Ids
-    rigid: Frames
-    ghost: Frames
-    loading: Loading
-    residual_scale: float
+    about: Calibration  #: Words and models.
+    cell: Cell  #: The arm.
+    data: Dataset  #: What was measured, identification and check runs.
+    seed: int  #: Root of what was measured.
+    noise: bool  #: Whether readings are noisy.
+    payload: float | None  #: Hung mass [kg]; None where wrenches act.
+    estimates: Sequence[Estimate]  #: One a model.
+    errors: Array  #: Measured minus predicted deflections, (models, runs, m, 3) [m].
+    checked: Mask  #: Which runs are of the check poses, (runs,).
+    rank: Ids  #: Place of each run in worst_first, (runs,); 0 has the largest residual of the best model.
+    rigid: Frames  #: The arm without its load and without any sag.
+    ghost: Frames  #: The arm under its load, the deflection magnified.
+    loading: Loading  #: The worst run step by step.
+    residual_scale: float  #: Magnification of the residual arrows [1].
 
     @property
     def best(self) -> int:

@@ -105,17 +105,11 @@ def sag_views(drawing: Drawing) -> list[rrb.TimeSeriesView]:
 
 @dataclass(frozen=True)
 class Bars:
-    """A bar chart.
+    """A bar chart."""
 
-    Attributes:
-        at: Centres, (bars,) [um].
-        counts: Heights, (bars,) [1].
-        width: Of every bar [um].
-    """
-
-    at: Array
-    counts: Array
-    width: float
+    at: Array  #: Centres, (bars,) [um].
+    counts: Array  #: Heights, (bars,) [1].
+    width: float  #: Of every bar [um].
 
 
 def histograms(drawing: Drawing, runs: Mask) -> tuple[Bars | None, list[Bars]]:

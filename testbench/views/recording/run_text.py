@@ -14,21 +14,13 @@ from testbench.views.schema import show
 
 @dataclass(frozen=True)
 class RunLine:
-    """What is said of one run.
+    """What is said of one run."""
 
-    Attributes:
-        run: Its identifier.
-        pose: Identifier of its pose.
-        group: "identification" or "check".
-        place: Its place in worst_first.
-        sag_mm: Deflection of the marker that moves most.
-    """
-
-    run: int
-    pose: int
-    group: str
-    place: int
-    sag_mm: float
+    run: int  #: Its identifier.
+    pose: int  #: Identifier of its pose.
+    group: str  #: "identification" or "check".
+    place: int  #: Its place in worst_first.
+    sag_mm: float  #: Deflection of the marker that moves most.
 
     @property
     def where(self) -> str:

@@ -18,21 +18,13 @@ LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 
 
 @dataclass(frozen=True)
 class Header:
-    """What identifies a recording.
+    """What identifies a recording."""
 
-    Attributes:
-        kind: Key of LAYOUTS.
-        scenario: Name of the scenario.
-        parameters: The scenario as JSON.
-        seed: Root of what is drawn.
-        scales: Magnifications by name [1].
-    """
-
-    kind: str
-    scenario: str
-    parameters: str
-    seed: int
-    scales: Mapping[str, float] = field(default_factory=dict)
+    kind: str  #: Key of LAYOUTS.
+    scenario: str  #: Name of the scenario.
+    parameters: str  #: The scenario as JSON.
+    seed: int  #: Root of what is drawn.
+    scales: Mapping[str, float] = field(default_factory=dict)  #: Magnifications by name [1].
 
     @property
     def application(self) -> str:
