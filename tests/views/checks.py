@@ -56,8 +56,14 @@ def in_unit(title, path, value):
     return factor * value
 
 
-def shows(text, value):
-    """Whether a text is a report's value: each number rounded to the digits shown, at least two of them."""
+def shows(text, value, beside=0.0):
+    """Whether a text is a report's value: numbers rounded to the digits shown, which must tell them from 0.
+
+    Args:
+        text: What people see.
+        value: Of the report.
+        beside: Size of a number that stands with it and has the same digits.
+    """
     if value is None:
         return text == "-"
     if isinstance(value, str):
@@ -69,17 +75,16 @@ def shows(text, value):
     numbers = [value.median, value.p05, value.p95] if isinstance(value, Spread) else [value]
     form = "{} ({} to {})" if isinstance(value, Spread) else "{}"
     shown = re.findall(NUMBER, text)
-    return (
-        text == form.format(*shown)
-        if len(shown) == len(numbers) and all(map(_rounded, shown, numbers))
-        else False
-    )
+    if len(shown) != len(numbers) or text != form.format(*shown):
+        return False
+    size = max(beside, *map(abs, numbers))
+    return all(_rounded(text, number, size) for text, number in zip(shown, numbers, strict=True))
 
 
-def _rounded(text, number):
-    """Whether a text is a number, rounded to the digits that it shows: two or a hundredth of it at least."""
+def _rounded(text, number, size):
+    """Whether a text is a number, rounded to its digits; a step of them is at most half of the size."""
     step = 10.0 ** Decimal(text).as_tuple().exponent
-    return abs(float(text) - number) <= 0.5001 * step and (number == int(number) or step <= 0.5 * abs(number))
+    return abs(float(text) - number) <= 0.5001 * step and (number == int(number) or step <= 0.5 * size)
 
 
 def tables_of(text):
@@ -119,13 +124,13 @@ def check_table(table, rows, means, known=None):
 
 def check_terminal(table, rows, means):
     """The same in a terminal: medians, then a line of 5 % and one of 95 %, the unit in the heading."""
-    shown = terminal.grid(table)
-    lines = list(zip(*(list(column.cells) for column in shown.columns), strict=True))
-    for column, (title, path) in zip(shown.columns, means.items(), strict=True):
+    drawn = terminal.grid(table)
+    lines = list(zip(*(list(column.cells) for column in drawn.columns), strict=True))
+    for column, (title, path) in zip(drawn.columns, means.items(), strict=True):
         assert not unit_of(path) or str(column.header).split()[-1] == title.rpartition(", ")[2], title
     for row in rows:
         first, *others = lines.pop(0)
-        assert first.removeprefix("* ") == str(at(row, next(iter(means.values()))))
+        assert shows(first.removeprefix("* "), at(row, next(iter(means.values()))))
         ends = {"median": others}
         while lines and lines[0][0] in ("  5 %", "  95 %", "  paper"):
             name, *cells = lines.pop(0)
@@ -136,7 +141,9 @@ def check_terminal(table, rows, means):
             for end, cells in ends.items():
                 spread = isinstance(_shown(table, title, value), Spread)
                 own = getattr(value, end) if isinstance(value, Spread) else value
-                assert shows(cells[k], own) if end == "median" or spread else cells[k] == "", (title, end)
+                beside = max(map(abs, vars(value).values())) if isinstance(value, Spread) else 0.0
+                shown = shows(cells[k], own, beside) if end == "median" or spread else cells[k] == ""
+                assert shown, (title, end)
     assert not lines
 
 

@@ -1,5 +1,6 @@
 """Made-up reports: every field filled, every number distinct, so that one exchanged for another shows."""
 
+import functools
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
@@ -21,13 +22,16 @@ def fill(kind, rng, /, **fixed):
         rng: Source of the numbers.
         fixed: Fields that are given, such as lists whose length or names matter.
     """
-    hints = get_type_hints(kind)
+    hints = _hints(kind)
     unknown = set(fixed) - set(hints)
     assert not unknown, unknown
     values = {
         f.name: fixed[f.name] if f.name in fixed else _value(hints[f.name], f.name, rng) for f in fields(kind)
     }
     return kind(**values)
+
+
+_hints = functools.cache(get_type_hints)
 
 
 def filled(kind, rng, rows, /, **fixed):

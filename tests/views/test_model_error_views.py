@@ -1,0 +1,239 @@
+"""What people see of the study of model error equals its report, for trials that are made up."""
+
+import numpy as np
+import pytest
+from checks import check_pivot, check_report, check_table, curves, looks_differ, unit_in
+from made_up import fill
+from read_back import chunks_of, columns, document
+
+from testbench.studies.model_error import STUDY, figure, recording
+from testbench.studies.model_error.cases import ALL, NONE, STIFF, cases
+from testbench.studies.model_error.trial import CaseRow, Settings
+from testbench.studies.study import Run
+from testbench.views.markdown import grid
+
+SEEDS = range(2, 7)
+SETTINGS = Settings(arm="kr500_l480", sigma=40e-6)
+CASES = list(cases(1.0))
+MODELS = {
+    "MLS56": ("MLS56", "none", False),
+    "MGCO56": ("MGCO56", "psd", False),
+    "MGCO56 + prior": ("MGCO56", "psd", True),
+    "MGCO68 + prior": ("MGCO68", "psd", True),
+}
+FEATURED = "MGCO56 + prior"
+CHART = "/rms_error_over_the_workspace_with_noise_of_40_um_um"
+MEANS = {"disturbance": "case", "moves deflections by, um": "moved_um", "adds to the error, um": "added_um"}
+CLAIM = {
+    "disturbance": "case",
+    "model": "model",
+    "against readings, %": "against_readings",
+    "within the claim": "within_claim",
+    "against the truth, %": "against_truth",
+}
+TOGETHER = {"model": "model", "without disturbance, um": "none_um", "all together, um": "all_um"}
+
+
+def trials(rng, errors=None):
+    """Made-up rows; `errors` fixes RMS errors by case, model and noise."""
+    found = []
+    for seed in SEEDS:
+        rows = []
+        for case in CASES:
+            for noise in (0.0, 40.0):
+                for name, (structure, constraint, prior) in MODELS.items():
+                    fixed = {"structure": structure, "constraint": constraint, "prior": prior}
+                    if (case, name, noise) in (errors or {}):
+                        fixed["rms_um"] = errors[case, name, noise]
+                    rows.append(fill(CaseRow, rng, case=case, model=name, noise_um=noise, **fixed))
+        found.append((seed, rows))
+    return found
+
+
+def summed(found):
+    return STUDY.summary(SETTINGS, SEEDS, found)
+
+
+@pytest.fixture
+def made(rng):
+    return trials(rng)
+
+
+@pytest.fixture
+def report(made):
+    return summed(made)
+
+
+def numbers(made, case, model, noise, key="rms_um"):
+    """Of all trials, in the order of the seeds."""
+    own = [r for _, rows in made for r in rows if (r.case, r.model, r.noise_um) == (case, model, noise)]
+    return np.array([getattr(r, key) for r in own], dtype=float)
+
+
+def same(spread, values):
+    p05, median, p95 = np.percentile(values, [5, 50, 95])
+    assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
+
+
+def test_the_report_is_medians_and_spreads_by_case_model_and_noise(made, report):
+    assert len(report.cells) == len(CASES) * len(MODELS) * 2
+    for cell in report.cells:
+        own = (made, cell.case, cell.model, cell.noise_um)
+        same(cell.rms_um, numbers(*own))
+        same(cell.p95_um, numbers(*own, "p95_um"))
+        same(cell.moved_um, numbers(*own, "moved_um"))
+        same(cell.added_um, numbers(*own) - numbers(made, NONE, cell.model, cell.noise_um))
+        assert cell.conservative == numbers(*own, "conservative").mean()
+        assert cell.solved == numbers(*own, "solved").mean()
+    by_name = {m.name: m for m in report.models}
+    assert len(by_name) == 2 * len(MODELS)
+    for case in (NONE, ALL):
+        for name in MODELS:
+            same(by_name[f"{name}, {case}"].workspace.rms_mm, numbers(made, case, name, 40.0) / 1e3)
+            said = by_name[f"{name}, {case}"].method
+            assert said == {"none": "least squares", "psd": "GCO"}[MODELS[name][1]]
+
+
+def test_the_claim_is_judged_with_the_noise_of_two_readings_in_quadrature(made, report):
+    assert {(c.case, c.model) for c in report.claim} == {
+        (case, m) for case in ("gravity compensator", STIFF) for m in MODELS
+    }
+    for claim in report.claim:
+        own, none = (numbers(made, case, claim.model, 40.0) for case in (claim.case, NONE))
+        seen = np.sqrt(own**2 + 6 * 40.0**2) / np.sqrt(none**2 + 6 * 40.0**2) - 1
+        same(claim.against_truth, own / none - 1)
+        same(claim.against_readings, seen)
+        assert claim.within_claim == np.mean(np.abs(seen) <= 0.048)
+
+
+def test_tables_show_the_reports_numbers_with_their_units(report):
+    tables = STUDY.tables(report)
+    for name, noise in (("calm", 0.0), ("noisy", 40.0)):
+        cells = [c for c in report.cells if c.noise_um == noise]
+        check_pivot(tables[name], cells, ("case", "model", "rms_um"))
+        check_pivot(tables[f"{name}_short"], cells, ("case", "model", "rms_um"))
+    calm = [c for c in report.cells if c.noise_um == 0 and c.model == FEATURED]
+    alone = [c for c in calm if c.case not in (NONE, ALL)]
+    check_table(tables["ranking"], sorted(alone, key=lambda c: c.added_um.median, reverse=True), MEANS)
+    check_table(tables["claim"], report.claim, CLAIM)
+    check_table(tables["together"], report.together, TOGETHER)
+    for row in report.together:
+        for case, shown in ((NONE, row.none_um), (ALL, row.all_um)):
+            key = (case, row.model, 40.0)
+            [cell] = [c for c in report.cells if (c.case, c.model, c.noise_um) == key]
+            assert shown == cell.rms_um
+    text = check_report(STUDY, report)
+    assert grid(tables["calm"]) in text.split("## RMS error, um, without noise")[1].split("##")[0]
+    assert grid(tables["noisy"]) in text.split("## RMS error, um, with noise of 40 um")[1].split("##")[0]
+    assert tables["calm_short"].title.endswith("um, without noise")
+    assert tables["noisy_short"].title.endswith("um, with noise of 40 um")
+
+
+@pytest.mark.parametrize("best", MODELS)
+def test_the_answer_names_the_best_model_with_all_disturbances(rng, best):
+    errors = {(ALL, name, 40.0): 60.0 + 10 * k for k, name in enumerate(MODELS)} | {(ALL, best, 40.0): 31.0}
+    answer = STUDY.words(summed(trials(rng, errors))).block("answer")
+    assert answer.endswith(f"With noise and all together the best model is {best}: 31 um.")
+
+
+def test_models_that_bear_disturbances_as_well_are_alike(rng):
+    errors = {(ALL, name, 40.0): 50.0 for name in MODELS} | {(ALL, "MGCO56", 40.0): 70.0}
+    answer = STUDY.words(summed(trials(rng, errors))).block("answer")
+    assert "the best models are MLS56, MGCO56 + prior and MGCO68 + prior (alike): 50 um." in answer
+
+
+@pytest.mark.parametrize("worst", [c for c in CASES if c not in (NONE, ALL)])
+def test_the_answer_names_the_costliest_disturbance_whichever_it_is(rng, worst):
+    errors = {(case, FEATURED, 0.0): 20.0 + k for k, case in enumerate(CASES)}
+    errors |= {(NONE, FEATURED, 0.0): 20.0, (NONE, FEATURED, 40.0): 45.0, (worst, FEATURED, 0.0): 90.0}
+    words = STUDY.words(summed(trials(rng, errors)))
+    answer, others = words.block("answer"), words.block("statements")
+    assert answer.startswith(f'Without noise "{worst}" adds most to the error of {FEATURED}: 70 um; then')
+    rest = sorted((c for c in CASES if c not in (NONE, ALL, worst)), key=CASES.index, reverse=True)[:3]
+    assert "; then come " + ", ".join(f'"{c}" +{CASES.index(c)} um' for c in rest) + "." in answer
+    assert f"Noise of 40 um adds 25 um to the error of {FEATURED} on the undisturbed arm." in others
+    assert f'Without noise, more than that is added by "{worst}".' in others
+
+
+def test_the_claim_holds_for_the_models_for_which_it_does(rng):
+    errors = {(case, m, 40.0): 50.0 for case in (NONE, "gravity compensator", STIFF) for m in MODELS}
+    errors |= {("gravity compensator", "MLS56", 40.0): 500.0}
+    errors |= {(STIFF, m, 40.0): 500.0 for m in MODELS}
+    text = STUDY.words(summed(trials(rng, errors))).block("statements")
+    held = "MGCO56, MGCO56 + prior and MGCO68 + prior"
+    assert (
+        f'With "gravity compensator" they are within that in at least half of the trials for {held}.' in text
+    )
+    assert f'With "{STIFF}" they are within that in at least half of the trials for no model.' in text
+    assert "at most 4.8 % apart" in text
+
+
+def test_the_sizes_of_disturbances_are_told_in_their_units(report):
+    text = check_report(STUDY, report)
+    for said in (
+        "- none: nothing.",
+        "joint sensors: Joint sensors are off by 0.35 mrad.",
+        "payload mass: The payload is 0.2 % heavier than recorded.",
+        "payload centre: The hanging point is off by 2 mm.",
+        "backlash: Joints have 50 urad of play to either side.",
+        "hysteresis: Joints have 30 urad of hysteresis to either side.",
+        "nominal geometry: Frames are off by 0.5 mm and 0.87 mrad.",
+        "stiffening joints: Joints are 10 % stiffer a mrad of turn.",
+        "65 kN/m as joint 2 turns, 96000 kN/m as the arm deflects.",
+    ):
+        assert said in text
+
+
+def test_the_figure_draws_the_reports_numbers_and_joins_no_two_cases(report):
+    drawn = figure.disturbances(report)
+    left, right = drawn.axes
+    for axes, noise, words in ((left, 0.0, "without noise"), (right, 40.0, "with noise of 40 um")):
+        assert axes.get_title() == words
+        assert unit_in(axes.get_xlabel()) == "um"
+        points = curves(axes)
+        assert list(points) == list(MODELS)
+        spreads = [line.get_data() for line in axes.get_lines() if line.get_label().startswith("_")]
+        assert all(y[0] == y[1] for _, y in spreads)
+        for name, (x, y) in points.items():
+            own = {c.case: c.rms_um for c in report.cells if (c.model, c.noise_um) == (name, noise)}
+            np.testing.assert_allclose(x, [own[case].median for case in CASES])
+            assert np.rint(y).tolist() == list(range(len(CASES)))
+            for case, place in zip(CASES, y, strict=True):
+                assert any(np.allclose(s, [(own[case].p05, own[case].p95), (place, place)]) for s in spreads)
+        for line in axes.get_lines():
+            assert line.get_linestyle() == "None" or len(line.get_xdata()) == 2
+    assert [t.get_text() for t in left.get_yticklabels()] == CASES
+    assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case on top
+    [legend] = drawn.legends
+    assert [t.get_text() for t in legend.get_texts()] == list(MODELS)
+    looks_differ(legend)
+
+
+def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
+    words, tables = STUDY.words(report), STUDY.tables(report)
+    run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
+    recording.write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    ticks = columns(chunks, f"{CHART}/ticks")
+    tens = [float(text) for text in ticks["Points2D:labels"][0]]
+    x = [place[0] for place in ticks["Points2D:positions"][0]]
+    slope, start = np.polyfit(x, np.log10(tens), 1)
+    noisy = [c for case in CASES for c in report.cells if c.case == case and c.noise_um > 0]
+    values = columns(chunks, f"{CHART}/value")["Points2D:positions"][0]
+    np.testing.assert_allclose(
+        [10 ** (slope * x + start) for x, _ in values], [c.rms_um.median for c in noisy], rtol=1e-5
+    )
+    bars = columns(chunks, f"{CHART}/spread")["LineStrips2D:strips"][0]
+    read = [[10 ** (slope * x + start) for x, _ in bar] for bar in bars]
+    np.testing.assert_allclose(read, [(c.rms_um.p05, c.rms_um.p95) for c in noisy], rtol=1e-5)
+    assert columns(chunks, f"{CHART}/name")["Points2D:labels"][0] == CASES
+    legend = columns(chunks, f"{CHART}/legend")
+    colours = columns(chunks, f"{CHART}/value")["Points2D:colors"][0]
+    meaning = dict(zip(legend["Points2D:labels"][0], legend["Points2D:colors"][0], strict=True))
+    assert list(meaning) == list(MODELS)
+    assert len(set(meaning.values())) == len(MODELS)
+    assert colours == [meaning[c.model] for c in noisy]
+    summary = document(chunks, "/summary")
+    for part in (words.block("question"), words.block("answer"), words.block("statements")):
+        assert part in summary
+    assert grid(tables["noisy_short"]) in summary

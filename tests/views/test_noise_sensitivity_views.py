@@ -1,0 +1,252 @@
+"""What people see of the study of noise equals its report, for trials that are made up."""
+
+import numpy as np
+import pytest
+from checks import bands, check_pivot, check_report, check_table, curves, looks_differ, unit_in
+from made_up import fill
+from read_back import chunks_of, document, series
+
+from testbench.studies.noise_sensitivity import STUDY, figure, recording
+from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
+from testbench.studies.study import Run
+from testbench.views.markdown import grid
+
+SEEDS = range(4, 9)
+SETTINGS = Settings(first=4, sigmas=(0.0, 25e-6, 50e-6, 200e-6))
+DISTANCES = (2.0, 4.0)
+WORDS = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
+PLAIN = {"MLS56": "none", "MGCO56": "psd", "MGCO69": "psd"}
+FILLED = ("MGCO56", "MGCO69")
+MODELS = {name: (name, c, False) for name, c in PLAIN.items()} | {
+    f"{name} + prior": (name, "psd", True) for name in FILLED
+}
+INSTRUMENTS = ("weighted", "flat weights", "weighted, maximum errors", "weighted, frame drifts")
+
+
+def trials(rng, cost=None):
+    """Made-up rows; `cost` fixes the errors of the largest noise, by part and model, or of an instrument."""
+    found = []
+    for seed in SEEDS:
+        rows = []
+        for part in WORDS:
+            for sigma in SETTINGS.sigmas:
+                for name, (structure, constraint, prior) in MODELS.items():
+                    fixed = {"structure": structure, "constraint": constraint, "prior": prior}
+                    if sigma == SETTINGS.sigmas[-1] and (part, name) in (cost or {}):
+                        fixed["rms_um"] = cost[part, name]
+                    rows.append(fill(NoiseRow, rng, part=part, model=name, x=sigma, **fixed))
+        for truth in ("linear", "nonlinear"):
+            for name, x in [("flat 50 um", 0.0), *((n, x) for x in DISTANCES for n in INSTRUMENTS)]:
+                fixed = {"rms_um": cost[truth, name]} if (truth, name) in (cost or {}) else {}
+                rows.append(fill(NoiseRow, rng, part=f"instrument_{truth}", model=name, x=x, **fixed))
+        found.append((seed, rows))
+    return found
+
+
+def summed(found):
+    return STUDY.summary(SETTINGS, SEEDS, found)
+
+
+@pytest.fixture
+def made(rng):
+    return trials(rng)
+
+
+@pytest.fixture
+def report(made):
+    return summed(made)
+
+
+def numbers(made, part, model, x, key="rms_um"):
+    """Of all trials, in the order of the seeds."""
+    own = [r for _, rows in made for r in rows if (r.part, r.model, r.x) == (part, model, x)]
+    return np.array([getattr(r, key) for r in own], dtype=float)
+
+
+def same(spread, values):
+    p05, median, p95 = np.percentile(values, [5, 50, 95])
+    assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
+
+
+def test_the_report_is_medians_and_spreads_by_part_model_and_level(made, report):
+    for part in WORDS:
+        assert len(report.sweeps[part]) == len(MODELS) * len(SETTINGS.sigmas)
+        for level in report.sweeps[part]:
+            own = (made, part, level.model, level.x)
+            same(level.rms_um, numbers(*own))
+            same(level.p95_um, numbers(*own, "p95_um"))
+            assert level.conservative == numbers(*own, "conservative").mean()
+            assert level.solved == numbers(*own, "solved").mean()
+            assert level.sigma_um == pytest.approx(1e6 * level.x)
+        for name, slope in report.slopes[part].items():
+            assert slope.um_per_um == pytest.approx(np.median(numbers(made, part, name, 200e-6)) / 200)
+            assert slope.noise_free_um == np.median(numbers(made, part, name, 0.0))
+        for pair in (p for p in report.gco_over_ls if p.part == part):
+            ours, theirs = (numbers(made, part, n, pair.sigma_um / 1e6) for n in ("MGCO56", "MLS56"))
+            same(pair.ratio, ours / theirs)
+            assert pair.better_in == np.mean(ours < theirs)
+    for truth, rows in report.weighted_over_flat.items():
+        for row in rows:
+            full, flat = (
+                np.median(numbers(made, f"instrument_{truth}", name, row.distance_m))
+                for name in ("weighted", "flat weights")
+            )
+            assert row.ratio == pytest.approx(full / flat)
+
+
+def test_models_are_those_at_the_noise_of_the_papers_trackers(made, report):
+    by_name = {m.name: m for m in report.models}
+    assert len(by_name) == 2 * len(MODELS)
+    for part, sigma, key in (("six_dof", 25e-6, "check"), ("gravity", 50e-6, "workspace")):
+        for name, (_, constraint, _) in MODELS.items():
+            model = by_name[f"{name}, {WORDS[part]}"]
+            same(getattr(model, key).rms_mm, numbers(made, part, name, sigma) / 1e3)
+            same(getattr(model, key).p95_mm, numbers(made, part, name, sigma, "p95_um") / 1e3)
+            assert model.method == {"none": "least squares", "psd": "GCO"}[constraint]
+
+
+def test_tables_show_the_reports_numbers_with_their_units(report):
+    tables = STUDY.tables(report)
+    for part in WORDS:
+        paths = ("model", "sigma_um")
+        check_pivot(tables[f"{part}_rms"], report.sweeps[part], (*paths, "rms_um"), "um")
+        check_pivot(tables[f"{part}_p95"], report.sweeps[part], (*paths, "p95_um"), "um")
+        check_pivot(tables[f"{part}_short"], report.sweeps[part], (*paths, "rms_um"), "um")
+        slopes = {"model": "model", "error without noise, um": "noise_free_um"}
+        slopes["error a um of noise, um"] = "um_per_um"
+        check_table(tables[f"{part}_slopes"], list(report.slopes[part].values()), slopes)
+        pairs = [p for p in report.gco_over_ls if p.part == part]
+        means = {"noise of a reading, um": "sigma_um", "GCO over least squares": "ratio"}
+        lines = tables[f"{part}_paired"]
+        check_table(lines, pairs, {**means, "GCO better": "better_in"})
+    weighted = [row for rows in report.weighted_over_flat.values() for row in rows]
+    means = {"truth": "truth", "distance, m": "distance_m", "full over flat": "ratio"}
+    check_table(tables["weighted"], weighted, means)
+    means = {"truth": "truth", "instrument": "model", "distance, m": "x"}
+    check_table(tables["instruments"], report.instruments, {**means, "RMS over the workspace, um": "rms_um"})
+    text = check_report(STUDY, report)
+    for part, words in WORDS.items():  # each table below its own heading
+        section = text.split(f"## {words}: RMS error, um")[1].split("##")[0]
+        assert grid(tables[f"{part}_rms"]) in section
+        section = text.split(f"## {words}: 95 % error, um")[1].split("##")[0]
+        assert grid(tables[f"{part}_p95"]) in section
+
+
+@pytest.mark.parametrize("part", WORDS)
+@pytest.mark.parametrize("best", MODELS)
+def test_the_answer_names_the_models_to_which_noise_costs_least_and_most(rng, part, best):
+    cost = {(part, name): 1000.0 + 100 * k for k, name in enumerate(MODELS)}
+    cost[part, best] = 10.0
+    words = STUDY.words(summed(trials(rng, cost))).block("answer")
+    said = words.split(WORDS[part])[1].split(" + prior.")[0] + " + prior."
+    groups = [{n: cost[part, n] for n in MODELS if MODELS[n][2] == prior} for prior in (False, True)]
+    (least, most), (filled, _) = [(min(g, key=g.get), max(g, key=g.get)) for g in groups]
+    assert said == (
+        f": 1 um of noise costs {cost[part, least] / 200:.2f} um of error with {least}, "
+        f"{cost[part, most] / 200:.2f} um with {most}, and {cost[part, filled] / 200:.2f} um with {filled}."
+    )
+
+
+def test_models_to_which_noise_costs_the_same_are_alike(rng):
+    cost = {("gravity", name): 500.0 for name in MODELS} | {("gravity", "MGCO69"): 900.0}
+    words = STUDY.words(summed(trials(rng, cost))).block("answer")
+    assert "2.50 um of error with MLS56 and MGCO56 (alike), 4.50 um with MGCO69, and 2.50 um" in words
+    assert "with MGCO56 + prior and MGCO69 + prior (alike)." in words
+
+
+def test_a_prior_is_said_to_lower_the_errors_that_it_lowers(rng):
+    cost = {("gravity", "MGCO56"): 90.0, ("gravity", "MGCO56 + prior"): 80.0}
+    cost |= {("gravity", "MGCO69"): 30.0, ("gravity", "MGCO69 + prior"): 40.0}
+    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    assert "KR 500, 8 poses: at the largest noise the prior lowers the error of MGCO56;" in text
+
+
+def test_shares_of_least_squares_and_gco_are_not_exchanged(rng):
+    found = [
+        (seed, [fill(NoiseRow, rng, **{**vars(r), "conservative": r.constraint == "psd"}) for r in rows])
+        for seed, rows in trials(rng)
+    ]
+    text = STUDY.words(summed(found)).block("statements")
+    assert "least squares in 0 % of the trials, GCO in 100 %." in text
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_gco_is_better_than_least_squares_in_the_trials_in_which_it_is(rng, ours):
+    errors = {"MGCO56": 10.0 if ours else 12.0, "MLS56": 12.0 if ours else 10.0}
+    found = [
+        (seed, [fill(NoiseRow, rng, **{**vars(r), "rms_um": errors.get(r.model, r.rms_um)}) for r in rows])
+        for seed, rows in trials(rng)
+    ]
+    text = STUDY.words(summed(found)).block("statements")
+    for words in WORDS.values():
+        assert f"{words}, the same readings: MGCO56 is better than MLS56 in {100 * ours} % of" in text
+
+
+@pytest.mark.parametrize(
+    ("full", "flat", "said"),
+    [
+        (20.0, 40.0, ("full covariances are better", "0.50")),
+        (40.0, 20.0, ("flat weights are better", "2.00")),
+        (20.0, 20.0, ("full covariances and flat weights are alike", "1.00")),
+    ],
+)
+def test_the_better_weights_are_called_better(rng, full, flat, said):
+    cost = {("nonlinear", "weighted"): full, ("nonlinear", "flat weights"): flat}
+    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    ratio = f"error with full covariances over error with flat weights {said[1]}."
+    assert f"Laser tracker at 4 m, nonlinear truth: {said[0]}; {ratio}" in text
+
+
+@pytest.mark.parametrize("best", INSTRUMENTS)
+def test_the_best_and_the_worst_instrument_are_named(rng, best):
+    cost = {("linear", name): 60.0 + 10 * k for k, name in enumerate((*INSTRUMENTS, "flat 50 um"))}
+    cost["linear", best] = 17.0
+    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    assert f'linear truth: least error 17 um ("{best}"), largest 100 um ("flat 50 um").' in text
+
+
+def test_the_figure_draws_the_reports_numbers(report):
+    drawn = figure.sensitivity(report)
+    *left, right = drawn.axes
+    for axes, (part, words) in zip(left, WORDS.items(), strict=True):
+        assert axes.get_title() == words
+        assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("um", "um")
+        lines = curves(axes)
+        assert set(lines) == set(MODELS)
+        for name, (x, y) in lines.items():
+            own = sorted((r for r in report.sweeps[part] if r.model == name), key=lambda r: r.sigma_um)
+            np.testing.assert_allclose(x, [r.sigma_um for r in own])
+            np.testing.assert_allclose(y, [r.rms_um.median for r in own])
+        for name, band in zip(lines, bands(axes), strict=True):
+            own = sorted((r for r in report.sweeps[part] if r.model == name), key=lambda r: r.sigma_um)
+            np.testing.assert_allclose(band, [(r.sigma_um, r.rms_um.p05, r.rms_um.p95) for r in own])
+        assert [t.get_text() for t in axes.get_legend().get_texts()] == list(MODELS)
+        looks_differ(axes.get_legend())
+        low, high = axes.get_ylim()
+        assert low <= min(r.rms_um.median for r in report.sweeps[part]) < max(y) < high
+    assert (unit_in(right.get_xlabel()), unit_in(right.get_ylabel())) == ("m", "um")
+    lines = {name: line for name, line in curves(right).items() if name in INSTRUMENTS}
+    assert set(lines) == set(INSTRUMENTS)
+    for name, (x, y) in lines.items():
+        own = [r for r in report.instruments if r.model == name and r.part == "instrument_linear"]
+        np.testing.assert_allclose((x, y), np.transpose([(r.x, r.rms_um.median) for r in own]))
+    [flat] = [r.rms_um.median for r in report.instruments if r.x == 0 and r.truth == "linear"]
+    assert any(np.allclose(line.get_ydata(), flat) for line in right.get_lines())
+    looks_differ(right.get_legend())
+
+
+def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
+    words, tables = STUDY.words(report), STUDY.tables(report)
+    run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
+    recording.write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    for name in MODELS:
+        path = name.lower().replace(" + ", "_")
+        own = sorted((r for r in report.sweeps["gravity"] if r.model == name), key=lambda r: r.sigma_um)
+        for end in ("median", "p05", "p95"):
+            values = series(chunks, f"/rms_error_over_the_workspace_um/{path}/{end}", "sweep")
+            np.testing.assert_allclose(values, [getattr(r.rms_um, end) for r in own])
+    summary = document(chunks, "/summary")
+    for part in (words.block("question"), words.block("answer"), words.block("statements")):
+        assert part in summary
+    assert grid(tables["gravity_short"]) in summary
