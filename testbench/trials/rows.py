@@ -1,6 +1,6 @@
 """A trial's rows as tables hold them: frozen dataclasses, nested ones as dotted columns, and back."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -128,11 +128,16 @@ def check_types(row: Flat, table: Mapping[str, Column]) -> None:
     for name, value in row.items():
         column = table[name]
         fits = (float, int) if column.kind is float else (column.kind,)
-        for own in value if isinstance(value, tuple | list) else (value,):  # a list from Parquet
-            if own is not None and (
-                type(own) not in fits or (type(own) is int and not -LARGEST <= own < LARGEST)
-            ):
-                raise BenchError(f"rows: {name}: expected {column.kind.__name__}, got {own!r:.80}")
+        cells: Sequence[object] = [value] if isinstance(value, Plain) else value
+        parts = [own for own in cells if own is not None]
+        wrong = [own for own in parts if type(own) not in fits or _is_large(own)]
+        if wrong or (parts and column.several == isinstance(value, Plain)):
+            what = f"a tuple of {column.kind.__name__}" if column.several else column.kind.__name__
+            raise BenchError(f"rows: {name}: expected {what}, got {(wrong or [value])[0]!r:.80}")
+
+
+def _is_large(value: object) -> bool:
+    return isinstance(value, int) and not -LARGEST <= value < LARGEST
 
 
 def _plain(name: str, value: object) -> Plain:
