@@ -33,7 +33,7 @@ from testbench.identify.identifiability_unseen import (
 from testbench.identify.metric import Metric, metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.reduction import generic_rows
-from testbench.identify.regression import check_symmetric, marker_motion, marker_points, reduce
+from testbench.identify.regression import Regression, check_symmetric, marker_motion, marker_points, reduce
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -103,12 +103,7 @@ def describe(
 ) -> Identifiability:
     """What a dataset can tell of a structure, before any solve.
 
-    Args:
-        vjm: The model.
-        structure: The unknowns, symmetric.
-        data: The runs; of the readings only their sigma counts.
-        prior: Expected compliances.
-        strength: How firmly they are believed.
+    Of the readings only their sigma counts.
 
     Raises:
         BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
@@ -116,14 +111,11 @@ def describe(
     """
     scaled = any_metric(prior, vjm, structure)
     regression = reduce(vjm, structure, data)
-    own = np.vstack([term.R for term in regression.terms])
-    everywhere = reduce(vjm, structure, more_poses(vjm, data, POSES, seed=0))
-    loads = np.vstack([own, *(term.R for term in everywhere.terms)])
+    own, loads = _rows(vjm, regression, data)
     unit = _unit(prior, vjm, structure)
     to_structure, to_loads = _unseen(vjm, structure, loads, unit)
     wanted, (B, _) = tasks(vjm, data, scaled), precision_root(scaled, strength)
     R = posterior(whitened(regression, scaled)[0], B)
-    n = structure.n
     component, entry = _places(vjm, structure)
     return Identifiability(
         structure=structure,
@@ -132,9 +124,9 @@ def describe(
         in_links=tuple(set_aside(vjm, structure)),
         prior=prior.name,
         uncertainty=strength.uncertainty,
-        rank=n - null_space(own).shape[1],
-        rank_of_loads=n - len(to_structure) - len(to_loads),
-        rank_of_structure=n - len(to_structure),
+        rank=structure.n - null_space(own).shape[1],
+        rank_of_loads=structure.n - len(to_structure) - len(to_loads),
+        rank_of_structure=structure.n - len(to_structure),
         equations=_equations(vjm, data),
         poses=len(np.unique(data.q, axis=0)),
         lost_to_structure=to_structure,
@@ -146,6 +138,13 @@ def describe(
         deflection=wanted.deflection,
         proposals=proposals(vjm, data, regression, scaled, B),
     )
+
+
+def _rows(vjm: Vjm, regression: Regression, data: Dataset) -> tuple[Array, Array]:
+    """What the data see, and what they and many more poses under their loads would see, (rows, n) each."""
+    own = np.vstack([term.R for term in regression.terms])
+    everywhere = reduce(vjm, regression.structure, more_poses(vjm, data, POSES, seed=0))
+    return own, np.vstack([own, *(term.R for term in everywhere.terms)])
 
 
 def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:

@@ -30,8 +30,6 @@ SHRINK = 0.2
 """Share by which a basin's radius is then cut."""
 PENALTY = 0.2
 """Share of 1 + threshold by which the threshold is then raised."""
-SAME = 1e-6
-"""Relative difference of b, and of F_M, within which two local optima are one."""
 
 
 @dataclass(frozen=True)
@@ -65,29 +63,22 @@ class Budget:
 class Basin:
     """A ball around a local optimum from which local solves are believed to lead back to it.
 
-    As any rotation of all vectors of a block gives the same compliance, optima are hardly ever met twice: a
-    basin is one point of many that are the same model.
+    As any rotation of all vectors of a block gives the same compliance, no optimum is met twice: a basin is
+    one point of many that are the same model, and is never widened.
 
     Attributes:
         centre: The optimum, (size,).
-        f_m: Its cost.
-        radius: Distance from the farthest start that led there.
+        radius: Distance from the start that led there.
         waiting: Trial points in a row that fell into it.
     """
 
     centre: Array
-    f_m: float
     radius: float
     waiting: int = 0
 
     def holds(self, b: Array) -> bool:
         """Whether a trial point is too close to start from."""
         return bool(np.linalg.norm(b - self.centre) <= DISTANCE_FACTOR * self.radius)
-
-    def ends_at(self, b: Array, value: float) -> bool:
-        """Whether a local optimum is this one."""
-        near = np.linalg.norm(b - self.centre) <= SAME * max(1.0, float(np.linalg.norm(self.centre)))
-        return bool(near) and abs(value - self.f_m) <= SAME * max(1.0, abs(self.f_m))
 
 
 @dataclass
@@ -120,17 +111,12 @@ class Search:
             self.observe(value)
 
     def solve(self, start: Array) -> None:
-        """A local solve; its optimum becomes a basin, or widens the one whose optimum it is."""
+        """A local solve; its optimum becomes a basin."""
         found = descend(self.problem, start, observe=self.observe)
         self.evaluations += found.evaluations
         self.descents.append(found.f_m)
         self.keep(found.b, found.f_m)
-        radius = float(np.linalg.norm(start - found.b))
-        for basin in self.basins:
-            if basin.ends_at(found.b, found.f_m):
-                basin.radius = max(basin.radius, radius)
-                return
-        self.basins.append(Basin(found.b, found.f_m, radius))
+        self.basins.append(Basin(found.b, float(np.linalg.norm(start - found.b))))
 
 
 def explore(

@@ -19,7 +19,7 @@ from testbench.identify.factorised import (
     random_start,
 )
 from testbench.identify.regression import f_m
-from testbench.identify.search import BOX, Basin, Search, explore, trial_points
+from testbench.identify.search import BOX, explore, trial_points
 from testbench.model.structure import free36, mgco69, mgco147, template56
 
 SECTION_5_2 = FullPose(
@@ -155,16 +155,6 @@ def test_optima_that_differ_are_basins_of_their_own(regression):
     search = explore(factorise(regression), TINY, stream(2))
     assert len(search.basins) == len(search.descents) >= 2
     assert max(search.descents) == pytest.approx(min(search.descents), rel=1e-5)
-
-
-def test_an_optimum_met_again_widens_its_basin(regression):
-    problem = factorise(regression)
-    found = descend(problem, random_start(problem, stream(1)))
-    end, value = found.b, found.f_m
-    search = Search(problem, lambda _: None, end, basins=[Basin(end, value, 0.1)])
-    search.solve(end)  # where nothing goes down
-    assert len(search.basins) == 1
-    assert search.basins[0].radius == pytest.approx(0.1)
 
 
 def test_a_search_counts_its_evaluations(regression):
