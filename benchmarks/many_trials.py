@@ -64,7 +64,7 @@ def draws(seeds: Sequence[int]) -> list[list[Draw]]:
     """Draws of noise on the single link, identified by certified GCO; each with its share of the time."""
     start = time.perf_counter()
     cell = build_cell(MODELS / single_link.NAME)
-    asked = single_link.Study(draws=len(SEEDS), order_draws=1)
+    asked = single_link.Settings()
     structure = single_link.models(cell)[-1].structure
     found = [gco(cell.vjm, structure, single_link.measure(cell, asked, s).identification) for s in seeds]
     each = (time.perf_counter() - start) / len(seeds)

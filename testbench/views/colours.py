@@ -22,6 +22,9 @@ FAMILIES = {"none": ORANGES, "psd": GREENS}
 PLACES = {
     "MLS56": 0,
     "MLS32": 1,
+    "MLS36": 0,
+    "MLS21": 1,
+    "MGCO21": 0,
     "MGCO56": 0,
     "MGCO68": 1,
     "MGCO69": 1,

@@ -25,12 +25,14 @@ def grid(table: Table) -> str:
         known = [column.known(row) for column in table.columns]
         cells = [f"{a} [{b}]" if b else a for a, b in zip(cells, known, strict=True)]
         rows.append([f"**{cells[0]}**" if table.bold == cells[0] else cells[0], *cells[1:]])
-    return lines([column.title for column in table.columns], rows)
+    words = [all(isinstance(column.value(row), str) for row in table.rows) for column in table.columns]
+    return lines([column.title for column in table.columns], rows, words)
 
 
-def lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Cells under their headings; numbers stand on the right."""
-    rule = ["---", *["---:"] * (len(head) - 1)]
+def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bool] = ()) -> str:
+    """Cells under their headings; numbers stand on the right, the first column and `words` on the left."""
+    left = words or [False] * len(head)
+    rule = ["---" if k == 0 or left[k] else "---:" for k in range(len(head))]
     return "\n".join(
         "| " + " | ".join(c.replace("|", r"\|") for c in line) + " |" for line in [head, rule, *rows]
     )

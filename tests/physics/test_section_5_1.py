@@ -1,26 +1,25 @@
 """Section 5.1: what six axis loads tell of a link, and what the printed Eq. (22), (23) tell of the paper."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from testbench.bench.full_pose import simulate
 from testbench.studies.paper import EQ_22, EQ_23
+from testbench.studies.single_link.judge import noise_scale, rank_beyond_noise
 from testbench.studies.single_link.printed import printed_matrices, readings
 from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,
-    Study,
+    Settings,
     measure,
     models,
-    noise_scale,
-    rank_beyond_noise,
     trials,
     wrenches_within,
 )
 
-STUDY = Study(draws=1, order_draws=1)
+STUDY = Settings()
 LOADS = np.diag([10.0] * 6)
 
 
@@ -43,7 +42,7 @@ def test_the_truth_is_eq_21_and_its_entries_are_the_papers(single_link):
 
 def test_noise_free_data_give_eq_21_back(single_link):
     campaign = STUDY.campaign.model_copy(update={"noise": False})
-    data = measure(single_link, STUDY.model_copy(update={"campaign": campaign}), 1).identification
+    data = measure(single_link, replace(STUDY, campaign=campaign), 1).identification
     found = estimates(single_link, data)
     C, unit = single_link.arm.C_theta, noise_scale(STUDY.campaign)
     # rounding of marker positions of order one, over 10 N
@@ -89,20 +88,20 @@ def test_check_loads_fill_the_balls(rng):
 
 
 def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(printed):
-    pin = printed["pinning"]
-    assert pin["position_rms_over_sigma"] == pytest.approx(1.02, abs=0.005)
-    assert pin["rotation_rms_over_sigma"] == pytest.approx(1.21, abs=0.005)
+    pin = printed.pinning
+    assert pin.position_rms_over_sigma == pytest.approx(1.02, abs=0.005)
+    assert pin.rotation_rms_over_sigma == pytest.approx(1.21, abs=0.005)
     by_column = [0.80, 1.18, 0.83, 0.56, 0.73, 1.64]
-    np.testing.assert_allclose(pin["position_rms_by_column_over_sigma"], by_column, rtol=0, atol=0.005)
-    assert pin["likelihood_ratio_deflection_to_reading"] > 2
-    assert pin["random_loads_share_as_small"] < 0.03
+    np.testing.assert_allclose(pin.position_rms_by_column_over_sigma, by_column, rtol=0, atol=0.005)
+    assert pin.likelihood_ratio_deflection_to_reading > 2
+    assert pin.random_loads_share_as_small < 0.03
 
 
 def test_eq_22_has_a_negative_eigenvalue_and_eq_23_is_of_rank_4_within_its_rounding(printed):
-    assert printed["eq_22"]["eigenvalues_matrix"][0] == pytest.approx(-1.14e-6, abs=0.005e-6)
-    assert printed["eq_22"]["eigenvalues_symmetric_part"][0] == pytest.approx(-4.07e-6, abs=0.005e-6)
-    assert printed["eq_23"]["eigenvalues"][0] == pytest.approx(-3.9e-9, abs=0.1e-9)
-    assert printed["eq_23_from_the_data_of_eq_22"]["rank_within_rounding"] == 4
+    assert printed.eq_22.eigenvalues_matrix[0] == pytest.approx(-1.14e-6, abs=0.005e-6)
+    assert printed.eq_22.eigenvalues_symmetric_part[0] == pytest.approx(-4.07e-6, abs=0.005e-6)
+    assert printed.eq_23.eigenvalues[0] == pytest.approx(-3.9e-9, abs=0.1e-9)
+    assert printed.eq_23_from_the_data_of_eq_22.rank_within_rounding == 4
     ours = np.array(EQ_23)
     np.testing.assert_array_equal(ours, ours.T)
 
@@ -111,20 +110,20 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
     data = readings(single_link, STUDY.campaign, LOADS, LOADS @ np.array(EQ_22).T)
     C = estimates(single_link, data)[LEAST_SQUARES]
     np.testing.assert_allclose(C, EQ_22, rtol=0, atol=1e-15)
-    own = printed["eq_23_from_the_data_of_eq_22"]
-    assert own["optimum_f_m"] + own["optimum_duality_gap"] < own["printed_f_m_within_rounding"][0]
-    distance = [row["rms_to_eq_23_over_sigma"] for row in own["order"]]
+    own = printed.eq_23_from_the_data_of_eq_22
+    assert own.optimum_f_m + own.optimum_duality_gap < own.printed_f_m_within_rounding[0]
+    distance = [row.rms_to_eq_23_over_sigma for row in own.order]
     assert int(np.argmin(distance)) + 1 == 4  # the order that the paper seems to have used
-    assert own["order"][-1]["f_m"] == pytest.approx(own["optimum_f_m"], rel=1e-6)
+    assert own.order[-1].f_m == pytest.approx(own.optimum_f_m, rel=1e-6)
 
 
 def test_expected_share_of_negative_eigenvalues_grows_with_the_noise(printed):
-    expected = printed["pinning"]["negative_eigenvalue_expected"]
+    expected = printed.pinning.negative_eigenvalue_expected
     less, more = expected["if_sigma_is_of_a_deflection"], expected["if_sigma_is_of_a_reading"]
-    for key in less:
-        assert 0.4 < less[key] < more[key] < 0.9
+    for key in vars(less):
+        assert 0.4 < getattr(less, key) < getattr(more, key) < 0.9
     # the symmetric part has the smaller least eigenvalue (Bendixson)
-    assert less["of_the_matrix"] < less["of_its_symmetric_part"]
+    assert less.of_the_matrix < less.of_its_symmetric_part
 
 
 def test_rank_counts_what_is_beyond_rounding_in_units_of_the_noise(single_link):
@@ -135,8 +134,9 @@ def test_rank_counts_what_is_beyond_rounding_in_units_of_the_noise(single_link):
     assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
 
 
-def test_a_draw_is_the_same_alone_and_among_others(single_link):
-    folder = Path(__file__).resolve().parents[2] / "models" / "single_link"
-    [alone] = trials(folder, STUDY, (), lambda: 0.0, [8])
-    among = trials(folder, STUDY, (), lambda: 0.0, [7, 8])[1]
-    assert alone["models"] == among["models"]
+def test_a_draw_is_the_same_alone_and_among_others():
+    def without_clock(rows):
+        return [replace(row, solve_seconds=0.0) for row in rows]
+
+    [alone] = trials(STUDY, [8])
+    assert without_clock(alone) == without_clock(trials(STUDY, [7, 8])[1])

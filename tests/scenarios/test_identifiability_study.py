@@ -54,29 +54,6 @@ def test_every_row_is_stored_and_the_report_counts_them(quick, report):
         assert found["covered"] == pytest.approx(sum(map(sum, own)) / found["intervals"], rel=1e-12)
 
 
-def test_every_number_of_a_part_is_that_of_its_rows(quick, report):
-    """By part, swept value and name; there is one campaign."""
-    rows = [r for r in pq.read_table(quick[0] / "trials.parquet").to_pylist() if r["campaign.part"]]
-    rms = {
-        (r["campaign.part"], r["campaign.x"], r["campaign.fit.name"]): r["campaign.fit.workspace.rms_mm"]
-        for r in rows
-    }
-    assert len(rms) == len(rows)
-    for part, key in (("scale", "scales"), ("poses", "poses")):
-        found = {(part, row[part], name): v for row in report[key] for name, v in row.items() if name != part}
-        assert found == {key: v for key, v in rms.items() if key[0] == part}
-    for name in ("MGCO56", "MGCO68"):
-        assert report["fixed_scale"][name] == rms["fixed scale", None, name]
-        ours = next(m for m in report["models"] if m["name"] == f"{name}, LS + prior")
-        ratio = report["never_worse"][name]
-        assert ours["gco_over_ls_at_this_strength"] == ratio["worst_ratio"] == ratio["best_ratio"]
-    choice = {key[2]: v for key, v in rms.items() if key[0] == "choice"}
-    assert report["choice"]["workspace_mm"] == choice
-    assert report["choice"]["best_workspace_mm"] == min(choice.values())
-    for part in ("clean", "plain", "robust"):
-        assert report["outliers"][f"{part}_mm"] == rms[part, None, "MGCO68"]
-
-
 def test_only_least_squares_is_ever_not_conservative(report):
     for m in [*report["models"], *report["nonlinear"]]:
         assert m["status"] == "solved", m["name"]

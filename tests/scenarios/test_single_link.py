@@ -1,18 +1,20 @@
 """Section 5.1 as a stranger runs it: its files, its keys, what it must show, its manners."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
 from testbench.data.csvfile import read_csv
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "single_link.py"
-FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "single_link.png", "recording.rrd"}
+APP = app_of(ROOT / "scenarios" / "single_link.py")
+FILES = {
+    "dataset.csv", "report.json", "report.md", "manifest.json", "trials.parquet", "single_link.png",
+    "recording.rrd",
+}  # fmt: skip
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
     "duality_gap", "solve_seconds", "prediction", "entries", "paper",
@@ -20,8 +22,7 @@ KEYS = {
 
 
 def run(*args):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return here(APP, *args)
 
 
 def load(folder):
@@ -46,9 +47,9 @@ def small(tmp_path_factory):
 
 def test_a_run_leaves_its_files_and_says_where_in_80_columns(quick):
     out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
+    assert {p.name for p in out.iterdir()} >= FILES
     assert done.stderr == ""
-    for name in FILES:
+    for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout
     assert max(map(len, done.stdout.split("numbers ")[0].splitlines())) <= 80
 
@@ -103,6 +104,7 @@ def test_order_falls_to_the_optimum_and_its_rank_is_capped(quick):
     report = load(quick[0])
     rows = report["order"]
     assert report["order_range"] == [3.5, 6]
+    assert report["order_draws"] == 10
     assert [row["m"] for row in rows] == [1, 2, 3, 4, 5, 6]
     costs = [row["f_m"]["median"] for row in rows]
     assert costs == sorted(costs, reverse=True)
@@ -144,13 +146,7 @@ def test_random_loads_are_worse_conditioned_and_one_draw_is_enough(tmp_path):
     assert report["models"][2]["conservative"] == 1
 
 
-BAD_FLAGS = [
-    (["--nonsense"], "No such option: --nonsense"),
-    (["--seed", "-1"], "--seed"),
-    (["--draws", "0"], "--draws"),
-    (["--workers", "0"], "--workers"),
-    (["--loads", "both"], "--loads"),
-]
+BAD_FLAGS = [(["--draws", "0"], "--draws"), (["--loads", "both"], "--loads")]
 
 
 @pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)

@@ -15,8 +15,8 @@ from testbench.studies.identifiability.summary import (
     IdentifiabilityReport,
     ModelReport,
     Ratio,
+    verdict,
 )
-from testbench.studies.identifiability.verdict import verdict
 from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle
 from testbench.views.recording import write_sweep
@@ -66,7 +66,7 @@ def models(rng):
 
 def judged(report):
     """The same with the verdict that follows from its numbers."""
-    return replace(report, verdict=verdict(report.models, report.nonlinear))
+    return replace(report, **verdict(report.models, report.nonlinear))
 
 
 def intervals(rng, kinds):
@@ -101,7 +101,7 @@ def report(rng):
         never_worse={name: fill(Ratio, rng) for name in ("MGCO56", "MGCO68")},
         coverage=intervals(rng, ["linearised", "bootstrap", "posterior", "set", "set"]),
         bent_coverage=intervals(rng, ["same arm", "same arm"]),
-        verdict=verdict(linear, nonlinear),
+        **verdict(linear, nonlinear),
     )
 
 

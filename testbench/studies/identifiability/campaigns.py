@@ -21,7 +21,6 @@ from testbench.studies.identifiability.methods import (
     STRUCTURES,
     WITH_PRIOR,
     ModelRow,
-    by_folds,
     filled,
     fixed_scale,
     judge,
@@ -98,7 +97,7 @@ def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[Ca
     for scale, name, method in product(tried.scales, VARIED, ("LS + prior", "GCO + prior")):
         yield CampaignRow("scale", filled(cell, linear, name, method, _wrong(cell, scale, seed)), scale)
     for name in VARIED:
-        model = Model(name, STRUCTURES[name](cell), by_folds(fixed_scale, prior, scaled=False))
+        model = Model(name, STRUCTURES[name](cell), fixed_scale(prior))
         yield CampaignRow("fixed scale", judge(cell, linear, model, "prior")[0])
     for count in tried.poses:
         yield from _poses(cell, scenario, count, prior, seed)

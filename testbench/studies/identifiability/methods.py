@@ -10,7 +10,7 @@ from testbench.bench.campaign import Campaign, Cell, Model, named_models
 from testbench.bench.rows import ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.crossval import Regularised, choose_strength, every_fold
+from testbench.identify.crossval import choose_strength, every_fold
 from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import Metric, metric, rescaled
 from testbench.identify.prior import Prior, Strength
@@ -48,19 +48,30 @@ def least_trace(prior: Prior) -> Estimator:
     return fit
 
 
-def by_folds(solve: Regularised, prior: Prior, *, scaled: bool = True) -> Estimator:
-    """A method with a prior, in the scale of the data if `scaled`, as firm as cross-validation chooses."""
+def log_det(prior: Prior) -> Estimator:
+    """GCO with the log-determinant prior, as firm as cross-validation over poses chooses."""
 
     def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        regression, own = reduce(vjm, structure, data), metric(prior, vjm, structure)
-        own = rescaled(own, regression) if scaled else own
-        return solve(regression, own, choose_strength(every_fold(vjm, structure, data), own, solve))
+        regression = reduce(vjm, structure, data)
+        own = rescaled(metric(prior, vjm, structure), regression)
+        strength = choose_strength(every_fold(vjm, structure, data), own, gco_stein)
+        return gco_stein(regression, own, strength)
 
     return fit
 
 
-def fixed_scale(regression: Regression, own: Metric, strength: Strength) -> Estimate:
-    """GCO with a prior whose scale is believed."""
+def fixed_scale(prior: Prior) -> Estimator:
+    """GCO with a prior whose scale is believed, else as firm as cross-validation over poses chooses."""
+
+    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        own = metric(prior, vjm, structure)
+        strength = choose_strength(every_fold(vjm, structure, data), own, _believed)
+        return _believed(reduce(vjm, structure, data), own, strength)
+
+    return fit
+
+
+def _believed(regression: Regression, own: Metric, strength: Strength) -> Estimate:
     return gco_with(regression, own, Strength(strength.uncertainty, BELIEVED))
 
 
@@ -68,7 +79,7 @@ WITH_PRIOR: dict[str, tuple[Filling, Callable[[Prior], Estimator]]] = {
     "least trace": ("least trace", least_trace),
     "LS + prior": ("prior", partial(with_prior, least_squares)),
     "GCO + prior": ("prior", partial(with_prior, gco)),
-    "GCO + log-det": ("log-det prior", partial(by_folds, gco_stein)),
+    "GCO + log-det": ("log-det prior", log_det),
 }
 
 

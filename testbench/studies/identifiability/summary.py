@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from testbench.studies.identifiability.campaigns import SCALE, SHAPE, SPOILED, S
 from testbench.studies.identifiability.coverage import CONFIDENCE, Covered, Kind
 from testbench.studies.identifiability.methods import ModelRow
 from testbench.studies.identifiability.trial import NAME, Settings, TrialRow
-from testbench.studies.identifiability.verdict import Verdict, verdict
+from testbench.studies.identifiability.verdict import Gain, Leaders, gains, leaders
 from testbench.studies.study import Trials
 from testbench.trials.spread import Number, Share, grouped, merge, middle
 from testbench.views.identifiability.report import Seen, seen_report
@@ -129,7 +129,11 @@ class IdentifiabilityReport:
     seen: Seen
     coverage: Mapping[str, Coverage]
     bent_coverage: Mapping[str, Coverage]
-    verdict: Verdict
+    best: Leaders
+    best_without_prior: Leaders
+    best_nonlinear: Leaders
+    best_nonlinear_without_prior: Leaders
+    gains: list[Gain]
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> IdentifiabilityReport:
@@ -139,7 +143,6 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
     drawn = grouped([row.intervals for row in rows if row.intervals], lambda row: row.name)
     shares = {name: covered(own) for name, own in drawn.items()}
     roots = list(seeds[: asked.campaigns])
-    dataset, seen = _first_campaign(asked, seeds[0])
     models, nonlinear = _models(part["linear"]), _models(part["nonlinear"])
     return IdentifiabilityReport(
         scenario=NAME,
@@ -149,7 +152,6 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         noise=asked.scenario.noise,
         truth="linear",
         prior=PriorReport(SCALE, 100 * SHAPE),
-        dataset=dataset,
         models=models,
         nonlinear=nonlinear,
         scales=_swept(part["scale"], "scale"),
@@ -158,15 +160,15 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         choice=_choice(part["choice"]),
         outliers=_outliers(part),
         never_worse=_never_worse(part["linear"]),
-        seen=seen,
         coverage={name: row for name, row in shares.items() if row.kind != "same arm"},
         bent_coverage={name: row for name, row in shares.items() if row.kind == "same arm"},
-        verdict=verdict(models, nonlinear),
+        **verdict(models, nonlinear),
+        **_first_campaign(asked, seeds[0]),
     )
 
 
-def _first_campaign(asked: Settings, seed: int) -> tuple[Measured, Seen]:
-    """Sizes of the runs of the first seed, and what they see of MGCO68."""
+def _first_campaign(asked: Settings, seed: int) -> dict[str, Any]:
+    """What the runs of the first seed see of MGCO68, and their sizes."""
     cell, scenario = build_cell(find_arm(asked.arm)), asked.scenario
     campaign = simulate(cell, scenario, seed)
     runs = campaign.identification
@@ -174,7 +176,18 @@ def _first_campaign(asked: Settings, seed: int) -> tuple[Measured, Seen]:
     poses = scenario.identification_poses
     dataset = Measured(**of_all, poses=poses, workspace_poses=scenario.workspace_poses)
     seen = describe(cell.vjm, mgco68(cell.arm), runs, cad_prior(cell.arm), SEEN_AT)
-    return dataset, seen_report(seen)
+    return {"dataset": dataset, "seen": seen_report(seen)}
+
+
+def verdict(models: Sequence[ModelReport], nonlinear: Sequence[ModelReport]) -> dict[str, Any]:
+    """Who is best under both truths, and what a prior is worth: fields of the report."""
+    return {
+        "best": leaders(models),
+        "best_without_prior": leaders(m for m in models if not m.prior),
+        "best_nonlinear": leaders(nonlinear),
+        "best_nonlinear_without_prior": leaders(m for m in nonlinear if not m.prior),
+        "gains": gains(models),
+    }
 
 
 def _models(rows: Iterable[CampaignRow]) -> list[ModelReport]:

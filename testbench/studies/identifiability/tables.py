@@ -1,6 +1,6 @@
 """The tables of identifiability: methods, poses, scales, the choice of a structure, coverage."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 from testbench.studies.identifiability.summary import IdentifiabilityReport
 from testbench.views.schema import Column, Table
@@ -52,25 +52,28 @@ def tables(report: IdentifiabilityReport) -> dict[str, Table]:
     """Every table of report.md, and the one for 80 columns."""
     pairs = zip(report.models, report.nonlinear, strict=True)
     choice = report.choice
-    chosen = [
-        {
-            "name": name,
-            "chosen": share,
-            "held_out_f_m": choice.held_out_f_m[name],
-            "workspace_mm": choice.workspace_mm[name],
-        }
-        for name, share in choice.chosen.items()
-    ]
     return {
         "models": Table(MODELS, report.models),
         "nonlinear": Table(MODELS, report.nonlinear),
         "short": Table(SHORT, [{"name": a.name, "linear": a, "nonlinear": b} for a, b in pairs]),
         "poses": _swept(POSES, report.poses),
         "scales": _swept(SCALE, report.scales),
-        "choice": Table(CHOICE, chosen),
+        "choice": Table(
+            CHOICE,
+            [
+                {
+                    "name": name,
+                    "chosen": share,
+                    "held_out_f_m": choice.held_out_f_m[name],
+                    "workspace_mm": choice.workspace_mm[name],
+                }
+                for name, share in choice.chosen.items()
+            ],
+        ),
         "coverage": Table(COVERAGE, [*report.coverage.values(), *report.bent_coverage.values()]),
     }
 
 
-def _swept(x: Column, rows: Sequence[Mapping[str, object]]) -> Table:
+def _swept(x: Column, rows: Iterable[Mapping[str, object]]) -> Table:
+    rows = list(rows)
     return Table((x, *(rms(name) for name in rows[0] if name != x.key)), rows)

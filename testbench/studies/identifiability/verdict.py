@@ -44,28 +44,6 @@ class Gain:
     times: float
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Who is best under either truth, of all and of those without a prior; what a prior is worth."""
-
-    best: Leaders
-    best_without_prior: Leaders
-    best_nonlinear: Leaders
-    best_nonlinear_without_prior: Leaders
-    gains: list[Gain]
-
-
-def verdict(models: Sequence[ModelRow], nonlinear: Sequence[ModelRow]) -> Verdict:
-    """What the errors over the workspace say, of linear truth and of non-linear truth."""
-    return Verdict(
-        best=leaders(models),
-        best_without_prior=leaders(m for m in models if not m.prior),
-        best_nonlinear=leaders(nonlinear),
-        best_nonlinear_without_prior=leaders(m for m in nonlinear if not m.prior),
-        gains=gains(models),
-    )
-
-
 def leaders(models: Iterable[ModelRow]) -> Leaders:
     """The best methods, each with its best structures."""
     found: dict[str, Number] = {}

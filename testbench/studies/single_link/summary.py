@@ -1,135 +1,116 @@
-"""report.json of section 5.1: all draws together."""
+"""The report of section 5.1: medians, spreads and shares over all draws of noise."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from testbench.bench.campaign import Cell
-from testbench.bench.full_pose import FullPose
+from testbench.arm.library import find_arm
+from testbench.bench.campaign import Cell, build_cell
+from testbench.bench.rows import UM, dataset_row
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
 from testbench.identify.factorised import order_range
 from testbench.studies.paper import EQ_22, EQ_23
-from testbench.studies.single_link.printed import printed_matrices
+from testbench.studies.single_link.judge import absolute, eigenvalues, judge
+from testbench.studies.single_link.order import orders, ranks, share, which_m
+from testbench.studies.single_link.printed import printed_matrices, with_eigenvalues
+from testbench.studies.single_link.report import LinkDataset, LinkModel, LinkReport, Paired, Printed
 from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,
     NAME,
     SYMMETRIC,
     Draw,
-    Study,
-    eigenvalues,
-    judge,
+    LinkRow,
+    Settings,
+    measure,
     models,
 )
-from testbench.studies.single_link.words import which_m
-from testbench.views.report import MM, UM, Report, merge
+from testbench.studies.single_link.verdict import claims
+from testbench.studies.study import Trials
+from testbench.trials.spread import grouped, merge
+from testbench.views.schema import best_of
 
-SHARES = ("conservative", "symmetric", "negative_eigenvalue", "negative_eigenvalue_matrix", "reaches_optimum")
-
-
-def summary(cell: Cell, study: Study, first: Draw, results: Sequence[Report]) -> Report:
-    """report.json: numbers of all draws as median, 5th and 95th percentile, truth values as shares.
-
-    Args:
-        cell: The link.
-        study: What was measured.
-        first: The first draw, whose readings are in dataset.csv.
-        results: One a draw.
-    """
-    campaign, data = study.campaign, first.identification
-    size = MM * np.linalg.norm(data.deflection, axis=-1)
-    found = printed_matrices(cell, study, first.truth)
-    printed = {
-        LEAST_SQUARES: _paper(cell, campaign, np.array(EQ_22), first.truth) | {"f_m": 0.0},
-        GCO: _paper(cell, campaign, np.array(EQ_23), first.truth)
-        | {"f_m": found["eq_23_from_the_data_of_eq_22"]["printed_f_m"]}
-        | dict.fromkeys(("negative_eigenvalue", "negative_eigenvalue_matrix")),  # within its rounding
-    }
-    final: Report = {
-        "scenario": NAME,
-        "seed": results[0]["seed"],
-        "draws": len(results),
-        "arm": campaign.arm,
-        "truth": campaign.truth,
-        "noise": campaign.noise,
-        "noise_per": "deflection",
-        "loads": study.loads,
-        "condition_of_the_loads": merge([r["condition"] for r in results]),
-        "dataset": {
-            "runs": data.runs,
-            "points": data.points,
-            "check_runs": first.truth.runs,
-            "deflection_min_mm": float(size.min()),
-            "deflection_max_mm": float(size.max()),
-            "sigma_um": UM * campaign.sigma,
-            "sigma_urad": UM * campaign.sigma_rotation,
-            "sigma_of_a_deflection_um": UM * math.sqrt(2) * campaign.sigma,
-            "sigma_of_a_deflection_urad": UM * math.sqrt(2) * campaign.sigma_rotation,
-        },
-        "models": [
-            {
-                "name": model.name,
-                **_over_draws([r["models"][model.name] for r in results]),
-                **_over_matrices(cell, [r["C"][model.name] for r in results]),
-                "paper": printed.get(model.name),
-            }
-            for model in models(cell)
-        ],
-        "paired": {other: _paired(results, other) for other in (LEAST_SQUARES, SYMMETRIC)},
-        "order_draws": sum("order" in r for r in results),
-        "order_range": list(order_range(models(cell)[-1].structure, data.runs)),
-        "order": [
-            _over_draws(rows) for rows in zip(*(r["order"] for r in results if "order" in r), strict=True)
-        ],
-        "eq_22_23": found,
-        "first_draw": {name: _first(C) for name, C in results[0]["C"].items()},
-        "truth_matrix": cell.arm.C_theta.tolist(),
-        "units": "matrices: m/N, 1/N, rad/(N m); eigenvalues in these mixed units, as the paper's",
-    }
-    return {**final, "which_m": which_m(final)}
+SHARES = ("conservative", "symmetric", "negative_eigenvalue", "negative_eigenvalue_matrix")
 
 
-def _over_draws(rows: Sequence[Report]) -> Report:
-    ranks = [row["rank_of_C"] for row in rows]
-    merged: Report = merge(list(rows))
-    shares = {key: sum(row[key] for row in rows) / len(rows) for key in SHARES if key in merged}
-    counts = {str(rank): ranks.count(rank) for rank in sorted(set(ranks))}
-    return {**merged, **shares, "rank_of_C": counts}
+def summary(asked: Settings, seeds: range, trials: Trials[LinkRow]) -> LinkReport:
+    """Medians and spreads of every model and order; truth values as shares of the draws."""
+    cell = build_cell(find_arm(NAME))
+    draws = [list(rows) for _, rows in trials]
+    by_name = grouped([row for rows in draws for row in rows if row.m is None], lambda row: row.name)
+    first = measure(cell, asked, seeds[0])
+    printed = printed_matrices(cell, asked, first.truth)
+    known = _printed(cell, first.truth, printed.eq_23_from_the_data_of_eq_22.printed_f_m)
+    found = [_model(cell, rows, known.get(name)) for name, rows in by_name.items()]
+    allowed = order_range(models(cell)[-1].structure, first.identification.runs)
+    by_order, ordered = orders(draws), sum(len(rows) > len(found) for rows in draws)
+    paired = {other: _paired(by_name[GCO], by_name[other]) for other in (LEAST_SQUARES, SYMMETRIC)}
+    report = LinkReport(
+        scenario=NAME,
+        seed=seeds[0],
+        draws=len(draws),
+        arm=asked.campaign.arm,
+        truth=asked.campaign.truth,
+        noise=asked.campaign.noise,
+        noise_per="deflection",
+        loads=asked.loads,
+        condition_of_the_loads=merge([row.condition for row in by_name[GCO]]),
+        dataset=_dataset(asked, first),
+        models=found,
+        best_position=best_of({m.name: m.prediction.position_rms_um for m in found}).names,
+        best_rotation=best_of({m.name: m.prediction.rotation_rms_urad for m in found}).names,
+        paired=paired,
+        order_draws=ordered,
+        order_range=allowed,
+        order=by_order,
+        eq_22_23=printed,
+        first_draw={name: with_eigenvalues(rows[0].matrix) for name, rows in by_name.items()},
+        truth_matrix=cell.arm.C_theta.tolist(),
+        units="matrices: m/N, 1/N, rad/(N m); eigenvalues in these mixed units, as the paper's",
+        which_m=which_m(by_order, allowed, ordered),
+        claims=[],
+    )
+    return replace(report, claims=claims(report))
 
 
-def _over_matrices(cell: Cell, found: Sequence[Array]) -> Report:
-    error = np.array(found) - cell.arm.C_theta
+def _dataset(asked: Settings, draw: Draw) -> LinkDataset:
+    um, urad = UM * asked.campaign.sigma, UM * asked.campaign.sigma_rotation
+    twice = math.sqrt(2)
+    return LinkDataset(
+        **vars(dataset_row(draw.identification)),
+        check_runs=draw.truth.runs,
+        sigma_urad=urad,
+        sigma_of_a_deflection_um=twice * um,
+        sigma_of_a_deflection_urad=twice * urad,
+    )
+
+
+def _model(cell: Cell, rows: Sequence[LinkRow], paper: Printed | None) -> LinkModel:
+    known = vars(merge(rows)) | {key: share([getattr(row, key) for row in rows]) for key in SHARES}
+    for key in ("m", "condition", "C"):
+        del known[key]
+    error = np.array([row.matrix for row in rows]) - cell.arm.C_theta
+    return LinkModel(
+        **known | {"rank_of_C": ranks(rows)},
+        entry_rms=np.sqrt((error**2).mean(axis=0)).tolist(),
+        entry_bias=error.mean(axis=0).tolist(),
+        min_eigenvalues=[float(eigenvalues(row.matrix)[0][0]) for row in rows],
+        paper=paper,
+    )
+
+
+def _printed(cell: Cell, truth: Dataset, f_m: float) -> dict[str, Printed]:
+    """Eq. (22) fits its own data exactly; whether Eq. (23) is negative lies below its printed digits."""
+    ls, ours = (vars(judge(cell, np.array(C), truth)) for C in (EQ_22, EQ_23))
+    unknown = {"negative_eigenvalue": None, "negative_eigenvalue_matrix": None}
     return {
-        "entry_rms": np.sqrt((error**2).mean(axis=0)).tolist(),
-        "entry_bias": error.mean(axis=0).tolist(),
-        "min_eigenvalues": [float(eigenvalues(C)[0][0]) for C in found],
+        LEAST_SQUARES: Printed(**ls, conservative=ls["symmetric"], f_m=0.0),
+        GCO: Printed(**ours | unknown, conservative=ours["symmetric"], f_m=f_m),
     }
 
 
-def _paper(cell: Cell, campaign: FullPose, C: Array, truth: Dataset) -> Report:
-    """A printed matrix judged as ours are, on the check loads of the first draw; without its rank."""
-    found = judge(cell, campaign, C, truth)
-    found.pop("rank_of_C")  # digits that are not printed decide it
-    return {"conservative": found["symmetric"], **found}
-
-
-def _paired(results: Sequence[Report], other: str) -> Report:
-    """In how many draws GCO has the smaller error of the two on the same data."""
-    keys = [(group, key) for group in ("prediction", "entries") for key in results[0]["models"][GCO][group]]
-    wins = {
-        key: sum(bool(r["models"][GCO][group][key] < r["models"][other][group][key]) for r in results)
-        for group, key in keys
-        if "relative" not in key
-    }
-    return {"draws": len(results), "gco_better": wins}
-
-
-def _first(C: Array) -> Report:
-    matrix, symmetric = eigenvalues(C)
-    return {
-        "matrix": C.tolist(),
-        "eigenvalues_matrix": matrix.tolist(),
-        "eigenvalues_symmetric_part": symmetric.tolist(),
-    }
+def _paired(ours: Sequence[LinkRow], theirs: Sequence[LinkRow]) -> Paired:
+    pairs = [(absolute(a), absolute(b)) for a, b in zip(ours, theirs, strict=True)]
+    return Paired(len(pairs), {key: sum(a[key] < b[key] for a, b in pairs) for key in pairs[0][0]})

@@ -1,78 +1,110 @@
-"""Section 5.1 as a study: one link, six loads, least squares against GCO over many draws of noise.
+"""Section 5.1 tried: one link, six loads, one draw of noise; least squares, GCO, and GCO of every order m.
 
 The truth is Eq. (21). Eq. (22) and (23) are one draw of what is counted here over a thousand.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+import typer
 
-from testbench.arm.stiffness import SYMMETRY_TOLERANCE
+from testbench.arm.library import find_arm
 from testbench.bench.campaign import Cell, Model, build_cell, stream
 from testbench.bench.full_pose import FullPose, random_wrenches, read_runs
+from testbench.bench.rows import FitRow, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares
-from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.model.structure import Structure, free36
-from testbench.views.report import UM, Report
+from testbench.studies.single_link.judge import Judged, judge, rank_beyond_noise
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"
 STARTS = 8
 """Local solves of every order m: below 6 there are local minima that are not global."""
-NO_RANK = 1e-4
-"""Eigenvalue, in units of what noise causes, below which it counts as zero: solvers leave 1e-8."""
-AT_OPTIMUM = 1e-6
-"""Share of F_M by which a local solve may exceed the certified optimum and still have reached it."""
+ORDERED, QUICK_ORDERED = 200, 10
+"""Draws that are solved for every order m too."""
+
+SECTION_5_1 = FullPose(
+    arm=NAME,
+    poses=1,
+    force=10.0,
+    moment=10.0,
+    sigma=25e-6 / math.sqrt(2),  # of one reading: the paper's noise is that of a deflection
+    sigma_rotation=250e-6 / math.sqrt(2),
+    check_runs=120,
+)
+Loads = Literal["axes", "random"]
 
 
-class Study(BaseModel):
-    """The study as data: what a manifest must hold to run it again.
+@dataclass(frozen=True)
+class Options:
+    """Flags of the study."""
+
+    loads: Annotated[Loads, typer.Option(help="One axis at a time, or six random wrenches.")] = "axes"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried.
 
     Attributes:
-        draws: Draws of noise; draw k has the seed of the run plus k.
-        order_draws: The first so many draws are solved for every order m too.
         loads: "axes" for one axis at a time, "random" for six random wrenches within force and moment.
+        ordered_below: Draws of smaller seeds are solved for every order m too.
         starts: Local solves of every order.
         campaign: Loads, noise and number of check loads.
     """
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid")
+    loads: Loads = "axes"
+    ordered_below: int = 0
+    starts: int = STARTS
+    campaign: FullPose = SECTION_5_1
 
-    draws: int = Field(ge=1, le=100_000)
-    order_draws: int = Field(ge=1, le=100_000)
-    loads: Literal["axes", "random"] = "axes"
-    starts: int = Field(default=STARTS, ge=1, le=100)
-    campaign: FullPose = FullPose(
-        arm=NAME,
-        poses=1,
-        force=10.0,
-        moment=10.0,
-        sigma=25e-6 / math.sqrt(2),  # of one reading: the paper's noise is that of a deflection
-        sigma_rotation=250e-6 / math.sqrt(2),
-        check_runs=120,
-    )
+
+@dataclass(frozen=True)
+class Fitted(FitRow, Judged):
+    """A method's matrix and how good it is."""
+
+
+@dataclass(frozen=True)
+class LinkRow(Fitted):
+    """What one method made of one draw.
+
+    Attributes:
+        m: Order of the vector space of Eq. (16) where a local solve searched it, None for a convex solve.
+        rank_of_C: Eigenvalues beyond rounding.
+        condition: Condition number of the loads, in units of force and moment [1].
+        C: Row by row, (36,) [m/N, rad/N, rad/(N m)].
+    """
+
+    m: int | None
+    rank_of_C: int
+    condition: float
+    C: tuple[float, ...]
+
+    @property
+    def matrix(self) -> Array:
+        """The compliance, (6, 6)."""
+        return np.reshape(self.C, (6, 6))
 
 
 @dataclass(frozen=True)
 class Draw:
-    """One draw of noise.
-
-    Attributes:
-        identification: Noisy readings under the six loads.
-        truth: Noise-free readings under the check loads.
-    """
+    """Noisy readings under the six loads, and noise-free ones under the check loads."""
 
     identification: Dataset
     truth: Dataset
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for."""
+    return Settings(loads=options.loads, ordered_below=seeds[0] + (QUICK_ORDERED if quick else ORDERED))
 
 
 def models(cell: Cell) -> list[Model]:
@@ -85,16 +117,10 @@ def models(cell: Cell) -> list[Model]:
     ]
 
 
-def measure(cell: Cell, study: Study, seed: int) -> Draw:
-    """Load the true link, read it, and draw loads to check with.
-
-    Args:
-        cell: The link.
-        study: What to measure.
-        seed: Root of all randomness of this draw.
-    """
-    campaign = study.campaign
-    if study.loads == "axes":
+def measure(cell: Cell, asked: Settings, seed: int) -> Draw:
+    """Load the true link, read it, and draw loads to check with."""
+    campaign = asked.campaign
+    if asked.loads == "axes":
         wrench = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
     else:
         wrench = wrenches_within(6, campaign.force, campaign.moment, stream(seed, 2))
@@ -117,145 +143,39 @@ def wrenches_within(count: int, force: float, moment: float, rng: np.random.Gene
     return size * random_wrenches(count, force, moment, rng)
 
 
-def trials(
-    folder: Path, study: Study, ordered: Sequence[int], clock: Callable[[], float], seeds: Sequence[int]
-) -> list[Report]:
-    """What every model and every order m made of some draws.
-
-    Args:
-        folder: The arm's.
-        study: What to measure.
-        ordered: Seeds in which the order m is studied too.
-        clock: Wall time [s].
-        seeds: Roots of randomness.
-    """
-    cell = build_cell(folder)
-    return [_trial(cell, study, seed, seed in ordered, clock) for seed in seeds]
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[LinkRow]]:
+    """What every model, and in the first draws every order m, made of some draws."""
+    cell = build_cell(find_arm(NAME))
+    return [list(_trial(cell, asked, seed)) for seed in seeds]
 
 
-def _trial(cell: Cell, study: Study, seed: int, ordered: bool, clock: Callable[[], float]) -> Report:
-    draw = measure(cell, study, seed)
-    load = draw.identification.wrench / ([study.campaign.force] * 3 + [study.campaign.moment] * 3)
-    found: Report = {"seed": seed, "condition": float(np.linalg.cond(load)), "models": {}, "C": {}}
+def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
+    draw = measure(cell, asked, seed)
     for model in models(cell):
-        start = clock()
+        start = time.perf_counter()
         estimate = model.estimator(cell.vjm, model.structure, draw.identification)
-        seconds = clock() - start
-        found["C"][model.name] = estimate.C_theta
-        found["models"][model.name] = {
-            **_estimate(estimate, seconds),
-            **judge(cell, study.campaign, estimate.C_theta, draw.truth),
-        }
-    if ordered:
-        found["order"] = _orders(cell, study, draw, found["models"][GCO]["f_m"], seed)
-    return found
+        fit = fit_row(model.name, estimate, time.perf_counter() - start)
+        yield _row(cell, asked, draw, fit, (estimate.C_theta, None))
+    if seed < asked.ordered_below:
+        for m, estimate in of_every_order(cell, draw.identification, asked.starts, seed):
+            yield _row(cell, asked, draw, fit_row(GCO, estimate, 0.0), (estimate.C_theta, m))
 
 
-def _estimate(estimate: Estimate, seconds: float) -> Report:
-    certificate = estimate.certificate
-    return {
-        "method": estimate.method,
-        "status": estimate.status,
-        "parameters": estimate.structure.n,
-        "rank": estimate.regression.rank,
-        "conservative": estimate.conservative,
-        "f_m": estimate.f_m,
-        "f_m_floor": estimate.f_m_floor,
-        "duality_gap": None if certificate is None else certificate.gap,
-        "solve_seconds": seconds,
-    }
+def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, found: tuple[Array, int | None]) -> LinkRow:
+    campaign, (C, m) = asked.campaign, found
+    load = draw.identification.wrench / ([campaign.force] * 3 + [campaign.moment] * 3)
+    known = vars(judge(cell, C, draw.truth)) | vars(fit) | {"advice": ()}  # it differs from draw to draw
+    return LinkRow(
+        **known,
+        m=m,
+        rank_of_C=rank_beyond_noise(campaign, C),
+        condition=float(np.linalg.cond(load)),
+        C=tuple(C.ravel().tolist()),
+    )
 
 
-def judge(cell: Cell, campaign: FullPose, C: Array, truth: Dataset) -> Report:
-    """Eigenvalues of a compliance, its errors in entries and in predictions.
-
-    Args:
-        cell: The link; its compliance is the truth.
-        campaign: Scale of the noise.
-        C: Compliance, (6, 6) [m/N, rad/N, rad/(N m)].
-        truth: Noise-free readings under check loads.
-    """
-    matrix, symmetric = eigenvalues(C)
-    zero = -CONSERVATIVE_TOLERANCE * np.abs(matrix).max()
-    return {
-        "symmetric": bool(np.abs(C - C.T).max() <= SYMMETRY_TOLERANCE * np.abs(C).max()),
-        "min_eigenvalue": float(symmetric[0]),
-        "min_eigenvalue_matrix": float(matrix[0]),
-        "negative_eigenvalue": bool(symmetric[0] < zero),
-        "negative_eigenvalue_matrix": bool(matrix[0] < zero),
-        "rank_of_C": rank_beyond_noise(campaign, C),
-        "entries": _entry_errors(C - cell.arm.C_theta),
-        "prediction": prediction_errors(C, truth),
-    }
-
-
-def eigenvalues(C: Array) -> tuple[Array, Array]:
-    """Real parts of the eigenvalues of a matrix, as the paper counts, and those of its symmetric part."""
-    return np.sort(np.linalg.eigvals(C).real), np.asarray(np.linalg.eigvalsh((C + C.T) / 2))
-
-
-def noise_scale(campaign: FullPose) -> Array:
-    """Noise of an entry read directly, sqrt(2) sigma over the load, (6, 6) [m/N, 1/N, rad/(N m)]."""
-    sigma = np.repeat([campaign.sigma, campaign.sigma_rotation], 3)
-    load = np.repeat([campaign.force, campaign.moment], 3)
-    return np.asarray(np.sqrt(2) * sigma[:, None] / load)
-
-
-def rank_beyond_noise(campaign: FullPose, C: Array) -> int:
-    """Eigenvalues of the symmetric part that are no rounding of zero, in units of what noise causes."""
-    unit = np.sqrt(np.diag(noise_scale(campaign)))
-    values = np.linalg.eigvalsh((C + C.T) / 2 / np.outer(unit, unit))
-    return int((np.abs(values) > NO_RANK).sum())
-
-
-def _entry_errors(error: Array) -> Report:
-    """RMS over the nine entries of a block."""
-    return {
-        "translation_rms_um_per_N": UM * rms(error[:3, :3]),
-        "coupling_translation_rms_um_per_Nm": UM * rms(error[:3, 3:]),
-        "coupling_rotation_rms_urad_per_N": UM * rms(error[3:, :3]),
-        "rotation_rms_urad_per_Nm": UM * rms(error[3:, 3:]),
-    }
-
-
-def prediction_errors(C: Array, truth: Dataset) -> Report:
-    """RMS distance over the check loads, and as a share of the RMS deflection."""
-    predicted = truth.wrench @ C.T
-    position, rotation = truth.deflection[:, 0], truth.rotation
-    e_position, e_rotation = predicted[:, :3] - position, predicted[:, 3:] - rotation
-    return {
-        "position_rms_um": UM * math.sqrt(3) * rms(e_position),
-        "position_relative_percent": 100 * rms(e_position) / rms(position),
-        "rotation_rms_urad": UM * math.sqrt(3) * rms(e_rotation),
-        "rotation_relative_percent": 100 * rms(e_rotation) / rms(rotation),
-    }
-
-
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _orders(cell: Cell, study: Study, draw: Draw, optimum: float, seed: int) -> list[Report]:
-    """Every order m of Eq. (20) on one draw, beside the certified optimum of F_M."""
-    return [
-        {
-            "m": m,
-            "f_m": estimate.f_m,
-            "f_m_over_optimum": estimate.f_m / optimum,
-            "reaches_optimum": estimate.f_m <= (1 + AT_OPTIMUM) * optimum,
-            "rank_of_C": rank_beyond_noise(study.campaign, estimate.C_theta),
-            "conservative": estimate.conservative,
-            "eigenvalues": estimate.eigenvalues[0].tolist(),
-            "prediction": prediction_errors(estimate.C_theta, draw.truth),
-        }
-        for m, estimate in of_every_order(cell, draw.identification, study.starts, seed)
-    ]
-
-
-def of_every_order(cell: Cell, data: Dataset, starts: int, seed: int) -> Iterable[tuple[int, Estimate]]:
+def of_every_order(cell: Cell, data: Dataset, starts: int, seed: int) -> Iterator[tuple[int, Estimate]]:
     """The best of some local solves for m = 1 to 6."""
     structure = models(cell)[-1].structure
     for m in range(1, LARGEST_ORDER + 1):
-        rng = stream(seed, 10 + m)
-        yield m, LocalSolves(rng, m, starts)(cell.vjm, structure, data)
+        yield m, LocalSolves(stream(seed, 10 + m), m, starts)(cell.vjm, structure, data)
