@@ -9,7 +9,7 @@ from testbench.identify.bounds import CEILING, FitSet, bounds, fit_set
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 
 ARM = "kr500_l480"
 CONFIDENCE = 0.95
@@ -35,8 +35,8 @@ def row_of(arm: Cell, structure: Structure, data: Dataset, elsewhere: Dataset) -
     prior = metric(cad_prior(arm.arm), arm.vjm, structure)
     sets: list[FitSet] = []
     ready = seconds(lambda: sets.append(fit_set(regression, prior, CONFIDENCE)))
-    args = (arm.vjm, structure, elsewhere.q, elsewhere.wrench, elsewhere.point)
-    rows = observation(*args, targets=arm.vjm.markers[:1]).reshape(-1, structure.n)
+    args = (chain(arm.vjm, elsewhere.q), structure, elsewhere.wrench, elsewhere.point)
+    rows = observation(*args, arm.vjm.markers[:1]).reshape(-1, structure.n)
     each = [seconds(lambda a=a: bounds(sets[0], a[None])) / 2 for a in rows]  # type: ignore[misc]
     together = seconds(lambda: bounds(sets[0], rows)) / (2 * len(rows))
     name = f"least or greatest deflection, {structure.name}, ceiling {CEILING:g} times the prior"

@@ -22,7 +22,7 @@ from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
 from testbench.identify import gco, method, reduce
 from testbench.model.structure import Structure, mgco147
-from testbench.model.vjm import Vjm, build_vjm, observation
+from testbench.model.vjm import Vjm, build_vjm, chain, observation
 
 RUNS = (10_000, 30_000, 100_000)
 FEW_RUNS = 100
@@ -57,7 +57,7 @@ def synthetic(vjm: Vjm, structure: Structure, runs: int) -> Dataset:
     after = SIGMA * rng.standard_normal(before.shape)
     for first in range(0, runs, BLOCK):
         k = slice(first, first + BLOCK)
-        after[k] += observation(vjm, structure, q[k], wrench[k], point[k], targets=vjm.markers) @ truth
+        after[k] += observation(chain(vjm, q[k]), structure, wrench[k], point[k], vjm.markers) @ truth
     ids = np.arange(runs) + 1
     return Dataset(vjm.arm.markers, ids, ids, q, wrench, point, before, after, SIGMA)
 

@@ -196,9 +196,10 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
         ]
     )
     tracker = Tracker(scenario.sigma if scenario.noise else 0.0)
-    measured, before, after = measure(cell, scenario, station[pose], pose + 1, tracker, noise_rng)
-    ids = np.arange(len(anywhere)) + 1
-    workspace, _, _ = measure(cell, scenario, anywhere, ids, Tracker(0.0), noise_rng)
+    hung = hanging(cell, station[pose], pose + 1, scenario.payload)
+    measured, before, after = measure(cell, scenario, hung, tracker, noise_rng)
+    everywhere = hanging(cell, anywhere, np.arange(len(anywhere)) + 1, scenario.payload)
+    workspace, _, _ = measure(cell, scenario, everywhere, Tracker(0.0), noise_rng)
     used = np.arange(scenario.identification_poses) + 1
     identification, check = split(measured, used)
     return Campaign(scenario, seed, measured, identification, check, workspace, before, after)
@@ -209,42 +210,53 @@ def spread(poses: int, runs: int) -> Ids:
     return np.sort(np.arange(runs) % poses)
 
 
-def measure(
-    cell: Cell,
-    scenario: Scenario,
-    q: Array,
-    pose: Ids,
-    tracker: Tracker,
-    rng: np.random.Generator,
-    *,
-    payload: Array | None = None,
-) -> tuple[Dataset, Equilibrium, Equilibrium]:
-    """Read every marker before and after hanging the payload.
+@dataclass(frozen=True)
+class LoadedPoses:
+    """What is to be measured: a pose and a load a run."""
+
+    q: Array  #: Actuated joint angles, (runs, n) [rad].
+    pose: Ids  #: Identifier of the pose, (runs,).
+    wrench: Array  #: Force and moment, world axes, (runs, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
+
+
+def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
+    """Poses with a weight at the arm's load point.
 
     Args:
         cell: The arm.
-        scenario: Payload, kind of truth, sigma of the fit.
         q: Actuated joint angles, (runs, n) [rad].
         pose: Identifier of the pose of every run, (runs,).
+        mass: Of the weight, one for all or one a run, (runs,) [kg].
+    """
+    wrench = np.zeros((len(q), 6))
+    wrench[:, 2] = -GRAVITY * mass
+    return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
+
+
+def measure(
+    cell: Cell, scenario: Scenario, loaded: LoadedPoses, tracker: Tracker, rng: np.random.Generator
+) -> tuple[Dataset, Equilibrium, Equilibrium]:
+    """Read every marker before and after loading.
+
+    Args:
+        cell: The arm.
+        scenario: Kind of truth, sigma of the fit.
+        loaded: The runs.
         tracker: The instrument.
         rng: Source of its noise.
-        payload: Hung mass of every run, (runs,) [kg]; None for the scenario's in all of them.
 
     Returns:
         The readings, and the true arm unloaded and loaded.
     """
-    runs = len(q)
-    wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -GRAVITY * (scenario.payload if payload is None else payload)
-    point = np.tile(cell.plant.load, (runs, 1))
-    before, after = settle_both(cell.plant, scenario.truth, q, wrench, point)
+    before, after = settle_both(cell.plant, scenario.truth, loaded.q, loaded.wrench, loaded.point)
     data = Dataset(
         markers=cell.arm.markers,
-        run=np.arange(runs) + 1,
-        pose=pose,
-        q=q,
-        wrench=wrench,
-        point=point,
+        run=np.arange(len(loaded.q)) + 1,
+        pose=loaded.pose,
+        q=loaded.q,
+        wrench=loaded.wrench,
+        point=loaded.point,
         before=read_positions(tracker, before.markers, rng),
         after=read_positions(tracker, after.markers, rng),
         sigma=scenario.sigma,

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from testbench.bench.campaign import Scenario, build_cell, measure, stream
+from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.bench.plan_input import read_payload
 from testbench.cli.arguments import ArmName
 from testbench.data.csvfile import write_csv
@@ -50,7 +50,8 @@ def command(asked: Options) -> None:
         )
     check_poses(cell.room, q)
     ids, tracker = np.arange(len(q)) + 1, Tracker(scenario.sigma)
-    data, _, _ = measure(cell, scenario, q, ids, tracker, stream(asked.seed, 1), payload=payload)
+    loaded = hanging(cell, q, ids, mass if payload is None else payload)
+    data, _, _ = measure(cell, scenario, loaded, tracker, stream(asked.seed, 1))
     write_csv(data, cell.arm, asked.out)
     size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"

@@ -11,7 +11,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.metric import Metric, whitened
 from testbench.identify.regression import Regression, marker_points, rank, reduce
-from testbench.model.vjm import Vjm, observation
+from testbench.model.vjm import Vjm, chain, observation
 
 OFFSET = 0.3
 """Distance of a second load point or of one more marker [m]."""
@@ -90,8 +90,8 @@ def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
 def tasks(vjm: Vjm, data: Dataset, metric: Metric) -> Tasks:
     """The predictions that are wanted."""
     wanted = more_poses(vjm, data, TASKS, seed=1)
-    args = (vjm, metric.structure, wanted.q, wanted.wrench, wanted.point)
-    A = observation(*args, targets=marker_points(vjm, data.markers)) @ metric.L
+    args = (chain(vjm, wanted.q), metric.structure, wanted.wrench, wanted.point)
+    A = observation(*args, marker_points(vjm, data.markers)) @ metric.L
     moved = np.linalg.norm(A @ metric.expected, axis=-1)
     return Tasks(A.reshape(TASKS, -1, metric.structure.n), math.sqrt(np.square(moved).mean()))
 

@@ -17,7 +17,7 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Estimate
 from testbench.identify.metric import precision_root
 from testbench.identify.regression import RANK_TOLERANCE, marker_points
-from testbench.model.vjm import Vjm, observation
+from testbench.model.vjm import Vjm, chain, observation
 
 UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
@@ -115,7 +115,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
         BenchError: When the confidence is outside (0, 1).
     """
     points = marker_points(vjm, data.markers)
-    rows = observation(vjm, estimate.structure, data.q, data.wrench, data.point, targets=points)
+    rows = observation(chain(vjm, data.q), estimate.structure, data.wrench, data.point, points)
     found = linearise(estimate).intervals(rows.reshape(-1, estimate.structure.n), confidence)
     centre, lower, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.lower, found.upper))
     return Intervals(centre, lower, upper, confidence, found.on_boundary)

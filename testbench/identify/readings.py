@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.regression import Ids, Regression, Term, marker_points, regression_of
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, observation
+from testbench.model.vjm import Vjm, chain, observation, rotation_observation
 
 MOST_READINGS = 5000
 """Most readings that fit into one program: about ten seconds and some hundred megabytes for 153 unknowns."""
@@ -41,18 +41,18 @@ def weigh(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
         BenchError: When there are more readings than MOST_READINGS.
     """
     points = marker_points(vjm, data.markers)
-    args = vjm, structure, data.q, data.wrench, data.point
+    args = (chain(vjm, data.q), structure, data.wrench, data.point)
     turned = data.sigma_rotation is not None
     each = len(points) + turned
     if data.runs * each > MOST_READINGS:
         raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
     root = _roots(data)
-    A, y = root @ observation(*args, targets=points), (root @ data.deflection[..., None])[..., 0]
+    A, y = root @ observation(*args, points), (root @ data.deflection[..., None])[..., 0]
     unit, marker = np.linalg.det(root) ** (-1 / 3), np.arange(each)
     seen = data.seen
     if data.sigma_rotation is not None:
         turn = math.sqrt(2) * data.sigma_rotation
-        A = np.concatenate([A, observation(*args, targets=points[:1], rotation=True) / turn], axis=1)
+        A = np.concatenate([A, rotation_observation(*args) / turn], axis=1)
         y = np.concatenate([y, data.rotation[:, None] / turn], axis=1)
         unit = np.c_[unit, np.full(data.runs, turn)]
         seen, marker[-1] = np.c_[seen, np.ones(data.runs, dtype=bool)], -1

@@ -6,7 +6,7 @@ from scipy.linalg import qr
 from testbench.errors import Array
 from testbench.identify.regression import rank
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, observation
+from testbench.model.vjm import Vjm, chain, observation, rotation_observation
 
 GENERIC_RUNS = 60
 """Random runs of a full wrench, read in full pose: they see all that any experiment can."""
@@ -29,11 +29,9 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
     lower, upper = vjm.arm.limits
     q = rng.uniform(lower, upper, (GENERIC_RUNS, vjm.arm.n_joints))
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
-    rows = [
-        observation(vjm, structure, q, wrench, point, targets=vjm.markers, rotation=turned)
-        for turned in (False, True)
-    ]
-    return np.concatenate([row.reshape(-1, structure.n) for row in rows])
+    args = (chain(vjm, q), structure, wrench, point)
+    moved, turned = observation(*args, vjm.markers), rotation_observation(*args)
+    return np.concatenate([rows.reshape(-1, structure.n) for rows in (moved, turned)])
 
 
 def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:

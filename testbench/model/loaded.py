@@ -127,35 +127,49 @@ def _solve(C_theta: Array, K_w: Array, right: Array) -> Array:
         raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
 
 
-def secant_deflection(
-    where: Chain, C_theta: Array, wrench: Array, point: Array, targets: Array, K_w: Array | None = None
-) -> Array:
-    """Deflections if one stiffness held for the whole load: Eq. (6), or Eq. (7) where K_w is given.
+def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
+    """Virtual joints if one stiffness held for the whole load: Eq. (6), or Eq. (7) where K_w is given.
 
     Args:
         where: The chain of every run, unloaded.
         C_theta: Aggregated joint compliance, (n_theta, n_theta) [m/N, rad/(N m)].
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where it acts, in the tool's frame, (runs, 3) [m].
-        targets: Points that are read, in the tool's frame, (m, 3) [m].
         K_w: Force term, (runs, n_theta, n_theta) [N/m, N, N m]; None for none.
 
     Returns:
-        World axes, (runs, m, 3) [m].
+        (runs, n_theta) [m, rad]; `displacement` makes deflections of them.
 
     Raises:
         BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When the load is exactly a buckling load.
     """
     n_theta, runs = where.J_theta.shape[1:]
-    targets = check_array(targets, (None, 3), "targets [m]")
     C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
     theta = (C @ generalised_load(where, wrench, point)).T
     if K_w is not None:
         K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
         theta = _solve(C, K_w, theta[..., None])[..., 0]
+    return np.asarray(theta)
+
+
+def displacement(where: Chain, theta: Array, targets: Array) -> Array:
+    """How far points of the tool move to first order.
+
+    Args:
+        where: The chain of every run.
+        theta: Virtual joints, (runs, n_theta) [m, rad].
+        targets: Points that are read, in the tool's frame, (m, 3) [m].
+
+    Returns:
+        World axes, (runs, m, 3) [m].
+
+    Raises:
+        BenchError: When an argument has the wrong shape or is not finite.
+    """
+    targets = check_array(targets, (None, 3), "targets [m]")
     moved = np.einsum("ptr,rt->rp", translation_rows(where, targets), theta)
-    return np.asarray(moved.reshape(runs, len(targets), 3))
+    return np.asarray(moved.reshape(len(theta), len(targets), 3))
 
 
 def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point: Array) -> LoadedEquilibrium:
@@ -184,7 +198,8 @@ def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point:
     iterations = np.zeros(len(q), dtype=int)
     moving = np.arange(len(q))
     while len(moving):
-        left = _newton_step(vjm, C, q[moving], wrench[moving], point[moving], theta[moving])
+        where = chain(vjm, q[moving], theta[moving])
+        left = _newton_step(where, C, wrench[moving], point[moving], theta[moving])
         theta[moving] += left
         step[moving] = np.linalg.norm(left, axis=1)
         iterations[moving] += 1
@@ -193,22 +208,21 @@ def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point:
             problem = f"no static equilibrium in {iterations[lost[0]]} Newton steps"
             raise _no_equilibrium(problem, q[lost[0]], wrench[lost[0]])
         moving = moving[step[moving] >= STEP_TOLERANCE]
-    buckled = np.flatnonzero(~_stable(vjm, C, q, wrench, point, theta))
+    buckled = np.flatnonzero(~_stable(chain(vjm, q, theta), C, wrench, point))
     if len(buckled):
         raise _no_equilibrium("only an unstable equilibrium", q[buckled[0]], wrench[buckled[0]])
     return LoadedEquilibrium(theta, step, iterations)
 
 
-def _newton_step(vjm: Vjm, C: Array, q: Array, wrench: Array, point: Array, theta: Array) -> Array:
+def _newton_step(where: Chain, C: Array, wrench: Array, point: Array, theta: Array) -> Array:
     """(I - C_theta K_w)^-1 (C_theta J_theta^T w - theta), (runs, n_theta) [m, rad]."""
-    where = chain(vjm, q, theta)
     unbalanced = (C @ generalised_load(where, wrench, point)).T - theta
     return _solve(C, geometric_stiffness(where, wrench, point), unbalanced[..., None])[..., 0]
 
 
-def _stable(vjm: Vjm, C: Array, q: Array, wrench: Array, point: Array, theta: Array) -> npt.NDArray[np.bool_]:
+def _stable(where: Chain, C: Array, wrench: Array, point: Array) -> npt.NDArray[np.bool_]:
     """Whether K_theta - K_w has only eigenvalues above zero, (runs,); I - C_theta K_w shares their signs."""
-    K_w = geometric_stiffness(chain(vjm, q, theta), wrench, point)
+    K_w = geometric_stiffness(where, wrench, point)
     eigenvalues = np.linalg.eigvals(np.eye(len(C)) - C @ K_w)
     return np.asarray(eigenvalues.real.min(axis=1, initial=np.inf) > 0)
 

@@ -251,38 +251,34 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     return np.asarray(np.einsum("xtr,rx->tr", where.J_theta, at_tool))
 
 
-def observation(
-    vjm: Vjm,
-    structure: Structure,
-    q: Array,
-    wrench: Array,
-    point: Array,
-    *,
-    targets: Array,
-    rotation: bool = False,
-) -> Array:
+def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
     """Observation matrix A of Eq. (12), so that deflection = A @ pi.
 
     Args:
-        vjm: The model.
+        where: The chain of every run.
         structure: The unknown entries, n_par of them.
-        q: Actuated joint angles, (runs, n) [rad].
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where it acts, in the tool's frame, (runs, 3) [m].
         targets: Points whose deflection is read, in the tool's frame, (m, 3) [m].
-        rotation: Rows of the tool's rotation instead of the targets' translation.
 
     Returns:
-        (runs, m, 3, n_par); with rotation m is 1.
+        (runs, m, 3, n_par).
 
     Raises:
         BenchError: When an argument has the wrong shape or is not finite.
     """
-    where = chain(vjm, q)
     targets = check_array(targets, (None, 3), "targets [m]")
-    J = where.J_theta[3:] if rotation else translation_rows(where, targets)
-    A = np.stack([*parameter_rows(structure, J, generalised_load(where, wrench, point))])
-    return A.reshape(-1, 3, structure.n, len(q)).transpose(3, 0, 1, 2)
+    return _stacked(structure, translation_rows(where, targets), generalised_load(where, wrench, point))
+
+
+def rotation_observation(where: Chain, structure: Structure, wrench: Array, point: Array) -> Array:
+    """The same of the tool's rotation, (runs, 1, 3, n_par)."""
+    return _stacked(structure, where.J_theta[3:], generalised_load(where, wrench, point))
+
+
+def _stacked(structure: Structure, J: Array, u: Array) -> Array:
+    A = np.stack([*parameter_rows(structure, J, u)])
+    return A.reshape(-1, 3, structure.n, A.shape[-1]).transpose(3, 0, 1, 2)
 
 
 def parameter_rows(structure: Structure, J: Array, u: Array) -> Iterator[Array]:

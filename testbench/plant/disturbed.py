@@ -7,7 +7,6 @@ compensator and joint laws the forces and springs of its equilibrium. The nomina
 import copy
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
-from functools import partial
 
 import mujoco
 import numpy as np
@@ -156,7 +155,12 @@ def settle_disturbed(
     q = q + disturbed.offset
     if not (changes.compensator or changes.stiffening or changes.backlash or changes.hysteresis):
         return settle(plant, q, wrench, point)
-    return settle_by(partial(_statics, changes, before), plant, q, wrench, point)
+
+    def statics(plant: Plant, data: mujoco.MjData, run: int, wrench: Array, point: Array) -> Statics:
+        linear = linear_statics(plant, data, run, wrench, point)
+        return _disturbed(changes, _law(changes, before, plant, run), linear, plant, data)
+
+    return settle_by(statics, plant, q, wrench, point)
 
 
 def settle_pair(
@@ -174,25 +178,22 @@ def settle_pair(
     return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)
 
 
-def _statics(
-    changes: Disturbances,
-    before: Equilibrium | None,
-    plant: Plant,
-    data: mujoco.MjData,
-    run: int,
-    wrench: Array,
-    point: Array,
-) -> Statics:
-    """Forces and springs of a pose with compensator and joint laws."""
-    linear = linear_statics(plant, data, run, wrench, point)
-    hinges: Index = plant.theta[6 * len(plant.arm.links) :]
-    law = JointLaw(
+def _law(changes: Disturbances, before: Equilibrium | None, plant: Plant, run: int) -> JointLaw:
+    """How the joints of one run give way."""
+    return JointLaw(
         compliance=np.array([joint.compliance for joint in plant.arm.joints]),
         stiffening=changes.stiffening,
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
         before=None if before is None else before.theta[run, 6 * len(plant.arm.links) :],
     )
+
+
+def _disturbed(
+    changes: Disturbances, law: JointLaw, linear: Statics, plant: Plant, data: mujoco.MjData
+) -> Statics:
+    """Forces and springs of a pose with compensator and joint laws."""
+    hinges: Index = plant.theta[6 * len(plant.arm.links) :]
     spring = None if changes.compensator is None else strut(changes.compensator, plant, data)
 
     def force() -> Array:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -41,26 +42,33 @@ def dots(axes: Axes, rows: Sequence[object], name: Column, value: Column, looks:
     quiet(axes)
 
 
-def lines(
-    axes: Axes, rows: Sequence[object], x: Column, y: Column, look: Look, label: str, *, band: bool = True
-) -> None:
-    """One line over a swept quantity, with its spread as a band.
+@dataclass(frozen=True)
+class Line:
+    """One model over a swept quantity."""
+
+    rows: Sequence[object]  #: Of the model.
+    look: Look  #: Of the model.
+    label: str  #: In the legend.
+    band: bool = True  #: Whether the spread is drawn.
+
+
+def draw_line(axes: Axes, x: Column, y: Column, line: Line) -> None:
+    """A line over a swept quantity, with its spread as a band.
 
     Args:
         axes: Where to.
-        rows: Of one model.
         x: What is swept.
         y: What is drawn.
-        look: Of the model.
-        label: In the legend.
-        band: Whether the spread is drawn.
+        line: Of one model.
     """
-    own = sorted(rows, key=lambda row: middle(x.value(row)))
+    look, own = line.look, sorted(line.rows, key=lambda row: middle(x.value(row)))
     at = [middle(x.value(row)) for row in own]
     face, style = (look.hex, "--") if look.prior else ("white", "-")
     middles = [middle(y.value(row)) for row in own]
-    axes.plot(at, middles, look.mark + style, color=look.hex, markerfacecolor=face, label=label, markersize=5)
-    if band:
+    axes.plot(
+        at, middles, look.mark + style, color=look.hex, markerfacecolor=face, label=line.label, markersize=5
+    )
+    if line.band:
         low, high = np.array([ends(y.value(row)) for row in own]).T
         axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
 

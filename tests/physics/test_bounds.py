@@ -13,7 +13,7 @@ from testbench.identify.bounds import bounds, fit_set
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior, aggregate, cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def prepare(cell, structure, data):
 
 def elsewhere(cell, structure, where, markers=1):
     points = cell.vjm.markers[:markers]
-    rows = observation(cell.vjm, structure, where.q, where.wrench, where.point, targets=points)
+    rows = observation(chain(cell.vjm, where.q), structure, where.wrench, where.point, points)
     return rows.reshape(-1, structure.n)
 
 

@@ -11,7 +11,7 @@ from testbench.bench.full_pose import FullPose, identify, random_wrenches, simul
 from testbench.errors import BenchError, PoseError
 from testbench.identify import gco, least_squares, reduce
 from testbench.model.structure import Structure, all153
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation, rotation_observation
 
 PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 
@@ -60,9 +60,9 @@ def test_noise_free_linear_runs_are_what_the_model_of_the_truth_predicts(arm_6r)
     data = simulate(arm_6r, FullPose(**PAPER, noise=False), 4).identification
     s = all153(arm_6r.arm)
     C = s.entries(arm_6r.arm.C_theta)
-    args = (arm_6r.vjm, s, data.q, data.wrench, data.point)
-    moved = observation(*args, targets=arm_6r.vjm.markers) @ C
-    turned = (observation(*args, targets=arm_6r.vjm.markers, rotation=True) @ C)[:, 0]
+    args = (chain(arm_6r.vjm, data.q), s, data.wrench, data.point)
+    moved = observation(*args, arm_6r.vjm.markers) @ C
+    turned = (rotation_observation(*args) @ C)[:, 0]
     np.testing.assert_allclose(data.deflection, moved, rtol=0, atol=1e-12)
     np.testing.assert_allclose(data.rotation, turned, rtol=0, atol=1e-12)
 

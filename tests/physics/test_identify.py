@@ -15,7 +15,7 @@ from testbench.identify.evaluate import normality, predict, score
 from testbench.identify.plausibility import doubts
 from testbench.identify.regression import f_m
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation, rotation_observation
 
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6
 
@@ -40,9 +40,9 @@ def full_pose_data(cell, rng, *, noise=1.0, poses=18):
     point = np.zeros((runs, 3))
     s = all153(cell.arm)
     C = s.entries(cell.arm.C_theta)
-    args = (cell.vjm, s, q, wrench, point)
-    moved = observation(*args, targets=np.zeros((1, 3))) @ C
-    turned = (observation(*args, targets=np.zeros((1, 3)), rotation=True) @ C)[:, 0]
+    args = (chain(cell.vjm, q), s, wrench, point)
+    moved = observation(*args, np.zeros((1, 3))) @ C
+    turned = (rotation_observation(*args) @ C)[:, 0]
     before, after = noise * SIGMA * rng.standard_normal((2, runs, 1, 3))
     r_before, r_after = noise * SIGMA_ROTATION * rng.standard_normal((2, runs, 3))
     return Dataset(
@@ -102,9 +102,9 @@ def test_f_m_of_a_reduced_dataset_is_eq_19_on_its_readings(arm_6r, rng):
     data = full_pose_data(arm_6r, rng)
     s = mgco69(arm_6r.arm)
     pi = rng.uniform(0, 1e-6, s.n)
-    args = (arm_6r.vjm, s, data.q, data.wrench, data.point)
-    e = observation(*args, targets=np.zeros((1, 3))) @ pi - data.deflection
-    r = (observation(*args, targets=np.zeros((1, 3)), rotation=True) @ pi)[:, 0] - data.rotation
+    args = (chain(arm_6r.vjm, data.q), s, data.wrench, data.point)
+    e = observation(*args, np.zeros((1, 3))) @ pi - data.deflection
+    r = (rotation_observation(*args) @ pi)[:, 0] - data.rotation
     expected = np.sqrt((e**2).sum() / data.runs) / (np.sqrt(2) * SIGMA)
     expected += np.sqrt((r**2).sum() / data.runs) / (np.sqrt(2) * SIGMA_ROTATION)
     assert f_m(reduce(arm_6r.vjm, s, data), pi) == pytest.approx(expected, rel=1e-12)
@@ -147,9 +147,9 @@ def test_reduction_in_blocks_gives_the_factor_of_all_rows_at_once(kr500):
 def test_least_squares_solves_the_normal_equations_of_eq_15(arm_6r, rng):
     data = full_pose_data(arm_6r, rng)
     s = Structure.of(arm_6r.arm, joints=[j.name for j in arm_6r.arm.joints])
-    args = (arm_6r.vjm, s, data.q, data.wrench, data.point)
-    A = observation(*args, targets=np.zeros((1, 3))).reshape(-1, s.n) / (np.sqrt(2) * SIGMA)
-    B = observation(*args, targets=np.zeros((1, 3)), rotation=True).reshape(-1, s.n)
+    args = (chain(arm_6r.vjm, data.q), s, data.wrench, data.point)
+    A = observation(*args, np.zeros((1, 3))).reshape(-1, s.n) / (np.sqrt(2) * SIGMA)
+    B = rotation_observation(*args).reshape(-1, s.n)
     A = np.vstack([A, B / (np.sqrt(2) * SIGMA_ROTATION)])
     y = np.r_[
         data.deflection.ravel() / (np.sqrt(2) * SIGMA),

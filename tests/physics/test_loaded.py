@@ -11,12 +11,13 @@ import pytest
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.model import loaded
 from testbench.model.loaded import (
+    displacement,
     geometric_stiffness,
     load_jacobian,
     loaded_compliance,
     loaded_deflection,
     loaded_equilibrium,
-    secant_deflection,
+    secant,
 )
 from testbench.model.vjm import (
     Chain,
@@ -352,8 +353,8 @@ def second_order(cell, q, force):
         load_jacobian(under, point), C_theta, geometric_stiffness(under, wrench, point)
     )
     moved = {
-        "linear": secant_deflection(free, C_theta, wrench, point, at_load)[:, 0],
-        "once": secant_deflection(free, C_theta, wrench, point, at_load, K_w)[:, 0],
+        "linear": displacement(free, secant(free, C_theta, wrench, point), at_load)[:, 0],
+        "once": displacement(free, secant(free, C_theta, wrench, point, K_w), at_load)[:, 0],
         "loaded": np.einsum("rxy,ry->rx", C_under[:, :3, :3], force),
         "true": loaded_deflection(cell.vjm, q, rest.theta, at_load)[:, 0],
     }
@@ -392,7 +393,7 @@ def distance_errors(cell, plant, q, load):
     rest = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
     under = chain(cell.vjm, q, rest.theta)
     linear, once, loaded_ = (
-        secant_deflection(where, C_theta, wrench, point, tool, K_w)[:, 0]
+        displacement(where, secant(where, C_theta, wrench, point, K_w), tool)[:, 0]
         for where, K_w in (
             (free, None),
             (free, geometric_stiffness(free, wrench, point)),
@@ -537,12 +538,8 @@ def test_wrong_shapes_say_what_was_expected(kr500):
         r"wrench .*got \(3, 6\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q, np.zeros((3, 6)), point),
         r"q \[rad\].*got \(2, 5\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q[:, :5], wrench, point),
         r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
-        r"targets .*got \(1, 2\)": lambda: secant_deflection(
-            where, arm.C_theta, wrench, point, np.zeros((1, 2))
-        ),
-        r"K_w .*got \(1, 48, 48\)": lambda: secant_deflection(
-            where, arm.C_theta, wrench, point, np.zeros((1, 3)), K_w[:1]
-        ),
+        r"targets .*got \(1, 2\)": lambda: displacement(where, theta, np.zeros((1, 2))),
+        r"K_w .*got \(1, 48, 48\)": lambda: secant(where, arm.C_theta, wrench, point, K_w[:1]),
     }
     for text, call in cases.items():
         with pytest.raises(BenchError, match=text):

@@ -21,7 +21,7 @@ from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 from testbench.plant import collisions
 from testbench.studies.pose_selection.arms import draw
 
@@ -82,7 +82,7 @@ def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix
     x = spec.experiment.metric.expected
     ours = (deflection_rows(spec.experiment, q, load) @ x).reshape(5, 3, 3)
     args = np.tile(load.wrench, (5, 1)), np.tile(load.point, (5, 1))
-    A = observation(cell.vjm, mgco68(cell.arm), q, *args, targets=cell.vjm.markers)
+    A = observation(chain(cell.vjm, q), mgco68(cell.arm), *args, cell.vjm.markers)
     theirs = A @ (spec.experiment.metric.L @ x)
     np.testing.assert_allclose(np.linalg.norm(ours, axis=2), np.linalg.norm(theirs, axis=2), rtol=1e-9)
 

@@ -24,7 +24,7 @@ from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, dist
 from testbench.identify.regularised import SLACK, gco_least_trace, gco_with, least_squares_with
 from testbench.identify.stein import gco_stein
 from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 
 
 def campaign(cell, seed, **changes):
@@ -59,9 +59,9 @@ def test_joints_left_out_add_to_the_link_before_them(kr500, rng):
     whole, links = all153(kr500.arm), mgco147(kr500.arm)
     lower, upper = kr500.arm.limits
     q, wrench = rng.uniform(lower, upper, (20, 6)), rng.standard_normal((20, 6))
-    args = (q, wrench, np.zeros((20, 3)))
+    where = chain(kr500.vjm, q)
     moved = [
-        observation(kr500.vjm, s, *args, targets=kr500.vjm.markers)
+        observation(where, s, wrench, np.zeros((20, 3)), kr500.vjm.markers)
         @ s.entries(aggregate(kr500.arm.C_theta, kr500.vjm, s))
         for s in (whole, links)
     ]

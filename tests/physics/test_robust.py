@@ -21,7 +21,7 @@ from testbench.identify.reduction import non_redundant
 from testbench.identify.regression import f_m
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import all153, mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation, rotation_observation
 
 STRENGTH = Strength(0.3)
 
@@ -75,10 +75,10 @@ def orientation_data(cell, rng):
     runs = len(q)
     wrench, point = np.tile(1000 * np.eye(6), (20, 1)), np.zeros((runs, 3))
     s = all153(cell.arm)
-    args = (cell.vjm, s, q, wrench, point)
+    args = (chain(cell.vjm, q), s, wrench, point)
     C = s.entries(cell.arm.C_theta)
-    moved = observation(*args, targets=cell.vjm.markers) @ C
-    turned = (observation(*args, targets=cell.vjm.markers, rotation=True) @ C)[:, 0]
+    moved = observation(*args, cell.vjm.markers) @ C
+    turned = (rotation_observation(*args) @ C)[:, 0]
     m = len(cell.vjm.markers)
     return Dataset(
         markers=cell.arm.markers,

@@ -19,7 +19,7 @@ from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
 from testbench.studies.identifiability.summary import covered
 from testbench.trials.spread import grouped
@@ -48,8 +48,8 @@ def elsewhere(cell, structure, campaign):
 
 
 def rows_of(cell, structure, where, targets):
-    args = (cell.vjm, structure, where.q, where.wrench, where.point)
-    return observation(*args, targets=targets).reshape(-1, structure.n)
+    args = (chain(cell.vjm, where.q), structure, where.wrench, where.point)
+    return observation(*args, targets).reshape(-1, structure.n)
 
 
 def test_covariance_is_the_spread_of_least_squares_over_fresh_readings(arm_6r, full_pose):

@@ -8,7 +8,7 @@ from testbench.errors import BenchError
 from testbench.identify.reduction import non_redundant
 from testbench.identify.regression import rank
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
-from testbench.model.vjm import cartesian_compliance, chain, jacobian, observation
+from testbench.model.vjm import cartesian_compliance, chain, jacobian, observation, rotation_observation
 from testbench.plant import settle_linear
 
 AGREE = 1e-10  # the bar; both libraries come within 1e-14
@@ -85,9 +85,9 @@ def test_observation_matrix_times_parameters_is_the_congruence_of_eq_6(cell, rng
     C_theta = cell.arm.C_theta
     structure = all153(cell.arm)
     at_tool = np.zeros((10, 3))
-    args = (cell.vjm, structure, q, wrench, at_tool)
-    moved = observation(*args, targets=np.zeros((1, 3))) @ structure.entries(C_theta)
-    turned = observation(*args, targets=np.zeros((1, 3)), rotation=True) @ structure.entries(C_theta)
+    args = (chain(cell.vjm, q), structure, wrench, at_tool)
+    moved = observation(*args, np.zeros((1, 3))) @ structure.entries(C_theta)
+    turned = rotation_observation(*args) @ structure.entries(C_theta)
     C = cartesian_compliance(jacobian(cell.vjm, q), C_theta)
     expected = np.einsum("rij,rj->ri", C, wrench)
     scale = np.abs(expected).max()
@@ -106,7 +106,7 @@ def test_markers_move_as_in_the_first_order_truth(cell, rng):
     q = random_q(cell, rng, 10)
     wrench, point = random_load(rng, 10)
     structure = all153(cell.arm)
-    A = observation(cell.vjm, structure, q, wrench, point, targets=cell.vjm.markers)
+    A = observation(chain(cell.vjm, q), structure, wrench, point, cell.vjm.markers)
     start = settle_linear(cell.plant, q, 0 * wrench, point).markers
     moved = settle_linear(cell.plant, q, wrench, point).markers - start
     predicted = A @ structure.entries(cell.arm.C_theta)
@@ -127,10 +127,8 @@ def test_rank_with_full_wrench_and_full_pose(cell, rng, structure, expected):
     q = random_q(cell, rng, 60)
     wrench, point = random_load(rng, 60)
     s = structure(cell.arm)
-    rows = [
-        observation(cell.vjm, s, q, wrench, point, targets=np.zeros((1, 3)), rotation=turned)
-        for turned in (False, True)
-    ]
+    args = (chain(cell.vjm, q), s, wrench, point)
+    rows = [observation(*args, np.zeros((1, 3))), rotation_observation(*args)]
     assert rank(np.concatenate(rows).reshape(-1, s.n)) == expected
 
 
@@ -138,28 +136,28 @@ def test_rank_with_full_wrench_and_full_pose(cell, rng, structure, expected):
 def test_rank_under_gravity_with_three_markers(kr500, rng, structure, expected):
     q = random_q(kr500, rng, 100)
     s = structure(kr500.arm)
-    A = observation(kr500.vjm, s, q, *hung(kr500, 100), targets=kr500.vjm.markers)
+    A = observation(chain(kr500.vjm, q), s, *hung(kr500, 100), kr500.vjm.markers)
     assert rank(A.reshape(-1, s.n)) == expected
 
 
 def test_template_under_gravity_has_rank_27_or_28(kr500, rng):
     q = random_q(kr500, rng, 100)
     s = template56(kr500.arm)
-    A = observation(kr500.vjm, s, q, *hung(kr500, 100), targets=kr500.vjm.markers)
+    A = observation(chain(kr500.vjm, q), s, *hung(kr500, 100), kr500.vjm.markers)
     assert rank(A.reshape(-1, s.n)) in (27, 28)
 
 
 def test_eight_poses_with_one_load_carry_at_most_48_equations(kr500, rng):
     q = random_q(kr500, rng, 8)
     s = mgco147(kr500.arm)
-    A = observation(kr500.vjm, s, q, *hung(kr500, 8), targets=kr500.vjm.markers)
+    A = observation(chain(kr500.vjm, q), s, *hung(kr500, 8), kr500.vjm.markers)
     assert A.reshape(-1, s.n).shape == (72, 147)
     assert rank(A.reshape(-1, s.n)) == 48
 
 
 def test_joint_one_is_exactly_invisible_to_gravity(kr500, rng):
     s = Structure.of(kr500.arm, joints=["joint_1"])
-    A = observation(kr500.vjm, s, random_q(kr500, rng, 50), *hung(kr500, 50), targets=kr500.vjm.markers)
+    A = observation(chain(kr500.vjm, random_q(kr500, rng, 50)), s, *hung(kr500, 50), kr500.vjm.markers)
     assert np.abs(A).max() == 0.0
 
 
@@ -170,7 +168,7 @@ def test_algebraic_reduction_finds_the_32_parameters_of_mls32(cell, rng):
     q = random_q(cell, rng, 30)
     wrench, point = random_load(rng, 30)
     A, B = (
-        observation(cell.vjm, s, q, wrench, point, targets=cell.vjm.markers).reshape(-1, s.n)
+        observation(chain(cell.vjm, q), s, wrench, point, cell.vjm.markers).reshape(-1, s.n)
         for s in (full, reduced)
     )
     assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32

@@ -16,7 +16,7 @@ from testbench.identify.least_squares import solve
 from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.readings import weigh
 from testbench.model.structure import mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 
@@ -38,7 +38,7 @@ def random_precision(data, seed=0):
 
 def brute_force(cell, structure, data):
     """Rows and readings of Eq. 14 with the full weight matrix, nothing folded."""
-    A = observation(cell.vjm, structure, data.q, data.wrench, data.point, targets=cell.vjm.markers)
+    A = observation(chain(cell.vjm, data.q), structure, data.wrench, data.point, cell.vjm.markers)
     P = data.precision
     normal = np.einsum("rmin,rmij,rmjk->nk", A, P, A)
     right = np.einsum("rmin,rmij,rmj->n", A, P, data.deflection)
@@ -118,7 +118,7 @@ def test_weights_of_the_laser_tracker_beat_flat_ones(cell, data):
     """
     S = LaserTracker((2.2, -5.5, 1.6)).covariance(data.before)  # of a reading; of a deflection twice that
     structure = template56(cell.arm)
-    A = observation(cell.vjm, structure, data.q, data.wrench, data.point, targets=cell.vjm.markers)
+    A = observation(chain(cell.vjm, data.q), structure, data.wrench, data.point, cell.vjm.markers)
     flat, weighted = (
         normal_of(reduce(cell.vjm, structure, d))[0]
         for d in (replace(data, sigma=1.0), replace(data, precision=np.linalg.inv(2 * S)))

@@ -26,7 +26,7 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation, rotation_observation
 
 MODELS = Path(__file__).parents[2] / "models"
 MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]
@@ -206,9 +206,9 @@ def test_gradient_of_free36_is_the_adjoint_of_matrix_without_halves() -> None:
 def test_unsymmetric_structure_predicts_with_its_unsymmetric_matrix(single_link: Cell) -> None:
     structure, rng = free36(single_link.arm), np.random.default_rng(7)
     C, wrench = rng.standard_normal((6, 6)), rng.standard_normal((4, 6))
-    args = (single_link.vjm, structure, np.empty((4, 0)), wrench, np.zeros((4, 3)))
-    moved = observation(*args, targets=np.zeros((1, 3)))[:, 0] @ structure.entries(C)
-    turned = observation(*args, targets=np.zeros((1, 3)), rotation=True)[:, 0] @ structure.entries(C)
+    args = (chain(single_link.vjm, np.empty((4, 0))), structure, wrench, np.zeros((4, 3)))
+    moved = observation(*args, np.zeros((1, 3)))[:, 0] @ structure.entries(C)
+    turned = rotation_observation(*args)[:, 0] @ structure.entries(C)
     # one link without joints: the twist is C w; sums of six products of order one
     np.testing.assert_allclose(np.hstack([moved, turned]), wrench @ C.T, rtol=0, atol=1e-13)
 

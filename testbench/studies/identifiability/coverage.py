@@ -26,7 +26,7 @@ from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, mgco68, template56
-from testbench.model.vjm import observation
+from testbench.model.vjm import chain, observation
 
 CONFIDENCE = 0.95
 DRAWS_LS, DRAWS_GCO = 199, 39
@@ -79,8 +79,9 @@ class Covered:
 def full_pose_case(cell: Cell, checks: int = CHECKS) -> Case:
     """Section 5.2: full poses read, template of 56 unknowns, 32 directions and every deflection seen."""
     campaign = simulate_full_pose(cell, FullPose(arm=cell.arm.name, check_runs=checks), 1)
-    data, where = campaign.identification, campaign.check
-    return _case(cell, cell.arm.name, template56(cell.arm), data, where, np.zeros((1, 3)))
+    structure = template56(cell.arm)
+    rows = _deflections(cell, structure, campaign.check, np.zeros((1, 3)))
+    return _case(cell, cell.arm.name, structure, campaign.identification, rows)
 
 
 def gravity_cases(cell: Cell, checks: int = CHECKS) -> list[Case]:
@@ -89,19 +90,22 @@ def gravity_cases(cell: Cell, checks: int = CHECKS) -> list[Case]:
     campaign = simulate(cell, scenario, 1)
     data, where, marker = campaign.identification, campaign.workspace, cell.vjm.markers[:1]
     structures = {"MGCO56": template56(cell.arm), "MGCO68": mgco68(cell.arm)}
-    return [_case(cell, f"{cell.arm.name} {n}", s, data, where, marker) for n, s in structures.items()]
+    return [
+        _case(cell, f"{cell.arm.name} {n}", s, data, _deflections(cell, s, where, marker))
+        for n, s in structures.items()
+    ]
 
 
-def _case(cell: Cell, name: str, s: Structure, data: Dataset, where: Dataset, targets: Array) -> Case:
+def _case(cell: Cell, name: str, s: Structure, data: Dataset, functionals: Array) -> Case:
     truth = s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
     own = metric(cad_prior(cell.arm), cell.vjm, s)
-    return Case(name, reduce(cell.vjm, s, data), own, truth, _deflections(cell, s, where, targets))
+    return Case(name, reduce(cell.vjm, s, data), own, truth, functionals)
 
 
 def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Array) -> Array:
     """Deflections of points of the tool as linear functionals of pi, (3 runs targets, n)."""
-    args = (cell.vjm, structure, where.q, where.wrench, where.point)
-    return observation(*args, targets=targets).reshape(-1, structure.n)
+    args = (chain(cell.vjm, where.q), structure, where.wrench, where.point)
+    return observation(*args, targets).reshape(-1, structure.n)
 
 
 def fitted(case: Case, k: int, bootstrapped: bool) -> list[Covered]:

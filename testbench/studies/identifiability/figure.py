@@ -9,7 +9,7 @@ from testbench.studies.identifiability.summary import IdentifiabilityReport, Mod
 from testbench.studies.identifiability.tables import MODELS, POSES, SCALE, WORKSPACE, rms
 from testbench.trials.spread import Number, ends
 from testbench.views.colours import look
-from testbench.views.figure import dots, lines, log_ticks, quiet
+from testbench.views.figure import Line, dots, draw_line, log_ticks, quiet
 from testbench.views.schema import Column
 
 
@@ -41,7 +41,7 @@ def _lines(
 ) -> None:
     drawn = [m for m in models if m.name in rows[0]]
     for m in drawn:
-        lines(axes, rows, x, rms(m.name), look(m.structure, m.constraint, m.prior), m.name)
+        draw_line(axes, x, rms(m.name), Line(rows, look(m.structure, m.constraint, m.prior), m.name))
     values = [end for row in rows for m in drawn for end in ends(row[m.name])]
     log_ticks(axes, "y", min(values), max(values))
     axes.set_xlabel(x.heading)

@@ -14,12 +14,13 @@ from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.model.loaded import (
+    displacement,
     geometric_stiffness,
     load_jacobian,
     loaded_compliance,
     loaded_deflection,
     loaded_equilibrium,
-    secant_deflection,
+    secant,
 )
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import chain
@@ -182,8 +183,8 @@ def predict(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> 
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
-        "linear": secant_deflection(unloaded, C_theta, wrench, point, AT_TOOL)[:, 0],
-        "secant": secant_deflection(unloaded, C_theta, wrench, point, AT_TOOL, K_w)[:, 0],
+        "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],
+        "secant": displacement(unloaded, secant(unloaded, C_theta, wrench, point, K_w), AT_TOOL)[:, 0],
         "integrated": loaded_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
     }
 

@@ -11,7 +11,7 @@ from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA
 from testbench.trials.spread import grouped
 from testbench.views.colours import GREENS, GREY, NOMINAL, Look, look
-from testbench.views.figure import SOFT, lines, quiet
+from testbench.views.figure import SOFT, Line, draw_line, quiet
 from testbench.views.schema import Column
 
 SHADES = (GREENS[0], GREY, *GREENS[1:], NOMINAL)
@@ -27,13 +27,13 @@ def sensitivity(report: NoiseReport) -> Figure:
     for axes, (part, words) in zip(left, PARTS.items(), strict=True):
         for name, own in grouped(report.sweeps[part], lambda row: row.model).items():
             first = own[0]
-            lines(axes, own, SIGMA, RMS, look(first.structure, first.constraint, first.prior), name)
+            draw_line(axes, SIGMA, RMS, Line(own, look(first.structure, first.constraint, first.prior), name))
         axes.set_title(words, fontsize="medium")
         _finish(axes, SIGMA, report.sweeps[part])
     rows = [c for c in report.instruments if c.truth == "linear"]
     placed = grouped([c for c in rows if c.x > 0], lambda row: row.model)
     for k, (name, distances) in enumerate(placed.items()):
-        lines(right, distances, DISTANCE, RMS, Look(SHADES[k], k, prior=False), name)
+        draw_line(right, DISTANCE, RMS, Line(distances, Look(SHADES[k], k, prior=False), name))
     [flat] = [c.rms_um.median for c in rows if c.model == FLAT]
     right.axhline(flat, color=SOFT, linewidth=0.8)
     right.annotate(FLAT, (1, flat), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=SOFT)

@@ -7,7 +7,7 @@ from testbench.studies.pose_selection.report import PoseReport
 from testbench.studies.pose_selection.settings import BARE, PLANNED, RANDOM
 from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSES, TASKS, VARIANT, WORKSPACE
 from testbench.views.colours import GREENS, GREY, LOAD, NOMINAL, ORANGES, Look
-from testbench.views.figure import SOFT, dots, lines, log_ticks, quiet
+from testbench.views.figure import SOFT, Line, dots, draw_line, log_ticks, quiet
 from testbench.views.schema import Column
 
 SHADES = {
@@ -54,7 +54,7 @@ def _spread(report: PoseReport, drawn: str) -> str:
 
 def _curve(axes: Axes, report: PoseReport, fit: str, error: Column, words: str) -> None:
     for name, levels in report.errors[fit].items():
-        lines(axes, levels, POSES, error, LOOKS[name], name, band=name in BANDS)
+        draw_line(axes, POSES, error, Line(levels, LOOKS[name], name, band=name in BANDS))
     log_ticks(axes, "y", *axes.dataLim.intervaly)
     ticks = [level.poses for level in report.errors[fit][RANDOM]]
     axes.set_xscale("log")

@@ -51,7 +51,8 @@ def build_bench(cell: Cell, asked: Settings, truth: Truth = "nonlinear") -> Benc
     """The true arm and its deflections where predictions are judged."""
     spec = specify(cell, asked, wrong_prior(cell, asked.seed))
     places = (spec.tasks.q, spec.workspace)
-    return Bench(cell, truth, spec, *(_measure(cell, truth, spec, q, spec.tasks.load, None) for q in places))
+    tasks, workspace = (_read(spec, _settle(cell, truth, q, spec.tasks.load), None) for q in places)
+    return Bench(cell, truth, spec, tasks, workspace)
 
 
 def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
@@ -63,34 +64,45 @@ def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Ge
         chosen: Poses and their loads.
         rng: Source of the noise; None for no noise.
     """
-    return _measure(bench.cell, bench.truth, spec, chosen.q, loads_of(spec, chosen.load), rng)
+    return _read(spec, _settle(bench.cell, bench.truth, chosen.q, loads_of(spec, chosen.load)), rng)
 
 
-def _measure(
-    cell: Cell, truth: Truth, spec: Specification, q: Array, load: Load, rng: np.random.Generator | None
-) -> Dataset:
-    """The same of any poses; markers beyond the arm's own are fixed to its tool."""
-    runs, markers = len(q), spec.experiment.targets
-    wrench = np.array(np.broadcast_to(load.wrench, (runs, 6)))
-    point = np.array(np.broadcast_to(load.point, (runs, 3)))
-    more = markers[len(cell.arm.markers) :]
+@dataclass(frozen=True)
+class _Settled:
+    """The true arm in any poses, unloaded and loaded."""
+
+    q: Array
+    load: Load
+    before: Equilibrium
+    after: Equilibrium
+
+
+def _settle(cell: Cell, truth: Truth, q: Array, load: Load) -> _Settled:
+    wrench = np.array(np.broadcast_to(load.wrench, (len(q), 6)))
+    point = np.array(np.broadcast_to(load.point, (len(q), 3)))
+    return _Settled(q, Load(wrench, point), *settle_both(cell.plant, truth, q, wrench, point))
+
+
+def _read(spec: Specification, arm: _Settled, rng: np.random.Generator | None) -> Dataset:
+    """Its markers; those beyond the arm's own are fixed to its tool."""
+    own = spec.experiment.vjm.arm.markers
+    more = spec.experiment.targets[arm.before.markers.shape[1] :]
     tracker, source = Tracker(0.0 if rng is None else spec.experiment.sigma), rng or stream(0)
 
     def read(state: Equilibrium) -> Array:
         extra = state.tool[:, None] + more @ state.rotation.swapaxes(1, 2)
         return read_positions(tracker, np.hstack([state.markers, extra]), source)
 
-    ids = np.arange(runs) + 1
-    before, after = settle_both(cell.plant, truth, q, wrench, point)
+    ids = np.arange(len(arm.q)) + 1
     return Dataset(
-        markers=spec.experiment.vjm.arm.markers,
+        markers=own,
         run=ids,
         pose=ids,
-        q=q,
-        wrench=wrench,
-        point=point,
-        before=read(before),
-        after=read(after),
+        q=arm.q,
+        wrench=arm.load.wrench,
+        point=arm.load.point,
+        before=read(arm.before),
+        after=read(arm.after),
         sigma=spec.experiment.sigma,
     )
 

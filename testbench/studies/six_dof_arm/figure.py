@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from testbench.studies.six_dof_arm.summary import COLUMNS, ORDERS, ModelReport, SixDofReport, tables
 from testbench.trials.spread import middle
 from testbench.views.colours import look
-from testbench.views.figure import dots, lines, log_ticks, quiet
+from testbench.views.figure import Line, dots, draw_line, log_ticks, quiet
 
 NAME, P95 = COLUMNS[0], next(c for c in COLUMNS if c.key == "readings.p95_mm")
 M, F_M, ERROR = ORDERS[0], ORDERS[1], ORDERS[-1]
@@ -40,7 +40,7 @@ def _errors(axes: Axes, rows: Sequence[object], models: Sequence[ModelReport], t
 def _orders(axes: Axes, report: SixDofReport) -> None:
     for name, rows in (("MGCO69", report.order.MGCO69), ("MGCO56", report.order.MGCO56)):
         own = look(name, "psd")
-        lines(axes, rows, M, ERROR, own, f"{name}, F_M at each point", band=False)
+        draw_line(axes, M, ERROR, Line(rows, own, f"{name}, F_M at each point", band=False))
         for row in rows:
             at = (middle(M.value(row)), 1.1 * middle(ERROR.value(row)))
             words = f"{middle(F_M.value(row)):.3g}"

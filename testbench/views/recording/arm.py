@@ -1,6 +1,7 @@
 """Any MJCF arm from its geometry: bodies rigid and, magnified, deflected; and the weight that it carries."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,51 +37,48 @@ def write_shapes(stream: rr.RecordingStream, cell: Cell, moving: Sequence[int]) 
             stream.log(_path("arm_deflected", name), *_solids(own, GHOST), static=True)
 
 
-def write_places(
-    stream: rr.RecordingStream,
-    cell: Cell,
-    times: Sequence[rr.TimeColumn],
-    rigid: Frames,
-    ghost: Frames | None = None,
-    moving: Sequence[int] = (),
-) -> None:
-    """Where every body is at every time, and where its ghost is.
+@dataclass(frozen=True)
+class Places:
+    """Where every body is at every time, and where its ghost is."""
 
-    Args:
-        stream: Where to.
-        cell: The arm.
-        times: Of the rows of the frames.
-        rigid: Without load.
-        ghost: Under load, magnified; None where no body has a ghost.
-        moving: Bodies with a ghost.
-    """
+    times: Sequence[rr.TimeColumn]  #: Of the rows of the frames.
+    rigid: Frames  #: Without load.
+    ghost: Frames | None = None  #: Under load, magnified; None where no body has a ghost.
+    moving: Sequence[int] = ()  #: Bodies with a ghost.
+
+
+def write_places(stream: rr.RecordingStream, cell: Cell, places: Places) -> None:
+    """Transforms of the bodies of an arm."""
     for body, name in drawn_bodies(cell):
-        for entity, frames in (("arm", rigid), ("arm_deflected", ghost)):
-            if frames is not None and (entity == "arm" or body in moving):
+        for entity, frames in (("arm", places.rigid), ("arm_deflected", places.ghost)):
+            if frames is not None and (entity == "arm" or body in places.moving):
                 turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
                 at = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
-                stream.send_columns(_path(entity, name), times, at)
+                stream.send_columns(_path(entity, name), places.times, at)
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A weight on the hook."""
+
+    hook: Array  #: Load point, (rows, 3) [m].
+    payload: Array  #: Mass of the weight, (rows,) [kg].
+    share: Array  #: How much of it the arm carries, (rows,) [1].
 
 
 def write_weight(
-    stream: rr.RecordingStream,
-    times: Sequence[rr.TimeColumn],
-    hook: Array,
-    payload: Array,
-    share: Array,
-    reach: float,
+    stream: rr.RecordingStream, times: Sequence[rr.TimeColumn], weight: Weight, reach: float
 ) -> None:
     """The hung weight, a cube of steel; its label stands below it, away from the markers.
 
     Args:
         stream: Where to.
         times: Of the rows.
-        hook: Load point, (rows, 3) [m].
-        payload: Mass of the weight, (rows,) [kg].
-        share: How much of it the arm carries, (rows,) [1].
+        weight: What hangs.
         reach: Of the arm, the scale of symbols [m].
     """
-    half = np.cbrt(payload / STEEL) / 2
+    hook, share = weight.hook, weight.share
+    half = np.cbrt(weight.payload / STEEL) / 2
     look = rr.Boxes3D.from_fields(colors=LOAD, fill_mode=FillMode.Solid)
     stream.log("world/load/weight", look, static=True)
     down = np.array([0.0, 0.0, -1.0])
@@ -88,7 +86,7 @@ def write_weight(
     cubes = rr.Boxes3D.columns(centers=centre, half_sizes=np.column_stack([half] * 3))
     stream.send_columns("world/load/weight", times, cubes)
     below = centre + np.outer(half + 0.04 * reach, down)
-    write_load_label(stream, times, below, [f"{kg:.4g} kg" for kg in share * payload])
+    write_load_label(stream, times, below, [f"{kg:.4g} kg" for kg in share * weight.payload])
 
 
 def write_load_label(

@@ -170,7 +170,7 @@ def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: S
         rank=rank,
         rigid=rigid,
         ghost=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
-        loading=_load_up(cell, data, int(np.argmin(rank)), scenario.truth, estimates, M),
+        loading=_load_up(cell, data, int(np.argmin(rank)), (scenario.truth, M), data.deflection - errors),
         residual_scale=_round_scale(RESIDUAL_REACH * _reach(rigid), residual.max()),
     )
 
@@ -186,19 +186,25 @@ def _runs(campaign: Campaign) -> tuple[Dataset, Mask]:
     return replace(a, **{**joined, "run": np.arange(len(checked)) + 1}), checked
 
 
-def _load_up(
-    cell: Cell, data: Dataset, run: int, truth: Truth, estimates: Sequence[Estimate], magnification: float
-) -> Loading:
-    """Equilibria of the true arm from no load to the whole; the models are linear in the load."""
+def _load_up(cell: Cell, data: Dataset, run: int, shown: tuple[Truth, float], predicted: Array) -> Loading:
+    """Equilibria of the true arm from no load to the whole; the models are linear in the load.
+
+    Args:
+        cell: The arm.
+        data: The runs.
+        run: Index of the one to load.
+        shown: Kind of truth, and magnification of its deflection [1].
+        predicted: Deflections by each model, (models, runs, m, 3) [m].
+    """
+    truth, magnification = shown
     share = np.linspace(0, 1, STEPS + 1)
     q, point = (np.tile(a[run], (len(share), 1)) for a in (data.q, data.point))
     before, after = settle_both(cell.plant, truth, q, share[:, None] * data.wrench[run], point)
-    whole = np.array([predict(cell.vjm, e, data)[run] for e in estimates])
     return Loading(
         run=run,
         share=share,
         deflection=after.markers - before.markers,
-        predicted=whole[:, None] * share[:, None, None],
+        predicted=predicted[:, run, None] * share[:, None, None],
         rigid=rigid_frames(cell.room, q),
         ghost=elastic_frames(cell.plant, q, magnification * (after.theta - before.theta)),
     )

@@ -13,7 +13,7 @@ from testbench.bench.campaign import Cell
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, body_names
-from testbench.views.recording.arm import ARROW, write_places, write_shapes, write_weight
+from testbench.views.recording.arm import ARROW, Places, Weight, write_places, write_shapes, write_weight
 from testbench.views.recording.error_map import ErrorMap, write_error_map
 from testbench.views.recording.scene import frame, write_points
 from testbench.views.recording.style import LOAD, MEASURED, NOISE, NOMINAL, TASK
@@ -110,7 +110,7 @@ def write_world(stream: rr.RecordingStream, scene: PlanScene, frames: Frames, ti
     """
     size = _reach(frames)
     write_shapes(stream, scene.cell, ())
-    write_places(stream, scene.cell, [time], frames)
+    write_places(stream, scene.cell, Places([time], frames))
     _write_load(stream, scene, frames, time)
     markers = scene.bodies(scene.cell.arm.markers, frames)
     look = rr.Points3D.from_fields(colors=NOMINAL, radii=0.012 * size)
@@ -137,7 +137,7 @@ def _write_load(stream: rr.RecordingStream, scene: PlanScene, frames: Frames, ti
     down = np.tile([0, 0, -ARROW * size], (scene.poses, 1))
     stream.send_columns("world/load/force", [time], rr.Arrows3D.columns(origins=hook, vectors=down))
     payload = np.array(scene.loads_kg, dtype=float)[scene.load]
-    write_weight(stream, [time], hook, payload, np.ones(scene.poses), size)
+    write_weight(stream, [time], Weight(hook, payload, np.ones(scene.poses)), size)
 
 
 def _write_tracker(stream: rr.RecordingStream, station: Array) -> None:

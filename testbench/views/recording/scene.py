@@ -1,6 +1,7 @@
 """The arm with its load and its markers, on the timelines of the runs and on that of the load."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,15 @@ import rerun.blueprint as rrb
 from testbench.bench.rows import MM
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, visual_shapes
-from testbench.views.recording.arm import ARROW, write_load_label, write_places, write_shapes, write_weight
+from testbench.views.recording.arm import (
+    ARROW,
+    Places,
+    Weight,
+    write_load_label,
+    write_places,
+    write_shapes,
+    write_weight,
+)
 from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.style import LOAD, MEASURED, NOMINAL, Colour
 
@@ -37,16 +46,17 @@ def write_scene(
     """
     moving = drawing.moving()
     write_shapes(stream, drawing.cell, moving)
-    write_places(stream, drawing.cell, runs, drawing.rigid, drawing.ghost, moving)
-    write_places(stream, drawing.cell, [load], drawing.loading.rigid, drawing.loading.ghost, moving)
+    loading = drawing.loading
+    write_places(stream, drawing.cell, Places(runs, drawing.rigid, drawing.ghost, moving))
+    write_places(stream, drawing.cell, Places([load], loading.rigid, loading.ghost, moving))
     _write_styles(stream, drawing)
     _write_markers(stream, drawing, runs)
     _write_loading(stream, drawing, load)
     wrench = drawing.data.wrench
-    _write_load(stream, drawing, runs, drawing.ghost, wrench, wrench)
-    run, share = drawing.loading.run, drawing.loading.share
-    whole = np.tile(wrench[run], (len(share), 1))
-    _write_load(stream, drawing, [load], drawing.loading.ghost, whole, share[:, None] * whole)
+    _write_load(stream, drawing, runs, _Load(_hook(drawing, drawing.ghost), wrench, wrench))
+    whole = np.tile(wrench[loading.run], (len(loading.share), 1))
+    hook = _hook(drawing, loading.ghost)
+    _write_load(stream, drawing, [load], _Load(hook, whole, loading.share[:, None] * whole))
 
 
 def _write_styles(stream: rr.RecordingStream, drawing: Drawing) -> None:
@@ -138,26 +148,24 @@ def _arrows(
     stream.send_columns(_marker(name), times, columns.partition([origins.shape[1]] * len(origins)))
 
 
-def _write_load(
-    stream: rr.RecordingStream,
-    drawing: Drawing,
-    times: Sequence[rr.TimeColumn],
-    ghost: Frames,
-    whole: Array,
-    wrench: Array,
-) -> None:
-    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below.
+@dataclass(frozen=True)
+class _Load:
+    """What acts on the arm."""
 
-    Args:
-        stream: Where to.
-        drawing: Gives the arm and its payload.
-        times: Of the rows.
-        ghost: Where the load point is.
-        whole: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
-        wrench: What acts, (rows, 6) [N, N m].
-    """
-    hook = drawing.bodies([drawing.cell.arm.load], ghost)[:, 0]
-    payload = drawing.payload
+    hook: Array  #: Load point of the ghost, (rows, 3) [m].
+    whole: Array  #: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
+    wrench: Array  #: What acts of it, (rows, 6) [N, N m].
+
+
+def _hook(drawing: Drawing, ghost: Frames) -> Array:
+    return drawing.bodies([drawing.cell.arm.load], ghost)[:, 0]
+
+
+def _write_load(
+    stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn], load: _Load
+) -> None:
+    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below."""
+    hook, whole, wrench, payload = load.hook, load.whole, load.wrench, drawing.payload
     for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
         size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
         if not size.any():
@@ -169,7 +177,7 @@ def _write_load(
         stream.send_columns(f"world/load/{entity}", times, columns)
     if payload is not None:
         share = np.linalg.norm(wrench[:, :3], axis=1) / np.linalg.norm(whole[:, :3], axis=1)
-        write_weight(stream, times, hook, np.full(len(hook), payload), share, drawing.reach)
+        write_weight(stream, times, Weight(hook, np.full(len(hook), payload), share), drawing.reach)
         return
     texts = [
         " and ".join(f"{x:.0f} {unit}" for x, unit in zip(sizes, ("N", "N m"), strict=True) if x > 0)

@@ -66,19 +66,12 @@ def view(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Sight:
-    """What a picture shows.
+    """What a picture shows."""
 
-    Attributes:
-        size: Of the picture, WIDTHxHEIGHT [pixel].
-        tab: Name of the tab in front; None for the first.
-        timeline: Active timeline; None for the recording's own.
-        at: Place on it.
-    """
-
-    size: str = "1600x1000"
-    tab: str | None = None
-    timeline: str | None = None
-    at: int = 0
+    size: str = "1600x1000"  #: Of the picture, WIDTHxHEIGHT [pixel].
+    tab: str | None = None  #: Name of the tab in front; None for the first.
+    timeline: str | None = None  #: Active timeline; None for the recording's own.
+    at: int = 0  #: Place on it.
 
 
 def shot(folder: Path, png: Path, sight: Sight) -> Path:
