@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal, TypedDict
 
 import numpy as np
 
@@ -144,6 +144,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
     shares = {name: covered(own) for name, own in drawn.items()}
     roots = list(seeds[: asked.campaigns])
     models, nonlinear = _models(part["linear"]), _models(part["nonlinear"])
+    dataset, seen = _first_campaign(asked, seeds[0])
     return IdentifiabilityReport(
         scenario=NAME,
         seed=roots[0] if len(roots) == 1 else roots,
@@ -152,6 +153,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         noise=asked.scenario.noise,
         truth="linear",
         prior=PriorReport(SCALE, 100 * SHAPE),
+        dataset=dataset,
+        seen=seen,
         models=models,
         nonlinear=nonlinear,
         scales=_swept(part["scale"], "scale"),
@@ -163,11 +166,10 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         coverage={name: row for name, row in shares.items() if row.kind != "same arm"},
         bent_coverage={name: row for name, row in shares.items() if row.kind == "same arm"},
         **verdict(models, nonlinear),
-        **_first_campaign(asked, seeds[0]),
     )
 
 
-def _first_campaign(asked: Settings, seed: int) -> dict[str, Any]:
+def _first_campaign(asked: Settings, seed: int) -> tuple[Measured, Seen]:
     """What the runs of the first seed see of MGCO68, and their sizes."""
     cell, scenario = build_cell(find_arm(asked.arm)), asked.scenario
     campaign = simulate(cell, scenario, seed)
@@ -176,10 +178,20 @@ def _first_campaign(asked: Settings, seed: int) -> dict[str, Any]:
     poses = scenario.identification_poses
     dataset = Measured(**of_all, poses=poses, workspace_poses=scenario.workspace_poses)
     seen = describe(cell.vjm, mgco68(cell.arm), runs, cad_prior(cell.arm), SEEN_AT)
-    return {"dataset": dataset, "seen": seen_report(seen)}
+    return dataset, seen_report(seen)
 
 
-def verdict(models: Sequence[ModelReport], nonlinear: Sequence[ModelReport]) -> dict[str, Any]:
+class Verdict(TypedDict):
+    """Fields of the report that follow from its models."""
+
+    best: Leaders
+    best_without_prior: Leaders
+    best_nonlinear: Leaders
+    best_nonlinear_without_prior: Leaders
+    gains: list[Gain]
+
+
+def verdict(models: Sequence[ModelReport], nonlinear: Sequence[ModelReport]) -> Verdict:
     """Who is best under both truths, and what a prior is worth: fields of the report."""
     return {
         "best": leaders(models),

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -182,8 +181,9 @@ def _runs(campaign: Campaign) -> tuple[Dataset, Mask]:
     a, b = campaign.identification, campaign.check
     checked = np.arange(a.runs + b.runs) >= a.runs
     names = [f.name for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)]
-    joined: dict[str, Any] = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
-    return replace(a, **{**joined, "run": np.arange(len(checked)) + 1}), checked
+    joined = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
+    joined["run"] = np.arange(len(checked)) + 1
+    return replace(a, **joined), checked  # type: ignore[arg-type]  # arrays, by the names of theirs
 
 
 def _load_up(cell: Cell, data: Dataset, run: int, shown: tuple[Truth, float], predicted: Array) -> Loading:

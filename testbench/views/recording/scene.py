@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -190,7 +189,7 @@ def _write_load(
 def world_view(drawing: Drawing) -> rrb.Spatial3DView:
     """The arm; of the markers, only the best model of each method is visible at first."""
     eye, target = _camera(drawing)
-    hidden: dict[str | rr.datatypes.EntityPath, Any] = {
+    hidden: dict[str | rr.datatypes.EntityPath, rrb.EntityBehavior] = {
         f"/world/markers/{what}_{name}": rrb.EntityBehavior(visible=False)
         for k, name in enumerate(drawing.paths)
         if k not in drawing.shown
