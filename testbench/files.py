@@ -70,24 +70,21 @@ def write_json(value: Any, file: Path) -> None:
     file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def write_manifest(
-    folder: Path, *, command: str, scenario: Any, seed: int, seeds: int, arms: Sequence[Path]
-) -> None:
+def write_manifest(folder: Path, *, command: str, scenario: Any, seeds: range, arms: Sequence[Path]) -> None:
     """manifest.json: what it takes to run a study again.
 
     Args:
         folder: Where to.
         command: The script.
         scenario: What was asked for, as plain data.
-        seed: First root of randomness.
-        seeds: How many.
+        seeds: Roots of randomness.
         arms: Folders of the arms.
     """
     manifest = {
         "command": command,
         "scenario": scenario,
-        "seed": seed,
-        "seeds": seeds,
+        "seed": seeds[0],
+        "seeds": len(seeds),
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": {arm.resolve().name: digests(arm) for arm in arms},

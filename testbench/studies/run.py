@@ -88,8 +88,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
             folder,
             command=f"scenarios/{study.name}.py",
             scenario=plain,
-            seed=seeds[0],
-            seeds=len(seeds),
+            seeds=seeds,
             arms=arms,
         )
     terminal.print_words(console, words, [tables[name] for name in study.printed])

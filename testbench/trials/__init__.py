@@ -4,7 +4,7 @@ from testbench.trials.chunk import Backend, Work
 from testbench.trials.cluster import on_cluster
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
-from testbench.trials.local import on_cores, run_trials
+from testbench.trials.local import on_cores
 from testbench.trials.store import TrialStore, open_store, write_parquet
 
 __all__ = [
@@ -16,6 +16,5 @@ __all__ = [
     "on_cores",
     "open_store",
     "run_study",
-    "run_trials",
     "write_parquet",
 ]

@@ -55,8 +55,8 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png", dpi=120)
         write_plan(folder / "recording.rrd", scene(cell, planned, tools, asked))
-        command, seed = "testbench plan", report.seed
-        files.write_manifest(folder, command=command, scenario=asked, seed=seed, seeds=1, arms=[where.arm])
+        command, seeds = "testbench plan", range(report.seed, report.seed + 1)
+        files.write_manifest(folder, command=command, scenario=asked, seeds=seeds, arms=[where.arm])
 
 
 def write_poses(report: PlanReport, path: Path) -> None:
