@@ -137,7 +137,7 @@ def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp
 
 def test_the_whole_run_killed_in_mid_study_loses_nothing_that_was_stored(tmp_path, alone):
     with subprocess.Popen(
-        script(tmp_path, "--pause", 0.1, "--workers", 1), stdout=subprocess.DEVNULL
+        script(tmp_path, "--pause", 0.5, "--workers", 1), stdout=subprocess.DEVNULL
     ) as run_:
         kept = until(lambda: stored(tmp_path))
         run_.kill()
@@ -149,7 +149,7 @@ def test_the_whole_run_killed_in_mid_study_loses_nothing_that_was_stored(tmp_pat
 def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, alone):
     out = tmp_path / "out"
     with subprocess.Popen(
-        script(out, "--pause", 0.1, "--workers", 2),
+        script(out, "--pause", 0.5, "--workers", 2),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
