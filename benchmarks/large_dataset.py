@@ -35,6 +35,7 @@ SQUARE, PRODUCTS = 1000, 5
 """Size and number of the matrix products that measure the core."""
 NOMINAL_GFLOPS = 50.0
 """Speed of one core at rest here; a busy machine gives 30, and every time is longer in proportion."""
+QR = "LAPACK's dgeqrf of the same 9 rows a run, nothing else"
 SLACK_MB = 8.0
 """Growth of a process that is not the dataset: its allocator's."""
 
@@ -104,12 +105,7 @@ def time_rows(vjm: Vjm, structure: Structure, data: Dataset) -> list[Row]:
             f"{spread(at_nominal)} us; this core does {spread(speed, digits=0)} GFlop/s in a matrix product",
         ),
         note("    the same on this core as it was", np.median(each[-1]), "us a run", ", ".join(sizes)),
-        note(
-            "    machine: LAPACK's dgeqrf of the same 9 rows a run, nothing else",
-            np.median(reference),
-            "us a run",
-            spread(reference),
-        ),
+        note(f"    machine: {QR}", np.median(reference), "us a run", spread(reference)),
         at_most(
             "(d) least time a run at 10k, 30k and 100k runs, largest over smallest, less one",
             100 * (least.max() / least.min() - 1),
