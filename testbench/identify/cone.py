@@ -129,8 +129,7 @@ def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
         problem: The program.
         tolerance: Feasibility and gap that are asked.
     """
-    settings = _settings(tolerance)
-    return _solution(_set_up(problem, settings), _all_rows(problem))
+    return _solution(_set_up(problem, _settings(tolerance)), problem)
 
 
 def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Array], Solution]:
@@ -145,11 +144,11 @@ def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Arra
     """
     settings = _settings(tolerance)
     settings.presolve_enable = False  # or the cost could not be changed
-    solver, rows = _set_up(problem, settings), _all_rows(problem)
+    solver = _set_up(problem, settings)
 
     def solve_for(cost: Array) -> Solution:
         solver.update(q=cost)
-        return _solution(solver, rows)
+        return _solution(solver, problem)
 
     return solve_for
 
@@ -228,36 +227,42 @@ def _settings(tolerance: float) -> clarabel.DefaultSettings:
     return settings
 
 
-def _all_rows(problem: Problem) -> list[Rows]:
-    """The constraints, and those of the PSD blocks behind them."""
-    n = len(problem.cost)
-    return [*problem.rows, *(_psd_rows(block, n) for block in problem.blocks if block.size)]
-
-
-def _psd_rows(block: Block, n: int) -> Rows:
-    entries = triangle(block.size)
-    own = np.eye(entries) if block.svec is None else block.svec
-    row, k = np.nonzero(own)
-    A = sparse.csc_matrix((-own[row, k], (row, block.at[k])), shape=(entries, n))
-    return Rows("psd", A, np.zeros(entries))
-
-
 def _set_up(problem: Problem, settings: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
-    n, rows = len(problem.cost), _all_rows(problem)
+    n = len(problem.cost)
     P = sparse.csc_matrix((n, n)) if problem.quadratic is None else problem.quadratic
-    A = sparse.vstack([sparse.csc_matrix(row.A) for row in rows], format="csc")
-    b = np.concatenate([row.b for row in rows])
-    cones = [
-        CONES[row.kind](row.each or len(row.b))
-        for row in rows
-        for _ in range(len(row.b) // (row.each or len(row.b)))
-    ]
-    return clarabel.DefaultSolver(P, problem.cost, sparse.csc_matrix(A), b, cones, settings)
+    entries, b, cones, first = [], [], [], 0
+    for row in problem.rows:
+        entries.append(_entries(row.A, first))
+        b.append(row.b)
+        each = row.each or len(row.b)
+        cones += [CONES[row.kind](each) for _ in range(len(row.b) // each)]
+        first += len(row.b)
+    for block in problem.blocks:
+        if block.size:
+            size = triangle(block.size)
+            i, k, value = _entries(np.eye(size) if block.svec is None else block.svec, first)
+            entries.append((i, block.at[k], -value))
+            b.append(np.zeros(size))
+            cones.append(CONES["psd"](size))
+            first += size
+    i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
+    A = sparse.csc_matrix((value, (i, k)), shape=(first, n))
+    return clarabel.DefaultSolver(P, problem.cost, A, np.concatenate(b), cones, settings)
 
 
-def _solution(solver: clarabel.DefaultSolver, rows: list[Rows]) -> Solution:
+def _entries(A: Array | sparse.csc_matrix, first: int) -> tuple[Ids, Ids, Array]:
+    """Rows, columns and values of what is not zero, the rows counted on from this one."""
+    if isinstance(A, np.ndarray):
+        i, k = np.nonzero(A)
+        return first + i, k, A[i, k]
+    coo = A.tocoo()
+    return first + np.asarray(coo.row, int), np.asarray(coo.col, int), np.asarray(coo.data, float)
+
+
+def _solution(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
     found = solver.solve()
-    ends = np.cumsum([len(row.b) for row in rows])[:-1]
+    sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
+    ends = np.cumsum(sizes)[:-1]
     return Solution(
         x=np.array(found.x),
         duals=tuple(np.split(np.array(found.z), ends)),
