@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from testbench.bench.campaign import Cell, Model, Truth, settle_both, stream
+from testbench.bench.campaign import Cell, LoadedPoses, Model, Truth, settle_both, stream
 from testbench.data.dataset import Dataset, Ids
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, PoseError
@@ -115,14 +115,14 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     pose = np.repeat(np.arange(scenario.poses), 6)
     wrench = np.tile(loads, (scenario.poses, 1))
     check_q, check_wrench, drawn = _check_runs(cell, scenario, poses_rng)
-    ids = scenario.poses + np.arange(scenario.check_runs)
-    args = (cell, scenario, check_q, check_wrench, ids)
+    ids = scenario.poses + np.arange(scenario.check_runs) + 1
+    checks = at_tool(check_q, ids, check_wrench)
     return Campaign(
         scenario=scenario,
         seed=seed,
-        identification=read_runs(cell, scenario, q[pose], wrench, pose, noise_rng),
-        check=read_runs(*args, noise_rng),
-        truth=read_runs(*args, None),
+        identification=read_runs(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng),
+        check=read_runs(cell, scenario, checks, noise_rng),
+        truth=read_runs(cell, scenario, checks, None),
         drawn=drawn,
     )
 
@@ -159,36 +159,39 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     )
 
 
+def at_tool(q: Array, pose: Ids, wrench: Array) -> LoadedPoses:
+    """Poses with a load at the tool.
+
+    Args:
+        q: Actuated joint angles, (runs, n) [rad].
+        pose: Identifier of the pose of every run, (runs,).
+        wrench: World axes, (runs, 6) [N, N m].
+    """
+    return LoadedPoses(q, pose, wrench, np.zeros((len(q), 3)))
+
+
 def read_runs(
-    cell: Cell,
-    scenario: FullPose,
-    q: Array,
-    wrench: Array,
-    pose: Ids,
-    rng: np.random.Generator | None,
+    cell: Cell, scenario: FullPose, loaded: LoadedPoses, rng: np.random.Generator | None
 ) -> Dataset:
     """Full pose of the tool before and after loading.
 
     Args:
         cell: The arm.
         scenario: Kind of truth, and the sigmas.
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Load at the tool, world axes, (runs, 6) [N, N m].
-        pose: Index of the pose of every run, from 0, (runs,).
+        loaded: The runs.
         rng: Source of the noise; None for readings without noise.
     """
-    point = np.zeros((len(q), 3))
-    before, after = settle_both(cell.plant, scenario.truth, q, wrench, point)
+    before, after = settle_both(cell.plant, scenario.truth, loaded.q, loaded.wrench, loaded.point)
     noisy = scenario.noise and rng is not None
     tracker = Tracker(scenario.sigma, scenario.sigma_rotation) if noisy else Tracker(0.0, 0.0)
     rng = stream(0) if rng is None else rng  # of no effect: the tracker has no noise
     return Dataset(
         markers=cell.arm.markers,
-        run=np.arange(len(q)) + 1,
-        pose=pose + 1,
-        q=q,
-        wrench=wrench,
-        point=point,
+        run=np.arange(len(loaded.q)) + 1,
+        pose=loaded.pose,
+        q=loaded.q,
+        wrench=loaded.wrench,
+        point=loaded.point,
         before=read_positions(tracker, before.markers, rng),
         after=read_positions(tracker, after.markers, rng),
         sigma=scenario.sigma,

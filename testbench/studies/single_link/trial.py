@@ -15,7 +15,7 @@ import typer
 
 from testbench.arm.library import find_arm
 from testbench.bench.campaign import Cell, Model, build_cell, stream
-from testbench.bench.full_pose import FullPose, random_wrenches, read_runs
+from testbench.bench.full_pose import FullPose, at_tool, random_wrenches, read_runs
 from testbench.bench.rows import FitRow, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -132,9 +132,8 @@ def measure(cell: Cell, asked: Settings, seed: int) -> Draw:
 
 
 def _read(cell: Cell, campaign: FullPose, wrench: Array, rng: np.random.Generator | None) -> Dataset:
-    return read_runs(
-        cell, campaign, np.empty((len(wrench), 0)), wrench, np.zeros(len(wrench), dtype=int), rng
-    )
+    only = at_tool(np.empty((len(wrench), 0)), np.ones(len(wrench), dtype=int), wrench)
+    return read_runs(cell, campaign, only, rng)
 
 
 def wrenches_within(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:
