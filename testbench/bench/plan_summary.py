@@ -71,9 +71,9 @@ def summary(
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],
         prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
-        error_mm=_overall(tasks),
-        workspace_error_mm=_overall(workspace) if math.isfinite(workspace.overall) else Unbounded(),
-        error_if_prior_twice_as_uncertain_mm=None if doubted is None else _overall(doubted),
+        error_mm=overall(tasks),
+        workspace_error_mm=overall(workspace) if math.isfinite(workspace.overall) else Unbounded(),
+        error_if_prior_twice_as_uncertain_mm=None if doubted is None else overall(doubted),
         random_plans=RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
         certificate=_certificate(plan, influence),
         plan=_poses(settings, plan),
@@ -87,7 +87,8 @@ def summary(
     )
 
 
-def _overall(forecast: Forecast) -> Expected:
+def overall(forecast: Forecast) -> Expected:
+    """What a forecast says of all poses together."""
     return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
 
 

@@ -6,14 +6,16 @@ import numpy as np
 from scipy.stats import wishart
 
 from testbench.bench.campaign import stream
+from testbench.bench.plan_summary import overall
+from testbench.bench.wrong_prior import UNCERTAINTY, wrong_prior
 from testbench.design.specification import promise_of, task_rows
 from testbench.errors import Array
 from testbench.identify.metric import Metric
 from testbench.plant import Plant
 from testbench.studies.pose_selection.measure import Bench, build_bench, measure
-from testbench.studies.pose_selection.rows import Row, expected
-from testbench.studies.pose_selection.settings import ON_ARMS, RANDOM, UNCERTAINTY, Settings
-from testbench.studies.pose_selection.ways import poses_of, wrong_prior
+from testbench.studies.pose_selection.rows import Row
+from testbench.studies.pose_selection.settings import ON_ARMS, RANDOM, Settings
+from testbench.studies.pose_selection.ways import poses_of
 
 DRAWN = 200
 """Stream of a seed for noise on a drawn arm, plus the number of poses."""
@@ -58,7 +60,7 @@ def of_drawn_arm(bench: Bench, asked: Settings, seed: int) -> list[Row]:
         for poses in scope.poses if name in (scope.criteria[0], RANDOM) else (scope.featured,):
             chosen = poses_of(asked, name, poses, seed)
             data = measure(arm, spec, chosen, stream(seed, DRAWN + poses))
-            forecast = expected(promise_of(spec, chosen.q, chosen.load, ahead))
+            forecast = overall(promise_of(spec, chosen.q, chosen.load, ahead))
             for fit in ON_ARMS:
                 error, _ = arm.errors_mm(fit.identify(arm.cell.vjm, prior, data))
                 rows.append(Row("drawn arm", name, poses, fit.name, error, expected=forecast))

@@ -6,6 +6,7 @@ import numpy as np
 
 from testbench.bench.campaign import Cell, Truth, settle_both, stream
 from testbench.bench.rows import MM, dataset_row, error_row, fit_row
+from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_positions
 from testbench.design.rows import Load
@@ -16,26 +17,18 @@ from testbench.identify.evaluate import Score, predict, score
 from testbench.plant import Equilibrium
 from testbench.studies.pose_selection.rows import Model, Where
 from testbench.studies.pose_selection.settings import Settings
-from testbench.studies.pose_selection.ways import Chosen, specify, wrong_prior
+from testbench.studies.pose_selection.ways import Chosen, specify
 
 
 @dataclass(frozen=True)
 class Bench:
-    """The true arm and where predictions are judged.
+    """The true arm and where predictions are judged."""
 
-    Attributes:
-        cell: The arm.
-        truth: "nonlinear" or "linear".
-        spec: The featured way to measure, with the planner's prior.
-        tasks: Noise-free deflections in the tasks under its one weight.
-        workspace: The same over the workspace.
-    """
-
-    cell: Cell
-    truth: Truth
-    spec: Specification
-    tasks: Dataset
-    workspace: Dataset
+    cell: Cell  #: The arm.
+    truth: Truth  #: "nonlinear" or "linear".
+    spec: Specification  #: The featured way to measure, with the planner's prior.
+    tasks: Dataset  #: Noise-free deflections in the tasks under its one weight.
+    workspace: Dataset  #: The same over the workspace.
 
     def score(self, estimate: Estimate, data: Dataset) -> Score:
         """Errors of predicted deflections."""

@@ -10,7 +10,9 @@ import numpy as np
 from testbench.arm.library import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
+from testbench.bench.plan_summary import overall
 from testbench.bench.rows import MM
+from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.station import Station
 from testbench.design.observability import observability
 from testbench.design.planning import Plan, make_plan, promise
@@ -20,7 +22,7 @@ from testbench.errors import Array
 from testbench.plant import Payload
 from testbench.studies.pose_selection.rows import Angles, Certificate, Indices, PlanRow, Scene
 from testbench.studies.pose_selection.settings import Scope, Settings
-from testbench.studies.pose_selection.ways import specify, variants, wrong_prior
+from testbench.studies.pose_selection.ways import specify, variants
 from testbench.studies.study import Everywhere
 
 Job = tuple[str, str, Specification]
@@ -80,7 +82,7 @@ def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
         start = time.perf_counter()
         best = plan(cell, asked.scope, spec, criterion, (q, asked.seed))
         row = PlanRow(
-            **vars(certificate(spec, best)),
+            **vars(certificate(best)),
             criterion=criterion,
             variant=variant,
             poses=spec.poses,
@@ -106,18 +108,19 @@ def plan(cell: Cell, scope: Scope, spec: Specification, criterion: str, drawn: t
     return make_plan(spec, criterion, q, Reach(lambda q: feasible(checks, q)), stream(seed, 2))
 
 
-def certificate(spec: Specification, best: Plan) -> Certificate:
+def certificate(best: Plan) -> Certificate:
     """What a plan is certified for, and what it forecasts."""
     indices = observability(best.examined.problem, best.chosen)
-    tasks, around = promise(best, task_rows(spec)), promise(best, workspace_rows(spec))
+    spec = best.specification
+    tasks, around = overall(promise(best, task_rows(spec))), promise(best, workspace_rows(spec))
     return Certificate(
         efficiency=best.efficiency,
         examined=len(best.examined.q),
         directions_seen=indices.seen,
         directions_of_loads=indices.of,
-        expected_tasks_mm=MM * tasks.overall,
-        expected_tasks_p05_mm=MM * tasks.overall_low,
-        expected_tasks_p95_mm=MM * tasks.overall_high,
+        expected_tasks_mm=tasks.expected,
+        expected_tasks_p05_mm=tasks.p05,
+        expected_tasks_p95_mm=tasks.p95,
         expected_workspace_mm=MM * around.overall,
         observability=Indices(indices.o1, indices.o2, indices.o3, indices.o4, indices.o5),
     )

@@ -92,13 +92,14 @@ def _pose_words(number: int, q: Array, moved: float, error: float) -> str:
 
 def sweep(run: Run[Settings, PoseReport]) -> Sweep:
     """Error at the tasks against the number of poses, a line a criterion."""
-    report, name = run.report, f"tasks, {PLANNED.name}"
+    report = run.report
     parts = [
         "### How many poses, chosen by which criterion?",
         f"#### **{run.words.block('number')}**",
         f"Error at the tasks, {TASKS.unit}:",
-        grid(run.tables[name]),
+        grid(run.tables[f"tasks, {PLANNED.name}"]),
     ]
+    levels = [level for own in report.errors[PLANNED.name].values() for level in own]
     return Sweep(
         scenario=report.scenario,
         parameters=run.parameters,
@@ -109,9 +110,7 @@ def sweep(run: Run[Settings, PoseReport]) -> Sweep:
         swept_unit="1",
         measured="RMS error at the tasks",
         unit=TASKS.unit,
-        points=points(
-            [level for own in report.errors[PLANNED.name].values() for level in own], PLAN, POSES, TASKS
-        ),
+        points=points(levels, PLAN, POSES, TASKS),
         colours={},
         looks=LOOKS,
         words="\n\n".join(parts),

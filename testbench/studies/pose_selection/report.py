@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from testbench.bench.plan_report import Found
 from testbench.bench.rows import DatasetRow
 from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, Where
 from testbench.studies.pose_selection.settings import Scope
@@ -28,15 +29,6 @@ class Measured(DatasetRow):
 
 
 @dataclass(frozen=True)
-class Found:
-    """Feasible poses, and how many each reason refused."""
-
-    found: int
-    drawn: int
-    rejected: Mapping[str, int]
-
-
-@dataclass(frozen=True)
 class ModelReport(Model):
     """A fit over all trials; the paper has no number for it."""
 
@@ -53,11 +45,13 @@ class Errors:
 
 @dataclass(frozen=True)
 class Level(Errors):
-    """Of a plan or of random poses; in the best tenth of all trials too."""
+    """Of a plan, with its forecast, or of random poses; at the tasks in the best tenth of all trials too."""
 
     plan: str
     poses: int
     tasks_best_tenth_mm: float
+    efficiency: Number
+    expected_tasks_mm: Number
 
 
 @dataclass(frozen=True)
@@ -139,36 +133,17 @@ class VariantReport:
 
 
 @dataclass(frozen=True)
-class CriterionReport(Errors):
-    """The featured number of poses by one criterion; `bare` is without prior."""
-
-    plan: str
-    efficiency: Number
-    expected_tasks_mm: Number
-    bare_tasks_mm: Number
-
-
-@dataclass(frozen=True)
 class Verdict:
-    """Who is best, of several that are alike all, and whether forecasts hold.
+    """Who is best, of several that are alike all, and whether forecasts hold."""
 
-    Attributes:
-        tasks: Criteria of least error at the tasks.
-        workspace: Criteria of least error over the workspace.
-        no_better: Criteria that are no better at the tasks than random poses.
-        ratio: Least and largest simulated over forecast error on drawn arms [1].
-        inside: Least and largest share of drawn arms inside the 90 % interval [1].
-        true_arm: Poses, and simulated over forecast error of the plan for the tasks on the true arm [1].
-        helps: Other ways of least simulated error, where it is less than the featured plan's.
-    """
-
-    tasks: tuple[str, ...]
-    workspace: tuple[str, ...]
-    no_better: tuple[str, ...]
-    ratio: tuple[float, float]
-    inside: tuple[float, float]
+    tasks: tuple[str, ...]  #: Criteria of least error at the tasks.
+    workspace: tuple[str, ...]  #: Criteria of least error over the workspace.
+    no_better: tuple[str, ...]  #: Criteria that are no better at the tasks than random poses.
+    ratio: tuple[float, float]  #: Least and largest simulated over forecast error on drawn arms [1].
+    inside: tuple[float, float]  #: Least and largest share of drawn arms inside the 90 % interval [1].
+    #: Poses, and simulated over forecast error of the plan for the tasks on the true arm [1].
     true_arm: tuple[tuple[int, float], ...]
-    helps: tuple[str, ...]
+    helps: tuple[str, ...]  #: Other ways of least simulated error, where it is less than the featured plan's.
 
 
 @dataclass(frozen=True)
@@ -196,5 +171,5 @@ class PoseReport:
     promises: list[ForecastReport]
     worth: list[VariantReport]
     study: Scope
-    criteria: list[CriterionReport]
+    criteria: list[Level]
     verdict: Verdict

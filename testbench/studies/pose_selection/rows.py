@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from testbench.bench.rows import MM, DatasetRow, ErrorRow, FitRow
-from testbench.design.forecast import Forecast
+from testbench.bench.plan_report import Expected
+from testbench.bench.rows import DatasetRow, ErrorRow, FitRow
 from testbench.trials.spread import Number
 
 Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant"]
@@ -45,58 +45,31 @@ class Certificate:
 
 @dataclass(frozen=True)
 class PlanRow(Certificate):
-    """A plan.
+    """A plan."""
 
-    Attributes:
-        criterion: Key of planning.CRITERIA.
-        variant: Another way to measure than the study's own; empty for that.
-        poses: How many.
-        q_rad: Their joint angles, one pose after the other, (poses * n,) [rad].
-        load: Which of the loads hangs in each, (poses,).
-        seconds: Wall time of planning.
-    """
-
-    criterion: str
-    variant: str
-    poses: int
-    q_rad: tuple[float, ...]
-    load: tuple[int, ...]
-    seconds: float
+    criterion: str  #: Key of planning.CRITERIA.
+    variant: str  #: Another way to measure than the study's own; empty for that.
+    poses: int  #: How many.
+    q_rad: tuple[float, ...]  #: Their joint angles, one pose after the other, (poses * n,) [rad].
+    load: tuple[int, ...]  #: Which of the loads hangs in each, (poses,).
+    seconds: float  #: Wall time of planning.
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What all plans and trials share: feasible poses, and where predictions are wanted.
+    """What all plans and trials share: feasible poses, and where predictions are wanted."""
 
-    Attributes:
-        candidates: Feasible poses to choose from.
-        drawn: Poses drawn to find them.
-        rejected: How many each reason refused, in the order of candidates.REASONS.
-        tasks: Poses where the robot works.
-        workspace: Poses all over the workspace.
-        plans: By criterion and number of poses, then by variant.
-    """
-
-    candidates: Angles = ()
-    drawn: int = 0
-    rejected: tuple[int, ...] = ()
-    tasks: Angles = ()
-    workspace: Angles = ()
-    plans: tuple[PlanRow, ...] = ()
+    candidates: Angles = ()  #: Feasible poses to choose from.
+    drawn: int = 0  #: Poses drawn to find them.
+    rejected: tuple[int, ...] = ()  #: How many each reason refused, in the order of candidates.REASONS.
+    tasks: Angles = ()  #: Poses where the robot works.
+    workspace: Angles = ()  #: Poses all over the workspace.
+    plans: tuple[PlanRow, ...] = ()  #: By criterion and number of poses, then by variant.
 
     def plan(self, criterion: str, poses: int, variant: str = "") -> PlanRow:
         """The plan by a criterion of so many poses."""
         wanted = (criterion, poses, variant)
         return next(p for p in self.plans if (p.criterion, p.poses, p.variant) == wanted)
-
-
-@dataclass(frozen=True)
-class Expected:
-    """Forecast of the error at the tasks, with the ends of its 90 % interval."""
-
-    tasks_mm: float
-    low_mm: float
-    high_mm: float
 
 
 @dataclass(frozen=True)
@@ -119,33 +92,15 @@ class Where:
 
 @dataclass(frozen=True)
 class Row:
-    """RMS errors of one fit against the true deflection.
+    """RMS errors of one fit against the true deflection."""
 
-    Attributes:
-        part: What was measured.
-        plan: Criterion of the plan, "random", or the variant's name.
-        poses: How many were measured.
-        fit: How they were identified.
-        tasks_mm: At the tasks.
-        workspace_mm: Over the workspace, where it is asked for.
-        expected: Forecast of random poses, and of all poses on a drawn arm.
-        certificate: Of a plan made anew.
-        model: Of the featured number of poses.
-        where: Errors of the featured plan for the tasks, pose by pose.
-    """
-
-    part: Part
-    plan: str
-    poses: int
-    fit: str
-    tasks_mm: float
-    workspace_mm: float | None = None
-    expected: Expected | None = None
-    certificate: Certificate | None = None
-    model: Model | None = None
-    where: Where | None = None
-
-
-def expected(forecast: Forecast) -> Expected:
-    """What a forecast says of all poses together."""
-    return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
+    part: Part  #: What was measured.
+    plan: str  #: Criterion of the plan, "random", or the variant's name.
+    poses: int  #: How many were measured.
+    fit: str  #: How they were identified.
+    tasks_mm: float  #: At the tasks.
+    workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
+    expected: Expected | None = None  #: Forecast of random poses, and of all poses on a drawn arm.
+    certificate: Certificate | None = None  #: Of a plan made anew.
+    model: Model | None = None  #: Of the featured number of poses.
+    where: Where | None = None  #: Errors of the featured plan for the tasks, pose by pose.

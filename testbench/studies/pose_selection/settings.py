@@ -10,6 +10,7 @@ from pydantic import Field
 
 from testbench.arm.folder import Arm
 from testbench.arm.library import find_arm
+from testbench.bench.wrong_prior import UNCERTAINTY
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate
 from testbench.identify.method import Method, gco, least_squares, with_prior
@@ -22,8 +23,6 @@ from testbench.studies.pose_selection.rows import Scene
 NAME = "pose_selection"
 RANDOM = "random"
 """Poses without a plan, beside the criteria of planning.CRITERIA."""
-SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
-"""How wrong the priors are, by a common factor and axis by axis, and how firmly they are believed."""
 
 
 @dataclass(frozen=True)
@@ -67,35 +66,20 @@ ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 
 @dataclass(frozen=True)
 class Scope:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        payload: Hung mass [kg].
-        sigma: Standard deviation of one reading along one axis [m].
-        station: Of the tracker [m].
-        poses: Numbers of poses.
-        criteria: Keys of planning.CRITERIA.
-        candidates: Feasible poses to choose from.
-        tasks: Random poses of the work area where predictions are wanted.
-        workspace: Random poses all over the workspace.
-        area: Work area.
-        anywhere: The workspace.
-        featured: Number of poses that the report looks at closely.
-        variants: How many of the other ways to measure are tried.
-    """
-
-    payload: float = 460.3
-    sigma: float = 50e-6
-    station: tuple[float, float, float] = (4.5, -2.5, 1.6)
-    poses: tuple[int, ...] = (4, 6, 8, 12, 16, 20, 30, 40)
-    criteria: tuple[str, ...] = ("test", "I", "D", "A", "E", "G")
-    candidates: int = 5000
-    tasks: int = 20
-    workspace: int = 200
-    area: WorkArea = AREA
-    anywhere: WorkArea = ANYWHERE
-    featured: int = 12
-    variants: int = 6
+    payload: float = 460.3  #: Hung mass [kg].
+    sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
+    station: tuple[float, float, float] = (4.5, -2.5, 1.6)  #: Of the tracker [m].
+    poses: tuple[int, ...] = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses.
+    criteria: tuple[str, ...] = ("test", "I", "D", "A", "E", "G")  #: Keys of planning.CRITERIA.
+    candidates: int = 5000  #: Feasible poses to choose from.
+    tasks: int = 20  #: Random poses of the work area where predictions are wanted.
+    workspace: int = 200  #: Random poses all over the workspace.
+    area: WorkArea = AREA  #: Work area.
+    anywhere: WorkArea = ANYWHERE  #: The workspace.
+    featured: int = 12  #: Number of poses that the report looks at closely.
+    variants: int = 6  #: How many of the other ways to measure are tried.
 
 
 QUICK = Scope(poses=(12,), criteria=("test", "D"), candidates=120, tasks=6, workspace=30, variants=1)
@@ -106,18 +90,12 @@ EMPTY = Scene()
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        arm: Folder or name of the arm.
-        seed: Root of the candidates, the tasks and the planner's prior.
-        scope: Sizes and numbers.
-        scene: Made of the rest by `plans.prepare`; empty before.
-    """
-
-    arm: str
-    seed: int
-    scope: Scope
+    arm: str  #: Folder or name of the arm.
+    seed: int  #: Root of the candidates, the tasks and the planner's prior.
+    scope: Scope  #: Sizes and numbers.
+    #: Made of the rest by `plans.prepare`; empty before.
     scene: Annotated[Scene, Field(exclude=True)] = EMPTY
 
 

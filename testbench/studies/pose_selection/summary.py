@@ -7,6 +7,8 @@ import numpy as np
 
 from testbench.arm.library import find_arm
 from testbench.bench.candidates import REASONS
+from testbench.bench.plan_report import Found
+from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.studies.pose_selection import report as r
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.rows import Part, PlanRow, Row
@@ -31,11 +33,11 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
     scope, scene, n = asked.scope, asked.scene, asked.scope.featured
     names = (*scope.criteria, RANDOM)
     groups = grouped((x for _, rows in trials for x in rows), lambda x: (x.part, x.plan, x.poses, x.fit))
-    errors = {fit.name: _levels(groups, scope, fit.name) for fit in s.FITS}
+    errors = {fit.name: _levels(groups, asked, fit.name) for fit in s.FITS}
     ours, plans = errors[PLANNED.name], [plan for plan in scene.plans if not plan.variant]
     models = {name: [x.model for x in groups["measured", name, n, PLANNED.name] if x.model] for name in names}
     first = models["test"][0]
-    criteria, forecasts = _criteria(errors, plans, n), _forecasts(groups)
+    criteria, forecasts = [at(own, n) for own in ours.values()], _forecasts(groups)
     variants = [_variant(plan, groups) for plan in scene.plans if plan.variant]
     return r.PoseReport(
         scenario=s.NAME,
@@ -44,25 +46,23 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         payload_kg=scope.payload,
         noise=True,
         truth="nonlinear",
-        prior=r.Believed(s.SCALE, 100 * s.SHAPE, 100 * s.UNCERTAINTY),
+        prior=r.Believed(SCALE, 100 * SHAPE, 100 * UNCERTAINTY),
         tracker_m=scope.station,
         dataset=r.Measured(**vars(first.data), poses=n, tasks=scope.tasks, workspace_poses=scope.workspace),
-        candidates=r.Found(
-            len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))
-        ),
+        candidates=Found(len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))),
         models=[r.ModelReport(**vars(merge(own))) for own in models.values()],
         where=merge([x.where for x in groups["measured", "test", n, PLANNED.name] if x.where]),
         plans=plans,
         errors=errors,
         featured={name: featured(own, n) for name, own in errors.items()},
-        possible=_possible(groups, scene.plan("test", n), at(ours[RANDOM], n)),
+        possible=_possible(groups, at(ours["test"], n), at(ours[RANDOM], n)),
         recommendation=recommend(ours),
         replanned=_anew(groups, n),
         promises=forecasts,
         worth=variants,
         study=scope,
         criteria=criteria,
-        verdict=verdict(criteria, forecasts, variants, _ratios(ours, plans)),
+        verdict=verdict(criteria, ours["test"], forecasts, variants),
     )
 
 
@@ -74,13 +74,19 @@ def _best_tenth(rows: Sequence[Row]) -> float:
     return float(np.percentile([row.tasks_mm for row in rows], 10))
 
 
-def _levels(groups: Groups, scope: s.Scope, fit: str) -> dict[str, list[r.Level]]:
+def _levels(groups: Groups, asked: s.Settings, fit: str) -> dict[str, list[r.Level]]:
     found: dict[str, list[r.Level]] = {}
-    for name in (*scope.criteria, RANDOM):
-        for poses in scope.poses:
+    for name in (*asked.scope.criteria, RANDOM):
+        for poses in asked.scope.poses:
             rows = groups["measured", name, poses, fit]
+            plan = None if name == RANDOM else asked.scene.plan(name, poses)
             level = r.Level(
-                **vars(_errors(rows)), plan=name, poses=poses, tasks_best_tenth_mm=_best_tenth(rows)
+                **vars(_errors(rows)),
+                plan=name,
+                poses=poses,
+                tasks_best_tenth_mm=_best_tenth(rows),
+                efficiency=plan.efficiency if plan else None,
+                expected_tasks_mm=plan.expected_tasks_mm if plan else None,
             )
             found.setdefault(name, []).append(level)
     return found
@@ -105,7 +111,7 @@ def featured(errors: Levels, poses: int) -> r.Featured:
     )
 
 
-def _possible(groups: Groups, plan: PlanRow, chance: r.Level) -> r.Possible:
+def _possible(groups: Groups, plan: r.Level, chance: r.Level) -> r.Possible:
     calm = {
         name: merge([row.tasks_mm for row in groups["noise-free", name, plan.poses, PLANNED.name]])
         for name in ("test", RANDOM)
@@ -144,7 +150,7 @@ def _anew(groups: Groups, poses: int) -> r.Anew:
         **vars(merge(certificates)),
         test=_errors(plans),
         random=_errors(chance),
-        expected_random_tasks_mm=merge([row.expected.tasks_mm for row in chance if row.expected]),
+        expected_random_tasks_mm=merge([row.expected.expected for row in chance if row.expected]),
         seeds=len(plans),
         random_best_tenth_mm=_best_tenth(chance),
         ratio_of_medians=float(np.median(a) / np.median(b)),
@@ -159,7 +165,7 @@ def _forecasts(groups: Groups) -> list[r.ForecastReport]:
     for plan, poses in ((p, n) for part, p, n, fit in groups if (part, fit) == ("drawn arm", PLANNED.name)):
         rows, ls = (groups["drawn arm", plan, poses, fit.name] for fit in ON_ARMS)
         known = [(row.tasks_mm, row.expected) for row in rows if row.expected]
-        expected, gco = _rms([e.tasks_mm for _, e in known]), _rms([row.tasks_mm for row in rows])
+        expected, gco = _rms([e.expected for _, e in known]), _rms([row.tasks_mm for row in rows])
         found.append(
             r.ForecastReport(
                 plan=plan,
@@ -168,7 +174,7 @@ def _forecasts(groups: Groups) -> list[r.ForecastReport]:
                 gco_mm=gco,
                 ls_mm=_rms([row.tasks_mm for row in ls]),
                 gco_over_expected=gco / expected,
-                inside_90_percent=float(np.mean([e.low_mm <= error <= e.high_mm for error, e in known])),
+                inside_90_percent=float(np.mean([e.p05 <= error <= e.p95 for error, e in known])),
                 arms=len(rows),
             )
         )
@@ -191,43 +197,19 @@ def _variant(plan: PlanRow, groups: Groups) -> r.VariantReport:
     )
 
 
-def _criteria(errors: Mapping[str, Levels], plans: Sequence[PlanRow], poses: int) -> list[r.CriterionReport]:
-    found = []
-    for name, levels in errors[PLANNED.name].items():
-        own = at(levels, poses)
-        plan = next((p for p in plans if (p.criterion, p.poses) == (name, poses)), None)
-        found.append(
-            r.CriterionReport(
-                tasks_mm=own.tasks_mm,
-                workspace_mm=own.workspace_mm,
-                plan=name,
-                efficiency=plan.efficiency if plan else None,
-                expected_tasks_mm=plan.expected_tasks_mm if plan else None,
-                bare_tasks_mm=at(errors[s.BARE.name][name], poses).tasks_mm,
-            )
-        )
-    return found
-
-
-def _ratios(errors: Levels, plans: Sequence[PlanRow]) -> tuple[tuple[int, float], ...]:
-    """Poses, and simulated over forecast error of the plans for the tasks."""
-    own = [(p.poses, middle(p.expected_tasks_mm)) for p in plans if p.criterion == "test"]
-    return tuple((poses, middle(at(errors["test"], poses).tasks_mm) / mm) for poses, mm in own)
-
-
 def verdict(
-    criteria: Sequence[r.CriterionReport],
+    criteria: Sequence[r.Level],
+    best: Sequence[r.Level],
     forecasts: Sequence[r.ForecastReport],
     variants: Sequence[r.VariantReport],
-    true_arm: tuple[tuple[int, float], ...],
 ) -> r.Verdict:
     """Who is best and whether forecasts hold.
 
     Args:
         criteria: The featured number of poses, random ones among them.
+        best: The plans for the tasks.
         forecasts: Of drawn arms.
         variants: The featured plan first.
-        true_arm: Poses, and simulated over forecast error on the true arm [1].
     """
     planned = [c for c in criteria if c.plan != RANDOM]
     chance = next(middle(c.tasks_mm) for c in criteria if c.plan == RANDOM)
@@ -240,6 +222,6 @@ def verdict(
         no_better=tuple(c.plan for c in planned if middle(c.tasks_mm) >= chance),
         ratio=(min(ratio), max(ratio)),
         inside=(min(inside), max(inside)),
-        true_arm=true_arm,
+        true_arm=tuple((p.poses, middle(p.tasks_mm) / middle(p.expected_tasks_mm)) for p in best),
         helps=best_of({name: error for name, error in errors.items() if error < base}).names,
     )

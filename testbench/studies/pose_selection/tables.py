@@ -11,14 +11,7 @@ EFFICIENCY = Column("efficiency", "efficient, at least", "%", ".1f", scale=100, 
 EXPECTED = Column("expected_tasks_mm", "forecast tasks", "mm", short="fore-\ncast\ntasks\nmm")
 JUDGED = Column("judged.tasks_mm", "simulated tasks", "mm")
 VARIANT = Column("variant", "measured")
-CRITERIA = (
-    PLAN,
-    EFFICIENCY,
-    EXPECTED,
-    TASKS,
-    WORKSPACE,
-    Column("bare_tasks_mm", "tasks without prior", "mm", short="tasks,\nno prior\nmm"),
-)
+CRITERIA = (PLAN, EFFICIENCY, EXPECTED, TASKS, WORKSPACE)
 """The featured number of poses; errors are RMS against the true deflection."""
 PLANS = (
     Column("criterion", "criterion"),

@@ -9,12 +9,14 @@ from dataclasses import replace
 
 from testbench.arm.library import find_arm
 from testbench.bench.campaign import build_cell, stream
+from testbench.bench.plan_summary import overall
+from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.design.specification import promise_of, task_rows
 from testbench.studies.pose_selection.arms import of_drawn_arm
 from testbench.studies.pose_selection.measure import Bench, build_bench, measure, model_row, pose_by_pose
 from testbench.studies.pose_selection.plans import candidates, certificate, plan
-from testbench.studies.pose_selection.rows import Row, expected
+from testbench.studies.pose_selection.rows import Row
 from testbench.studies.pose_selection.settings import FITS, PLANNED, RANDOM, Settings
 from testbench.studies.pose_selection.ways import (
     Chosen,
@@ -23,7 +25,6 @@ from testbench.studies.pose_selection.ways import (
     poses_of,
     specify,
     variants,
-    wrong_prior,
 )
 
 NOISE = 100
@@ -76,8 +77,8 @@ def planned_anew(bench: Bench, asked: Settings, seed: int) -> list[Row]:
         rows.append(Row("planned anew", name, scope.featured, PLANNED.name, *bench.errors_mm(estimate)))
     forecast = promise_of(spec, chance.q, chance.load, task_rows(spec))
     return [
-        replace(rows[0], certificate=certificate(spec, best)),
-        replace(rows[1], expected=expected(forecast)),
+        replace(rows[0], certificate=certificate(best)),
+        replace(rows[1], expected=overall(forecast)),
     ]
 
 

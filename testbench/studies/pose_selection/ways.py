@@ -4,17 +4,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, stream
+from testbench.bench.plan import hung
+from testbench.bench.wrong_prior import UNCERTAINTY
 from testbench.data.dataset import Ids
-from testbench.design.rows import Experiment, Load
+from testbench.design.rows import Experiment
 from testbench.design.specification import Specification, Tasks
 from testbench.errors import Array
 from testbench.identify.metric import metric
-from testbench.identify.prior import Prior, cad_prior, distorted
+from testbench.identify.prior import Prior
 from testbench.model.vjm import Vjm
 from testbench.studies.pose_selection.rows import PlanRow
-from testbench.studies.pose_selection.settings import PLANNED, RANDOM, SCALE, SHAPE, UNCERTAINTY, Settings
+from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Settings
 
 OFFSET = 0.3
 """How far beside the load point a second hanging point is, along the tool's y, and how far a fourth marker
@@ -23,11 +24,6 @@ MORE = 4
 """Further poses: the yardstick of what else could be done."""
 CHANCE = 300
 """Stream of a seed for random poses, plus their number."""
-
-
-def wrong_prior(cell: Cell, seed: int) -> Prior:
-    """A CAD prior with errors of its own."""
-    return distorted(cad_prior(cell.arm), scale=SCALE, shape=SHAPE, rng=stream(seed, 5))
 
 
 def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:
@@ -51,16 +47,11 @@ def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:
     )
 
 
-def hung(cell: Cell, mass: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Load:
-    """A weight [kg] at the load point, or beside it by an offset in the tool's frame, (3,) [m]."""
-    return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load + offset)
-
-
 def variants(cell: Cell, asked: Settings, own: Specification) -> dict[str, Specification]:
     """The featured way to measure, and what could be done beyond it, in words."""
     n, mass, every = own.poses, asked.scope.payload, own.experiment
-    half, beside = hung(cell, mass / 2), hung(cell, mass, (0.0, OFFSET, 0.0))
-    fourth = _with_marker(every.vjm)
+    half, one, fourth = hung(cell, mass / 2), own.loads[0], _with_marker(every.vjm)
+    beside = replace(one, point=one.point + np.array([0.0, OFFSET, 0.0]))
     found = {
         f"{n} poses, one weight, three markers": own,
         f"{MORE} more poses": replace(own, poses=n + MORE),
