@@ -198,14 +198,13 @@ def find(
     drawn = 0
     while len(kept) < count and drawn < patience + DRAWS_A_POSE * len(kept):
         q = rng.uniform(lower, upper, (BATCH, checks.vjm.arm.n_joints))
-        for pose, reason in zip(q, why_not(checks, q), strict=True):
-            if len(kept) == count:  # the rest of the batch counts as never drawn
-                break
-            drawn += 1
-            if reason is None:
-                kept.append(pose)
-            else:
-                rejected[reason] += 1
+        reasons = why_not(checks, q)
+        good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
+        kept += list(q[good])
+        asked = BATCH if len(kept) < count else int(good[-1]) + 1  # the rest counts as never drawn
+        drawn += asked
+        for reason in filter(None, reasons[:asked]):
+            rejected[reason] += 1
     if len(kept) < least:
         raise PoseError(_too_few(len(kept), count, drawn, rejected))
     return Candidates(np.array(kept), drawn, rejected)
@@ -216,14 +215,10 @@ def _too_few(found: int, count: int, drawn: int, rejected: dict[str, int]) -> st
     came = drawn - np.cumsum([0, *rejected.values()])
     most = max(REASONS, key=lambda r: rejected[r])
     share = max(REASONS, key=lambda r: rejected[r] / max(came[REASONS.index(r)], 1))
-    strictest = (
-        ""
-        if share == most
-        else (
-            f"; {share!r} refused {rejected[share]} of the {came[REASONS.index(share)]} that came to it: "
-            f"{ADVICE[share]}"
-        )
-    )
+    strictest = ""
+    if share != most:
+        reached = came[REASONS.index(share)]
+        strictest = f"; {share!r} refused {rejected[share]} of the {reached} that came to it: {ADVICE[share]}"
     table = ", ".join(f"{reason} {n}" for reason, n in rejected.items() if n)
     return (
         f"found {found} of {count} poses in {drawn} draws; most were refused by {most!r}: {ADVICE[most]}"

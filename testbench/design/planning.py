@@ -160,27 +160,40 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
         examined = _climb(spec, examined, relaxed, near)
         relaxed = relax(examined.problem, criterion, spec.poses, relaxed)
     chosen = select(examined.problem, criterion, spec.poses, relaxed, rng)
+    q, load = _refined(spec, examined, chosen, criterion, near)
+    order = _order(q, load, reach)
+    return _plan(spec, criterion, _add(spec, examined, q[order], load[order]), relaxed, reach)
+
+
+def _plan(
+    spec: Specification, criterion: Criterion, examined: CandidateSet, relaxed: Relaxed, reach: Reach
+) -> Plan:
+    """The last of the candidates as a plan, certified anew."""
+    chosen = np.arange(len(examined.q) - spec.poses, len(examined.q))
+    q = examined.q[chosen]
+    return Plan(
+        specification=spec,
+        criterion=criterion,
+        q=q,
+        load=examined.load[chosen],
+        clear=tuple(reach.clear(start, end) for start, end in pairwise(q)),
+        examined=examined,
+        chosen=chosen,
+        value=criterion.information(information(examined.problem, chosen)),
+        relaxed=relax(examined.problem, criterion, spec.poses, relaxed),
+    )
+
+
+def _refined(
+    spec: Specification, examined: CandidateSet, chosen: Ids, criterion: Criterion, near: Neighbourhood
+) -> tuple[Array, Ids]:
+    """Better angles for the chosen candidates, (poses, n) [rad], and their loads, (poses,)."""
     load = examined.load[chosen]
 
     def rows(trial: Array, k: int) -> Array:
         return measured_rows(spec, trial, np.full(len(trial), load[k])) @ examined.problem.lift
 
-    better = refine(examined.q[chosen], examined.problem.prior, criterion, rows, near)
-    order = _order(better, load, reach)
-    better, load = better[order], load[order]
-    last = _add(spec, examined, better, load)
-    chosen = np.arange(len(examined.q), len(last.q))
-    return Plan(
-        specification=spec,
-        criterion=criterion,
-        q=better,
-        load=load,
-        clear=tuple(reach.clear(start, end) for start, end in pairwise(better)),
-        examined=last,
-        chosen=chosen,
-        value=criterion.information(information(last.problem, chosen)),
-        relaxed=relax(last.problem, criterion, spec.poses, relaxed),
-    )
+    return refine(examined.q[chosen], examined.problem.prior, criterion, rows, near), load
 
 
 def _climb(

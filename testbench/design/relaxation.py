@@ -96,18 +96,23 @@ def _evenly(candidates: int, poses: int) -> tuple[Ids, Array]:
 
 
 def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
-    """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum."""
+    """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum.
+
+    M and all <Z, F^T F> are products with the squares F^T F, one row a candidate.
+    """
     rows, total, power = problem.rows[S], w.sum(), POWER
-    value = criterion.smooth(_information(problem, S, w))
+    squares = (rows.swapaxes(1, 2) @ rows).reshape(len(S), -1)
+    M = problem.prior + (w @ squares).reshape(problem.prior.shape)
+    value = criterion.smooth(M)
     for _ in range(STEPS):
-        Z = criterion.dual(_information(problem, S, w))
-        g = sensitivity(rows, Z)
+        g = squares @ criterion.dual(M).ravel()
         if total * g.max() - w @ g <= GAP / 4 * value:
             break
         while power > 1e-3:
             trial = w * (g / g.max()) ** power
             trial *= total / trial.sum()
-            reached = criterion.smooth(_information(problem, S, trial))
+            M = problem.prior + (trial @ squares).reshape(problem.prior.shape)
+            reached = criterion.smooth(M)
             if reached >= value:
                 w, value, power = trial, reached, min(GROW * power, MOST)
                 break

@@ -27,9 +27,12 @@ NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 
 
 def at(row, path):
-    """The report's value at a path of fields and keys; None where a part of it is None."""
+    """The report's value at a path of fields, keys and places; None where a part of it is None."""
     for part in path.split("."):
-        row = row[part] if isinstance(row, Mapping) else getattr(row, part)
+        if isinstance(row, list | tuple):
+            row = row[int(part)]
+        else:
+            row = row[part] if isinstance(row, Mapping) else getattr(row, part)
         if row is None:
             return None
     return row

@@ -1,0 +1,397 @@
+"""What people see of a plan equals its report, for reports that are made up."""
+
+import csv
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from checks import bands, check_report, check_table, curves, tables_of, unit_in
+from made_up import fill, filled
+
+from testbench.bench.plan import Planned
+from testbench.bench.plan_report import CurveRow, Expected, PlanReport, PoseRow, TaskRow
+from testbench.data.posefile import plan_columns
+from testbench.views.plan.figure import overview
+from testbench.views.plan.files import write_poses, write_tasks
+from testbench.views.plan.scene import BEST, RANDOM, scene
+from testbench.views.plan.tables import tables, words
+from testbench.views.recording import write_plan
+
+sys.path.append(str(Path(__file__).parents[1] / "recordings"))
+from read_back import chunks_of, columns, document, series
+
+JOINTS = ["swing", "boom", "arm", "roll", "bend", "turn"]
+POSES, TASKS, MOST = 4, 7, 9
+BEHIND = {
+    "load, kg": "load_kg",
+    "deflection, mm": "expected_deflection_mm",
+    "error there, mm": "error_mm",
+    "travel, deg": "travel_deg",
+    "way": "way",
+}
+CURVE = {
+    "poses": "poses",
+    "best next pose, mm": "greedy_mm",
+    "random median, mm": "random_median_mm",
+    "random 10 %, mm": "random_p10_mm",
+    "random 90 %, mm": "random_p90_mm",
+}
+
+
+def angles(rng):
+    return rng.uniform(20, 90, len(JOINTS)).tolist()
+
+
+@pytest.fixture
+def report(rng):
+    """Numbers distinct, errors in another order than the tasks."""
+    poses = [{"run": k + 1, "q_deg": angles(rng), "q_rad": angles(rng)} for k in range(POSES)]
+    tasks = [{"task": k + 1, "q_deg": angles(rng)} for k in range(TASKS)]
+    error = sorted(rng.uniform(0.02, 0.9, MOST), reverse=True)
+    counts = [{"poses": n, "greedy_mm": error[n - 1]} for n in (2, 4, MOST)]
+    return fill(
+        PlanReport,
+        rng,
+        arm="heavy",
+        joints=JOINTS,
+        poses=POSES,
+        criterion="test",
+        plan=filled(PoseRow, rng, poses, way="clear"),
+        tasks=filled(TaskRow, rng, tasks),
+        greedy_mm=error,
+        curve=[fill(CurveRow, rng, **row) for row in counts],
+        error_mm=Expected(0.234, 0.123, 0.345),
+        loads_kg=(460.0, 150.5),
+        acceptance_deg=None,
+        box_m=None,
+        workspace_error_mm=Expected(0.71, 0.61, 0.81),
+    )
+
+
+def part(report, key, **changes):
+    """The report with changes in one of its parts."""
+    return replace(report, **{key: replace(getattr(report, key), **changes)})
+
+
+def said(report, block="statements"):
+    return " ".join(words(report).block(block).split())
+
+
+def test_tables_show_the_numbers_of_plan_json(report):
+    found = tables(report)
+    joints = {f"{name}, deg": f"q_deg.{k}" for k, name in enumerate(JOINTS)}
+    check_table(found["poses"], report.plan, {"run": "run", **joints, **BEHIND})
+    short = {"error, mm" if path == "error_mm" else title: path for title, path in BEHIND.items()}
+    del short["deflection, mm"]
+    check_table(found["short"], report.plan, {"run": "run", **joints, **short})
+    worst = sorted(report.tasks, key=lambda row: -row.expected_error_mm)[:5]
+    check_table(found["tasks"], worst, {"task": "task", **dict(list(BEHIND.items())[1:3])})
+    check_table(found["curve"], report.curve, CURVE)
+
+
+def test_the_error_of_a_row_is_its_own_with_its_interval(report):
+    for row in report.plan + report.tasks:
+        assert row.error_mm.median == row.expected_error_mm
+        assert (row.error_mm.p05, row.error_mm.p95) == (row.expected_error_p05_mm, row.expected_error_p95_mm)
+
+
+def test_the_page_shows_declared_tables_and_the_terminal_has_room(report):
+    study = SimpleNamespace(tables=tables, words=words, printed=("short",))
+    page = check_report(study, report)
+    assert page.startswith(
+        f"# Calibration plan: heavy, {report.model}, 460 or 150.5 kg\n\n**4 poses: expected"
+    )
+    assert len(tables_of(page)) == 3
+    assert f"Criterion test: mean square error at the tasks. Seed {report.seed}." in page
+
+
+def test_long_plans_are_cut_and_the_page_says_where_the_rest_is(report):
+    assert "all are in plan.csv" not in words(report).whole()
+    long = replace(report, plan=report.plan * 11)
+    assert len(tables(long)["poses"].rows) == 40
+    assert "The first 40; all are in plan.csv." in words(long).whole()
+
+
+def test_the_answer_has_error_interval_rivals_and_efficiency(report):
+    report = part(report, "random_plans", median_mm=0.456, best_tenth_mm=0.321)
+    report = part(report, "certificate", efficiency=0.8999)  # never rounded up
+    assert words(report).block("answer") == (
+        "4 poses: expected error at the tasks 0.234 mm (90 %: 0.123 to 0.345). Random poses leave 0.456 mm, "
+        "the best tenth of them 0.321 mm. The plan is at least 89 % efficient."
+    )
+    assert words(replace(report, criterion="D")).block("answer").endswith("89 % efficient by criterion D.")
+    open_ = part(report, "random_plans", median_mm=None, best_tenth_mm=None)
+    assert "Random poses leave it without a bound." in words(open_).block("answer")
+
+
+def test_the_certificate_is_told_in_millimetres_or_as_a_factor(report):
+    known = {
+        "efficiency": 0.81,
+        "excess_percent": 11.01,
+        "examined": 5132,
+        "reached_mm": 0.0543,
+        "least_mm": 0.0432,
+    }
+    report = part(report, "certificate", **known, poses_and_loads=False)
+    assert (
+        "No choice of 4 among the 5,132 poses examined can reach less than 0.0432 mm. This plan reaches "
+        "0.0543 mm, at most 11.1 % more." in said(report)
+    )
+    assert "bound may be what is loose" not in said(report)
+    assert "bound may be what is loose" in said(part(report, "certificate", efficiency=0.79))
+    assert "the 5,132 poses and loads examined" in said(part(report, "certificate", poses_and_loads=True))
+    other = part(
+        replace(report, criterion="E"), "certificate", least_mm=None, reached_mm=None, efficiency=0.5
+    )
+    assert (
+        "can be better than 2.000 times this plan by criterion E, the variance of the least known direction. "
+        "Its standard deviations are at most 11.1 % above the least possible." in said(other)
+    )
+
+
+def test_the_advice_names_the_fewest_and_the_enough(report):
+    known = {"target_mm": 0.1, "examined_up_to": 40, "more": 4, "little_percent": 10.0}
+    report = part(report, "advice", fewest=6, enough=17, **known)
+    assert "- 6 poses reach 0.1 mm at the tasks. From 17 on, 4 more bring less than 10 %." in said(report)
+    assert "- 1 pose reaches 0.1 mm" in said(part(report, "advice", fewest=1))
+    none = said(part(report, "advice", fewest=None, enough=None))
+    assert "No plan of up to 40 poses was found that reaches 0.1 mm at the tasks." in none
+    assert "Up to 40 poses, 4 more always bring 10 % or more." in none
+
+
+def test_what_must_not_be_overlooked_is_said_where_it_holds_only(report):
+    quiet = part(report, "directions", hidden_mm=0.116)  # less than half of 0.234
+    assert "NOT checked" not in said(quiet)
+    assert "prior alone" not in said(quiet)
+    assert "collides before" not in said(quiet)
+    assert "**Visibility was NOT checked**" in said(replace(quiet, tracker_m=None))
+    assert "**0.118 mm of the error rest on the prior alone**" in said(
+        part(report, "directions", hidden_mm=0.118)
+    )
+    ways = [replace(row, way="via" if row.run in (2, 4) else "clear") for row in report.plan]
+    assert "collides** before runs 2 and 4:" in said(replace(quiet, plan=ways))
+    assert "collides** before run 2:" in said(replace(quiet, plan=ways[:3]))
+
+
+def test_refusals_come_with_the_most_frequent_first(report):
+    known = {"found": 40, "drawn": 5132, "rejected": {"too far": 12, "too near": 0, "it hits": 2080}}
+    report = part(report, "candidates", **known)
+    fewer = "40 feasible poses of 50 wanted of 5,132 drawn evenly over the joint limits."
+    assert f"{fewer} Refused: it hits 2,080, too far 12." in said(replace(report, candidates_wanted=50))
+    assert "40 feasible poses of 5,132 drawn" in said(replace(report, candidates_wanted=40))
+    assert "Refused: none." in said(part(report, "candidates", rejected={"too near": 0}))
+
+
+def test_what_it_rests_on_is_told_with_and_without_a_prior(report):
+    report = replace(report, error_if_prior_twice_as_uncertain_mm=Expected(0.456, 0.4, 0.5), sigma_um=43.0)
+    known = {"unknowns": 68, "shown": 49, "seen": 36, "outweighed": 15, "prior_share_percent": 24.4}
+    report = part(report, "directions", **known)
+    text = said(report, "assumptions")
+    assert "68 unknowns. Hung loads can show 49 directions of them, the plan sees 36. In 15 of them" in text
+    assert "twice as uncertain, the error would be 0.456 mm instead of 0.234." in text
+    assert "24 % is what the prior leaves open" in text
+    assert "White noise of 43 um" in text
+    bare = replace(report, prior=None, uncertainty_percent=None, error_if_prior_twice_as_uncertain_mm=None)
+    assert "No prior: the other 19 stay unknown" in said(bare, "assumptions")
+    assert "--prior" not in said(bare, "afterwards")
+    asked = replace(report, uncertainty_percent=25.5, model="MGCO56")
+    assert "--model MGCO56 --prior --uncertainty-percent 25.5`" in said(asked, "afterwards")
+
+
+def test_where_it_was_judged_and_what_it_observes(report):
+    report = replace(report, tracker_m=(4.5, -2.5, 1.6), box_m=((1.0, -1.5, 0.5), (3.0, 1.5, 2.5)))
+    report = part(report, "observability", seen=49, of=49, o1=0.463, o2=3.84e-5)
+    text = said(report, "judged")
+    assert "Tracker at 4.5, -2.5, 1.6 m, tool between 1, -1.5, 0.5 and 3, 1.5, 2.5 m." in text
+    assert "O1 0.463, O2 3.84e-05" in text
+    assert "it leaves 13 of 49" in said(part(report, "observability", seen=36), "judged").replace(
+        "the plan", "it"
+    )
+
+
+def figure(report):
+    candidates = np.array([[2.0, 3.0, 9.0], [-1.0, 0.5, 9.0]])
+    return overview(report, candidates), candidates
+
+
+def test_the_curve_of_the_figure_is_that_of_the_report(report):
+    report = part(report, "advice", target_mm=0.15)
+    shown, _ = figure(report)
+    axes = shown.axes[0]
+    lines = curves(axes)
+    for label, x, y in (
+        ("each pose the best next one", range(1, MOST + 1), report.greedy_mm),
+        (
+            "random poses: median, 10 to 90 %",
+            *zip(*((r.poses, r.random_median_mm) for r in report.curve), strict=True),
+        ),
+        ("this plan, with its 90 % interval", [POSES], [0.234]),
+    ):
+        np.testing.assert_array_equal(lines[label], [list(x), list(y)])
+    [band] = bands(axes)
+    ends = [(r.poses, *sorted((r.random_p10_mm, r.random_p90_mm))) for r in report.curve]
+    np.testing.assert_allclose(band, ends)
+    drawn = [np.array(line.get_ydata(), float).tolist() for line in axes.get_lines()]
+    assert [0.123, 0.345] in drawn
+    assert [0.15, 0.15] in drawn
+    assert "0.15 mm" in [text.get_text().strip() for text in axes.texts]
+    assert unit_in(axes.get_ylabel()) == "mm"
+    assert axes.get_xlabel() == "poses"
+    assert axes.get_yscale() == "log"
+
+
+def test_every_task_of_the_figure_has_its_error(report):
+    axes = figure(report)[0].axes[1]
+    order = sorted(report.tasks, key=lambda row: -row.expected_error_mm)
+    assert [t.get_text() for t in axes.get_xticklabels()] == [str(row.task) for row in order]
+    np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), [row.expected_error_mm for row in order])
+    segments = np.array(axes.collections[0].get_segments())[:, :, 1]
+    ends = [[row.expected_error_p05_mm, row.expected_error_p95_mm] for row in order]
+    np.testing.assert_array_equal(segments, ends)
+    assert axes.get_lines()[1].get_ydata()[0] == 0.234
+    assert unit_in(axes.get_ylabel()) == "mm"
+
+
+def test_the_top_view_shows_x_and_y_of_everything(report):
+    report = replace(report, tracker_m=(4.5, -2.5, 1.6), base_m=[0.25, -0.75, 0.0])
+    shown, candidates = figure(report)
+    axes = shown.axes[2]
+    lines = curves(axes)
+    for label, places in (
+        ("2 feasible poses", candidates),
+        ("tasks", [row.tool_m for row in report.tasks]),
+        ("plan, in its order", [row.tool_m for row in report.plan]),
+        ("base", [report.base_m]),
+        ("tracker", [report.tracker_m]),
+    ):
+        np.testing.assert_array_equal(np.transpose(lines[label]), np.array(places)[:, :2], err_msg=label)
+        assert (np.array(places)[:, 0] < axes.get_xlim()[1]).all()
+    numbers = {text.get_text(): text.xy for text in axes.texts}
+    for row in report.plan:
+        np.testing.assert_array_equal(numbers[str(row.run)], row.tool_m[:2])
+    assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("m", "m")
+    assert axes.get_title() == "Tool from above"
+    alone = figure(replace(report, tracker_m=None))[0].axes[2]
+    assert "NOT checked" in alone.get_title()
+    assert "tracker" not in curves(alone)
+
+
+def test_the_files_hold_the_numbers_of_the_report(report, tmp_path):
+    write_poses(report, tmp_path / "plan.csv")
+    write_tasks(report, tmp_path / "tasks.csv")
+    texts = [(tmp_path / name).read_text().splitlines() for name in ("plan.csv", "tasks.csv")]
+    plan, tasks = ([*csv.DictReader(lines)] for lines in texts)
+    assert list(plan[0]) == plan_columns(tuple(JOINTS))
+    assert list(tasks[0]) == ["task", *(f"{j}_deg" for j in JOINTS), *list(plan[0])[-6:-2]]
+    for own, row in zip(plan + tasks, report.plan + report.tasks, strict=True):
+        for key, text in own.items():
+            joint, _, unit = key.rpartition("_")
+            value = getattr(row, f"q_{unit}")[JOINTS.index(joint)] if joint in JOINTS else getattr(row, key)
+            assert (
+                text == value if isinstance(value, str) else float(text) == pytest.approx(value, abs=0.0051)
+            )
+    for own, row in zip(plan, report.plan, strict=True):  # read back bit by bit
+        assert [float(own[f"{j}_rad"]) for j in JOINTS] == row.q_rad
+
+
+@pytest.fixture
+def recorded(report, rng, kr500, tmp_path):
+    """The made-up report recorded, over the workspace of the heavy arm; one place there has no bound."""
+    q = rng.uniform(-1, 1, (POSES, 6))
+    spec = SimpleNamespace(workspace=rng.uniform(-1, 1, (5, 6)))
+    plan = SimpleNamespace(q=q, load=np.array([0, 0, 1, 1]), specification=spec)
+    errors = SimpleNamespace(error=np.array([1e-4, 3e-4, np.inf, 2e-4, 5e-4]))
+    made = scene(kr500, Planned(None, plan, errors, report), rng.uniform(-3, 3, (30, 3)), {"task": "x.csv"})
+    write_plan(tmp_path / "recording.rrd", made)
+    return chunks_of(tmp_path / "recording.rrd")
+
+
+def test_the_documents_of_the_recording_are_blocks_of_the_page(recorded, report):
+    text, page = words(report), words(report).whole()
+    summary = document(recorded, "/summary")
+    assert summary.startswith(
+        "### Which poses to measure?\n\n#### **4 poses: expected error at the tasks 0.234"
+    )
+    assert text.block("statements") in summary
+    shown = document(recorded, "/tables")
+    for name in ("poses", "tasks"):
+        assert text.block(name) in shown
+        assert text.block(name) in page
+    assert text.block("curve") in document(recorded, "/sweep_words")
+
+
+def test_every_step_of_the_recording_tells_its_run(recorded, report):
+    steps = columns(recorded, "/this_step")["TextDocument:text"]
+    for [step], row in zip(steps, report.plan, strict=True):
+        angles = ", ".join(f"{j} {a:.2f}" for j, a in zip(JOINTS, row.q_deg, strict=True))
+        error = [row.expected_error_mm, row.expected_error_p05_mm, row.expected_error_p95_mm]
+        assert f"**Run {row.run}**: hang {row.load_kg:g} kg. " in step
+        assert f"deflection {row.expected_deflection_mm:.2f} mm" in step
+        assert "{:.3f} ({:.3f} to {:.3f}) mm".format(*error) in step
+        assert f"{angles} deg; {row.travel_deg:.0f} deg from the run before, straight." in " ".join(
+            step.split()
+        )
+
+
+def test_the_numbers_of_the_recording_are_those_of_the_report(recorded, report):
+    for path in ("expected_deflection_mm", "expected_error_mm"):
+        assert series(recorded, f"/{path}", "run") == [getattr(row, path) for row in report.plan]
+    every = [0.1, 0.3, 0.2, 0.5, *(row.expected_error_mm for row in report.tasks)]
+    text = document(recorded, "/error_words")
+    assert f"{min(every):.3f} mm, the least" in text
+    assert f"{max(every):.3f} mm, the greatest" in text
+    [(head, rows)] = tables_of(text)
+    assert head == ["places", "least, mm", "median, mm", "95 %, mm", "greatest, mm"]
+    for [name, least, median, _, most], errors in zip(rows, (every[:4], every[4:]), strict=True):
+        assert name in ("workspace, 4", "tasks, 7")
+        assert [least, median, most] == [f"{v:.3f}" for v in (min(errors), np.median(errors), max(errors))]
+    labels = [text for [text] in columns(recorded, "/world/load/label")["Points3D:labels"]]
+    assert labels == ["460 kg", "460 kg", "150.5 kg", "150.5 kg"]
+
+
+def test_the_chart_of_the_recording_tells_planned_from_random(recorded, report):
+    """Places on its logarithmic axis are put back into numbers by its ticks."""
+    path = "/other_plans_mm"
+    ticks = columns(recorded, f"{path}/ticks")
+    values = np.log10([float(text) for text in ticks["Points2D:labels"][0]])
+    places = [x for x, _ in ticks["Points2D:positions"][0]]
+
+    def number(place):
+        return 10 ** (values[0] + (place - places[0]) * np.ptp(values) / np.ptp(places))
+
+    legend = columns(recorded, f"{path}/legend")
+    colour = dict(zip(legend["Points2D:labels"][0], legend["Points2D:colors"][0], strict=True))
+    assert [colour[name] >> 8 for name in (BEST, RANDOM)] == [
+        0x56B4E9,
+        0x7F7F7F,
+    ]  # sky blue as the plan, grey
+    dots, spread = (columns(recorded, f"{path}/{name}") for name in ("value", "spread"))
+    drawn = {name: [] for name in (BEST, RANDOM)}
+    for (x, _), own, ((low, _), (high, _)) in zip(
+        dots["Points2D:positions"][0],
+        dots["Points2D:colors"][0],
+        spread["LineStrips2D:strips"][0],
+        strict=True,
+    ):
+        name = next(name for name, value in colour.items() if value == own)
+        drawn[name].append((number(x), number(low), number(high)))
+    rows = report.curve
+    best = [(row.greedy_mm,) * 3 for row in rows]
+    random = [(row.random_median_mm, row.random_p10_mm, row.random_p90_mm) for row in rows]
+    # single precision of places up to 1000 on an axis of four decades
+    np.testing.assert_allclose(drawn[BEST], best, rtol=1e-5)
+    np.testing.assert_allclose(drawn[RANDOM], random, rtol=1e-5)
+    names = columns(recorded, f"{path}/name")["Points2D:labels"][0]
+    assert names == [f"{row.poses} poses" for row in rows]
+
+
+def test_a_curve_without_a_bound_says_so_and_is_left_out_of_figure_and_chart(report):
+    open_ = replace(report.curve[0], random_median_mm=None)
+    report = replace(report, curve=[open_, *report.curve[1:]])
+    assert re.search(r"- has no bound:$", said(report, "curve").split(" |")[0])
+    x, _ = curves(figure(report)[0].axes[0])["random poses: median, 10 to 90 %"]
+    assert x.tolist() == [row.poses for row in report.curve[1:]]
