@@ -46,6 +46,13 @@ def filled(kind, rng, rows, /, **fixed):
     return [fill(kind, rng, **fixed, **row) for row in rows]
 
 
+def of_one_trial(kind, rng, /, **fixed):
+    """A row of one trial: its numbers have no spread, its shares are truth values."""
+    shares = [n for n, hint in _hints(kind).items() if set(get_args(hint)) == {bool, float}]
+    held = {name: bool(rng.integers(2)) for name in shares}
+    return single(fill(kind, rng, **{**held, **fixed}))
+
+
 def spread(rng):
     """Three distinct numbers, in order."""
     low, middle, high = sorted(_number(rng) for _ in range(3))

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_table, curves, looks_differ, unit_in
-from made_up import fill
+from checks import check_pivot, check_report, check_table, curves, looks_differ, tables_of, unit_in
+from made_up import of_one_trial
 from read_back import chunks_of, columns, document
 
 from testbench.studies.model_error import STUDY, figure, recording
@@ -45,7 +45,7 @@ def trials(rng, errors=None):
                     fixed = {"structure": structure, "constraint": constraint, "prior": prior}
                     if (case, name, noise) in (errors or {}):
                         fixed["rms_um"] = errors[case, name, noise]
-                    rows.append(fill(CaseRow, rng, case=case, model=name, noise_um=noise, **fixed))
+                    rows.append(of_one_trial(CaseRow, rng, case=case, model=name, noise_um=noise, **fixed))
         found.append((seed, rows))
     return found
 
@@ -116,6 +116,8 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
     alone = [c for c in calm if c.case not in (NONE, ALL)]
     check_table(tables["ranking"], sorted(alone, key=lambda c: c.added_um.median, reverse=True), MEANS)
     check_table(tables["claim"], report.claim, CLAIM)
+    [(_, lines)] = tables_of(grid(tables["claim"]))
+    assert all(line[3].endswith(" %") for line in lines)
     check_table(tables["together"], report.together, TOGETHER)
     for row in report.together:
         for case, shown in ((NONE, row.none_um), (ALL, row.all_um)):

@@ -8,19 +8,19 @@ from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances
 
 NONE, ALL = "none", "all together"
 PLAIN_COMPENSATOR, STIFF = "gravity compensator", "compensator, other reading"
-SWITCHES: dict[str, tuple[str, ...]] = {
-    "own weight": ("own_weight",),
-    PLAIN_COMPENSATOR: ("compensator",),
-    "nominal geometry": ("geometry",),
-    "joint sensors": ("sensor_offset",),
-    "payload mass": ("mass_error",),
-    "payload centre": ("centre_error",),
-    "stiffening joints": ("stiffening",),
-    "backlash": ("backlash",),
-    "hysteresis": ("hysteresis",),
-    "soft foundation": ("foundation",),
+SWITCHES: dict[str, str] = {
+    "own weight": "own_weight",
+    PLAIN_COMPENSATOR: "compensator",
+    "nominal geometry": "geometry",
+    "joint sensors": "sensor_offset",
+    "payload mass": "mass_error",
+    "payload centre": "centre_error",
+    "stiffening joints": "stiffening",
+    "backlash": "backlash",
+    "hysteresis": "hysteresis",
+    "soft foundation": "foundation",
 }
-"""Fields of Disturbances that each case switches on, at their typical size."""
+"""The field of Disturbances that each case switches on, at its typical size."""
 
 
 def cases(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
@@ -33,30 +33,15 @@ def cases(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
     Raises:
         BenchError: When there is no such case.
     """
-    sized = resized(TYPICAL, scale)
-    if only:
-        return _only(sized, only)
-    alone = {
-        name: replace(Disturbances(), **{field: getattr(sized, field) for field in fields})
-        for name, fields in SWITCHES.items()
-    }
-    return {
-        NONE: Disturbances(),
-        **alone,
-        STIFF: Disturbances(compensator=STIFF_COMPENSATOR),
-        ALL: sized,
-    }
-
-
-def _only(sized: Disturbances, only: Sequence[str]) -> dict[str, Disturbances]:
-    """None, the cases asked for, and they together."""
     for name in only:
         if name not in SWITCHES:
             raise BenchError(f"no disturbance {name!r}; disturbances are {', '.join(SWITCHES)}")
-    fields = {name: {key: getattr(sized, key) for key in SWITCHES[name]} for name in only}
-    together = {key: value for own in fields.values() for key, value in own.items()}
-    alone = {name: replace(Disturbances(), **own) for name, own in fields.items()}
-    return {NONE: Disturbances(), **alone, ALL: replace(Disturbances(), **together)}
+    sized = vars(resized(TYPICAL, scale))
+    values = {name: {SWITCHES[name]: sized[SWITCHES[name]]} for name in only or SWITCHES}
+    alone = {name: Disturbances(**value) for name, value in values.items()}
+    stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
+    together = {field: size for value in values.values() for field, size in value.items()}
+    return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
 
 
 def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, Mapping[str, object]]:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
 from testbench.studies.model_error.tables import RMS
-from testbench.trials.spread import grouped
+from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
 from testbench.views.figure import log_ticks, quiet
 
@@ -43,11 +43,11 @@ def _intervals(axes: Axes, cells: Sequence[CaseErrors], cases: Sequence[str]) ->
         shown = look(own[0].structure, own[0].constraint, own[0].prior)
         y = [cases.index(c.case) + STEP * (k - (len(by_model) - 1) / 2) for c in own]
         for place, cell in zip(y, own, strict=True):
-            axes.plot((cell.rms_um.p05, cell.rms_um.p95), (place, place), color=shown.hex, alpha=0.5)
+            axes.plot(ends(cell.rms_um), (place, place), color=shown.hex, alpha=0.5)
         face = shown.hex if shown.prior else "white"
-        medians = [cell.rms_um.median for cell in own]
+        medians = [middle(cell.rms_um) for cell in own]
         axes.plot(medians, y, shown.mark, color=shown.hex, markerfacecolor=face, label=model, markersize=5)
-    log_ticks(axes, "x", min(c.rms_um.p05 for c in cells), max(c.rms_um.p95 for c in cells))
+    log_ticks(axes, "x", *(f(ends(c.rms_um)[k] for c in cells) for k, f in enumerate((min, max))))
     axes.set_xlabel(f"{RMS.heading} of predicted deflection [{RMS.unit}]")
     axes.grid(axis="y", alpha=0.2)
     quiet(axes)

@@ -4,61 +4,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.bench.rows import DatasetRow
-from testbench.identify import Constraint
 from testbench.studies.noise_sensitivity.report import ModelAt
-from testbench.trials.spread import Spread
+from testbench.studies.noise_sensitivity.trial import FitRow
+from testbench.trials.spread import Number, Spread
 
 
 @dataclass(frozen=True)
-class CaseErrors:
-    """Errors of a model in one case over all trials, and what the case adds to the same trial without it.
+class CaseErrors(FitRow):
+    """A model in one case over all trials, and what the case adds to the same trial without it."""
 
-    Attributes:
-        case: What the true arm does.
-        model: Its name.
-        structure: Name of its structure.
-        constraint: What its method asks of the blocks.
-        prior: Whether it has a prior.
-        noise_um: Of a reading along an axis.
-        rms_um: RMS error of predicted deflection.
-        p95_um: 95 % of the errors are smaller.
-        added_um: RMS error minus that of the same trial without disturbance.
-        moved_um: How far the disturbance moves the deflections to be predicted, RMS.
-        conservative: Share of trials in which every block is symmetric and positive semi-definite.
-        solved: Share of trials in which the method found its solution.
-    """
-
-    case: str
-    model: str
-    structure: str
-    constraint: Constraint
-    prior: bool
-    noise_um: float
-    rms_um: Spread
-    p95_um: Spread
-    added_um: Spread
-    moved_um: Spread
-    conservative: float
-    solved: float
+    case: str  #: What the true arm does.
+    noise_um: float  #: Of a reading along an axis.
+    moved_um: Number  #: How far the disturbance moves the deflections to be predicted, RMS.
+    added_um: Spread  #: RMS error minus that of the same trial without disturbance.
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Errors with a compensator over those without, less one.
+    """Errors with a compensator over those without, less one."""
 
-    Attributes:
-        case: Which reading of the compensator.
-        model: Its name.
-        against_truth: Of errors against the truth [1].
-        against_readings: The same with the readings' noise added in quadrature, as the paper measures [1].
-        within_claim: Share of trials in which the second is as small as the paper says.
-    """
-
-    case: str
+    case: str  #: Which reading of the compensator.
     model: str
     against_truth: Spread
-    against_readings: Spread
-    within_claim: float
+    against_readings: Spread  #: With the readings' noise added in quadrature, as the paper measures.
+    within_claim: float  #: Share of trials in which that is as small as the paper says.
 
 
 @dataclass(frozen=True)
@@ -74,23 +43,13 @@ class Together:
     """A model with noise: without disturbance, and with all of them."""
 
     model: str
-    none_um: Spread
-    all_um: Spread
+    none_um: Number
+    all_um: Number
 
 
 @dataclass(frozen=True)
 class ModelErrorReport:
-    """report.json.
-
-    Attributes, beside what was asked:
-        sizes: What every case switches on, SI.
-        cells: A case, a model and a level of noise each.
-        ranking: Cases by what they add to the median error of `featured` without noise, the largest first.
-        noise_adds_um: What noise alone adds to it.
-        above_noise: Cases that alone, without noise, add more than that.
-        together: Every model with noise.
-        best_together: The models of least median error then; several where they are alike.
-    """
+    """report.json."""
 
     scenario: str
     seed: int | list[int]
@@ -101,16 +60,16 @@ class ModelErrorReport:
     scale: float
     trials: int
     workspace_poses: int
-    sizes: Mapping[str, Mapping[str, object]]
+    sizes: Mapping[str, Mapping[str, object]]  #: What every case switches on, SI.
     cells: list[CaseErrors]
     claim: list[Claim]
     claim_percent: float
     held: list[Held]
     featured: str
-    ranking: list[CaseErrors]
-    noise_adds_um: float
-    above_noise: tuple[str, ...]
+    ranking: list[CaseErrors]  #: Cases alone, the featured model, no noise; the costliest first.
+    noise_adds_um: float  #: To its median error without disturbance.
+    above_noise: tuple[str, ...]  #: Cases that alone, without noise, add more.
     together: list[Together]
-    best_together: tuple[str, ...]
+    best_together: tuple[str, ...]  #: Several where they are alike.
     models: list[ModelAt]
     dataset: DatasetRow

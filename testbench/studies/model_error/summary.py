@@ -9,10 +9,9 @@ from testbench.bench.rows import UM
 from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, sizes
 from testbench.studies.model_error.report import CaseErrors, Claim, Held, ModelErrorReport, Together
 from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
-from testbench.studies.noise_sensitivity.report import ModelAt, Scores
-from testbench.studies.noise_sensitivity.summary import METHODS, in_mm
+from testbench.studies.noise_sensitivity.summary import model_at, summed
 from testbench.studies.study import Trials
-from testbench.trials.spread import grouped, spread
+from testbench.trials.spread import grouped, middle, spread
 from testbench.views.schema import best_of
 
 CLAIM = 0.048
@@ -55,29 +54,22 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
         above_noise=tuple(cell.case for cell in order if cell.added_um.median > adds),
         together=pairs,
         best_together=best_of({p.model: p.all_um for p in pairs}).names,
-        models=[_model(cell) for case in (NONE, ALL) for cell in noisy if cell.case == case],
+        models=[
+            model_at(cell, case, "workspace") for case in (NONE, ALL) for cell in noisy if cell.case == case
+        ],
         dataset=next(row.measured for row in rows if row.measured is not None),
     )
 
 
 def _errors(rows: Sequence[CaseRow], groups: Groups) -> CaseErrors:
     """One case, model and noise; what the case adds is counted trial by trial."""
-    first = rows[0]
-    base = groups[NONE, first.model, first.noise_um]
-    return CaseErrors(
-        case=first.case,
-        model=first.model,
-        structure=first.structure,
-        constraint=first.constraint,
-        prior=first.prior,
-        noise_um=first.noise_um,
-        rms_um=spread([row.rms_um for row in rows]),
-        p95_um=spread([row.p95_um for row in rows]),
-        added_um=spread([own.rms_um - none.rms_um for own, none in zip(rows, base, strict=True)]),
-        moved_um=spread([row.moved_um for row in rows]),
-        conservative=float(np.mean([row.conservative for row in rows])),
-        solved=float(np.mean([row.solved for row in rows])),
-    )
+    fields = vars(summed(rows))
+    del fields["measured"]
+    fields["moved_um"] = spread([middle(row.moved_um) for row in rows])
+    base = groups[NONE, rows[0].model, rows[0].noise_um]
+    pairs = zip(rows, base, strict=True)
+    added = spread([middle(own.rms_um) - middle(none.rms_um) for own, none in pairs])
+    return CaseErrors(**fields, added_um=added)
 
 
 def _claims(groups: Groups, noise_um: float) -> list[Claim]:
@@ -91,7 +83,7 @@ def _claims(groups: Groups, noise_um: float) -> list[Claim]:
 
 def _claim(rows: Sequence[CaseRow], base: Sequence[CaseRow]) -> Claim:
     first = rows[0]
-    true = [np.array([row.rms_um for row in own]) for own in (rows, base)]
+    true = [np.array([middle(row.rms_um) for row in own]) for own in (rows, base)]
     read = [np.sqrt(values**2 + 6 * first.noise_um**2) for values in true]  # two readings of three axes
     seen = read[0] / read[1] - 1
     return Claim(
@@ -122,23 +114,10 @@ def noise_adds(cells: Sequence[CaseErrors]) -> float:
     calm, noisy = sorted(
         (c for c in cells if c.model == FEATURED and c.case == NONE), key=lambda cell: cell.noise_um
     )
-    return noisy.rms_um.median - calm.rms_um.median
+    return middle(noisy.rms_um) - middle(calm.rms_um)
 
 
 def together(noisy: Sequence[CaseErrors]) -> list[Together]:
     """Every model without disturbance and with all."""
     none, every = ({c.model: c.rms_um for c in noisy if c.case == case} for case in (NONE, ALL))
     return [Together(model, none[model], every[model]) for model in none]
-
-
-def _model(cell: CaseErrors) -> ModelAt:
-    return ModelAt(
-        name=f"{cell.model}, {cell.case}",
-        method=METHODS[cell.constraint],
-        constraint=cell.constraint,
-        prior=cell.prior,
-        conservative=cell.conservative,
-        solved=cell.solved,
-        check=None,
-        workspace=Scores(in_mm(cell.rms_um), in_mm(cell.p95_um)),
-    )

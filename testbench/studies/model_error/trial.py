@@ -29,6 +29,7 @@ from testbench.data.dataset import Dataset
 from testbench.plant import Disturbances, disturb, settle_pair
 from testbench.studies.model_error.cases import ALL, cases
 from testbench.studies.noise_sensitivity.trial import FitRow, fit, reread
+from testbench.trials.spread import Number
 
 NAME = "model_error"
 MODELS, WITH_PRIOR, ONLY_WITH_PRIOR = ("MLS56", "MGCO56", "MGCO68"), ("MGCO56", "MGCO68"), "MGCO68"
@@ -53,38 +54,23 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        arm: Folder or name of the arm.
-        scale: Size of every disturbance over its typical one [1]; switches are on or off.
-        sigma: Standard deviation of one reading along one axis [m].
-        workspace: Poses in which the models are judged.
-        only: Names of cases beside none and all together; none for every one.
-    """
-
-    arm: str
-    scale: float = 1.0
-    sigma: float = 50e-6
-    workspace: int = 100
-    only: tuple[str, ...] = ()
+    arm: str  #: Folder or name of the arm.
+    scale: float = 1.0  #: Size of every disturbance over its typical one [1]; switches are on or off.
+    sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
+    workspace: int = 100  #: Poses in which the models are judged.
+    only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
 
 
 @dataclass(frozen=True)
 class CaseRow(FitRow):
-    """One fit of one trial.
+    """One fit of one trial."""
 
-    Attributes:
-        case: What the true arm does.
-        noise_um: Of a reading along an axis.
-        moved_um: How far the disturbance moves the deflections to be predicted, RMS.
-        measured: The dataset of all disturbances together, with noise.
-    """
-
-    case: str
-    noise_um: float
-    moved_um: float
-    measured: DatasetRow | None
+    case: str  #: What the true arm does.
+    noise_um: float  #: Of a reading along an axis.
+    moved_um: Number  #: How far the disturbance moves the deflections to be predicted, RMS.
+    measured: DatasetRow | None  #: The dataset of all disturbances together, with noise.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:

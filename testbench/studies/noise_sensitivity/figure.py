@@ -6,10 +6,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.studies.noise_sensitivity.instruments import FLAT
-from testbench.studies.noise_sensitivity.report import Errors, NoiseReport
+from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA
-from testbench.trials.spread import grouped
+from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import GREENS, GREY, NOMINAL, Look, look
 from testbench.views.figure import SOFT, Line, draw_line, quiet
 from testbench.views.schema import Column
@@ -34,7 +34,7 @@ def sensitivity(report: NoiseReport) -> Figure:
     placed = grouped([c for c in rows if c.x > 0], lambda row: row.model)
     for k, (name, distances) in enumerate(placed.items()):
         draw_line(right, DISTANCE, RMS, Line(distances, Look(SHADES[k], k, prior=False), name))
-    [flat] = [c.rms_um.median for c in rows if c.model == FLAT]
+    [flat] = [middle(c.rms_um) for c in rows if c.model == FLAT]
     right.axhline(flat, color=SOFT, linewidth=0.8)
     right.annotate(FLAT, (1, flat), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=SOFT)
     right.set_title("laser tracker, MGCO56 with prior, KR 500, linear truth", fontsize="medium")
@@ -47,13 +47,13 @@ def sensitivity(report: NoiseReport) -> Figure:
     return figure
 
 
-def _finish(axes: Axes, x: Column, rows: Sequence[Errors]) -> None:
+def _finish(axes: Axes, x: Column, rows: Sequence[Level]) -> None:
     """Labels, legend and a logarithmic axis that goes down to no error at all."""
     axes.set_xlabel(f"{x.heading} [{x.unit}]")
     axes.set_ylabel(f"{RMS.heading} [{RMS.unit}]")
     axes.set_yscale("symlog", linthresh=LINEAR_UM)
-    low = min(row.rms_um.median for row in rows)
-    high = 1.2 * max(row.rms_um.p95 for row in rows)
+    low = min(middle(row.rms_um) for row in rows)
+    high = 1.2 * max(ends(row.rms_um)[1] for row in rows)
     steps = (1, 3) if high > 300 * max(low, LINEAR_UM) else (1, 2, 5)
     ticks = [0, *(tick for k in range(6) for tick in (step * 10**k for step in steps) if tick <= high)]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])

@@ -6,98 +6,50 @@ from dataclasses import dataclass
 from testbench.bench.campaign import Truth
 from testbench.bench.rows import DatasetRow
 from testbench.identify import Constraint
-from testbench.studies.noise_sensitivity.trial import Part
-from testbench.trials.spread import Spread
+from testbench.studies.noise_sensitivity.trial import FitRow, Part
+from testbench.trials.spread import Number, Share, Spread
 
 
 @dataclass(frozen=True)
-class Errors:
-    """Errors of one model over all trials.
-
-    Attributes:
-        part: Of the study.
-        model: Its name; of the instruments the instrument's.
-        structure: Name of its structure.
-        constraint: What its method asks of the blocks.
-        prior: Whether it has a prior.
-        x: Noise of a reading along an axis, or distance of the instrument [m].
-        rms_um: RMS error of predicted deflection.
-        p95_um: 95 % of the errors are smaller.
-        conservative: Share of trials in which every block is symmetric and positive semi-definite.
-        solved: Share of trials in which the method found its solution.
-        trials: How many.
-    """
+class Level(FitRow):
+    """A model over all trials, at one level of noise or with an instrument at one distance."""
 
     part: Part
-    model: str
-    structure: str
-    constraint: Constraint
-    prior: bool
-    x: float
-    rms_um: Spread
-    p95_um: Spread
-    conservative: float
-    solved: float
+    x: float  #: Noise of a reading along an axis, or distance of the instrument [m].
     trials: int
-
-
-@dataclass(frozen=True)
-class Level(Errors):
-    """The same at one level of noise."""
-
-    sigma_um: float
-
-
-@dataclass(frozen=True)
-class Instrument(Errors):
-    """The same with one instrument."""
-
     truth: Truth
+    sigma_um: float | None  #: None of an instrument.
 
 
 @dataclass(frozen=True)
 class Slope:
-    """What noise costs a model: median error without noise, and per noise at the largest one."""
+    """What noise costs a model, by median errors."""
 
-    part: Part
     model: str
     structure: str
     prior: bool
     noise_free_um: float
-    um_per_um: float
+    um_per_um: float  #: At the largest noise.
 
 
 @dataclass(frozen=True)
 class Extremes:
-    """The models to which the largest noise costs least and most; several where they are alike."""
+    """Who has the least and the largest value; several where they are alike."""
 
-    part: Part
-    prior: bool
     least: tuple[str, ...]
-    least_um_per_um: float
+    least_value: float
     most: tuple[str, ...]
-    most_um_per_um: float
+    most_value: float
 
 
 @dataclass(frozen=True)
-class NearInstruments:
-    """The instruments of least and of largest median error, near the arm, linear truth."""
+class Costs:
+    """To which models noise costs least and most [um/um], and what a prior does to its structure's error."""
 
-    distance_m: float
-    least: tuple[str, ...]
-    least_um: float
-    most: tuple[str, ...]
-    most_um: float
-
-
-@dataclass(frozen=True)
-class PriorEffect:
-    """Whether a prior lowers the error of its structure, at the largest noise and without any."""
-
-    part: Part
-    structure: str
-    lower_with_noise: bool
-    lower_without_noise: bool
+    plain: Extremes
+    with_prior: Extremes
+    lowered: tuple[str, ...]  #: Structures, at the largest noise.
+    raised_without_noise: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -132,8 +84,8 @@ class Shares:
 class Scores:
     """Errors in millimetres."""
 
-    rms_mm: Spread
-    p95_mm: Spread
+    rms_mm: Number
+    p95_mm: Number
 
 
 @dataclass(frozen=True)
@@ -144,8 +96,8 @@ class ModelAt:
     method: str
     constraint: Constraint
     prior: bool
-    conservative: float
-    solved: float
+    conservative: Share
+    solved: Share
     check: Scores | None
     workspace: Scores | None
     paper: None = None
@@ -163,10 +115,10 @@ class NoiseReport:
     sigmas_um: list[float]
     sweeps: Mapping[Part, list[Level]]
     slopes: Mapping[Part, Mapping[str, Slope]]
-    extremes: list[Extremes]
-    prior: list[PriorEffect]
-    instruments: list[Instrument]
-    near: NearInstruments
+    costs: Mapping[Part, Costs]
+    instruments: list[Level]
+    near_m: float
+    near: Extremes  #: Median errors of instruments there, linear truth [um].
     weighted_over_flat: Mapping[Truth, list[Weighted]]
     gco_over_ls: list[Paired]
     gco_better: Mapping[Part, Shares]

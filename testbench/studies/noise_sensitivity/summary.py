@@ -1,31 +1,29 @@
 """The report of the study of noise: every error with its spread, and what they say."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Literal, TypeVar
 
 import numpy as np
 
-from testbench.bench.campaign import Truth
 from testbench.bench.rows import UM
 from testbench.studies.noise_sensitivity.instruments import UNWEIGHTED, WEIGHTED
 from testbench.studies.noise_sensitivity.report import (
-    Errors,
+    Costs,
     Extremes,
-    Instrument,
     Level,
     ModelAt,
-    NearInstruments,
     NoiseReport,
     Paired,
-    PriorEffect,
     Scores,
     Shares,
     Slope,
     Weighted,
 )
-from testbench.studies.noise_sensitivity.trial import INSTRUMENT_PARTS, NAME, NoiseRow, Part, Settings
+from testbench.studies.noise_sensitivity.trial import NAME, TRUTHS, FitRow, NoiseRow, Part, Settings
 from testbench.studies.study import Trials
-from testbench.trials.spread import Spread, grouped, spread
-from testbench.views.schema import Best, best_of
+from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
+from testbench.views.schema import best_of
 
 PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
 NEAREST: dict[Part, float] = {"six_dof": 25.0, "gravity": 50.0}
@@ -36,128 +34,100 @@ PAIR = ("MGCO56", "MLS56")
 """GCO and least squares of the same structure."""
 METHODS = {"none": "least squares", "psd": "GCO"}
 
+F = TypeVar("F", bound=FitRow)
+
 
 def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseReport:
     """Medians and spreads by part, model and level."""
     rows = [row for _, own in trials for row in own]
     groups = grouped(rows, lambda row: (row.part, row.model, row.x))
-    errors = [_errors(own) for own in groups.values()]
-    sweeps = {part: [_level(e) for e in errors if e.part == part] for part in PARTS}
-    instruments = [
-        Instrument(**vars(e), truth=truth)
-        for truth, part in INSTRUMENT_PARTS.items()
-        for e in errors
-        if e.part == part
-    ]
+    by_part = grouped([_level(own) for own in groups.values()], lambda level: level.part)
+    sweeps = {part: by_part[part] for part in PARTS}
+    instruments = [c for part, own in by_part.items() if part not in PARTS for c in own]
     slopes = {part: _slopes(levels) for part, levels in sweeps.items()}
     paired = _paired(groups)
-    every = [level for levels in sweeps.values() for level in levels if level.sigma_um > 0]
-    counts: dict[Part, int] = {e.part: e.trials for e in errors if e.part != "instrument_nonlinear"}
+    noisy = [level for levels in sweeps.values() for level in levels if level.x > 0]
     return NoiseReport(
         scenario=NAME,
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         noise=True,
         truth={"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
-        trials=counts,
+        trials={part: own[0].trials for part, own in by_part.items()},
         sigmas_um=[UM * s for s in asked.sigmas],
         sweeps=sweeps,
         slopes=slopes,
-        extremes=[
-            extremes(part, prior, {n: s.um_per_um for n, s in own.items() if s.prior == prior})
-            for part, own in slopes.items()
-            for prior in (False, True)
-        ],
-        prior=[effect for own in slopes.values() for effect in effects(list(own.values()))],
+        costs={part: costs(list(own.values())) for part, own in slopes.items()},
         instruments=instruments,
-        weighted_over_flat={t: weighted([c for c in instruments if c.truth == t]) for t in INSTRUMENT_PARTS},
-        near=near([c for c in instruments if c.truth == "linear"]),
+        near_m=NEAR,
+        near=extremes({c.model: middle(c.rms_um) for c in by_part["instrument_linear"] if c.x in (0, NEAR)}),
+        weighted_over_flat=grouped(_weighted(instruments), lambda row: row.truth),
         gco_over_ls=paired,
-        gco_better={part: shares([p.better_in for p in paired if p.part == part]) for part in PARTS},
+        gco_better={part: _shares([p.better_in for p in paired if p.part == part]) for part in PARTS},
         conservative={
-            c: shares([level.conservative for level in every if level.constraint == c])
-            for c in ("none", "psd")
+            c: _shares([fit.conservative for fit in own])
+            for c, own in grouped(noisy, lambda fit: fit.constraint).items()
         },
         models=[model for part, levels in sweeps.items() for model in _models(part, levels)],
         dataset=next(row.measured for row in rows if row.measured is not None),
     )
 
 
-def _errors(rows: Sequence[NoiseRow]) -> Errors:
+def summed(rows: Sequence[F]) -> F:
+    """A fit over all trials: errors with their spread, truth values as shares."""
     first = rows[0]
-    return Errors(
-        part=first.part,
-        model=first.model,
-        structure=first.structure,
-        constraint=first.constraint,
-        prior=first.prior,
-        x=first.x,
-        rms_um=spread([row.rms_um for row in rows]),
-        p95_um=spread([row.p95_um for row in rows]),
+    return replace(
+        first,
+        rms_um=spread([middle(row.rms_um) for row in rows]),
+        p95_um=spread([middle(row.p95_um) for row in rows]),
         conservative=float(np.mean([row.conservative for row in rows])),
         solved=float(np.mean([row.solved for row in rows])),
-        trials=len(rows),
     )
 
 
-def _level(errors: Errors) -> Level:
-    return Level(**vars(errors), sigma_um=UM * errors.x)
+def _level(rows: Sequence[NoiseRow]) -> Level:
+    fields = vars(summed(rows))
+    del fields["measured"]
+    part, x = rows[0].part, rows[0].x
+    return Level(**fields, trials=len(rows), truth=TRUTHS[part], sigma_um=UM * x if part in PARTS else None)
 
 
 def _slopes(levels: Sequence[Level]) -> dict[str, Slope]:
     """Median error without noise, and per noise at the largest one, by model."""
-    top = max(level.sigma_um for level in levels)
     found = {}
     for name, own in grouped(levels, lambda level: level.model).items():
-        by_sigma = {level.sigma_um: level.rms_um.median for level in own}
-        first = own[0]
-        found[name] = Slope(
-            first.part, name, first.structure, first.prior, by_sigma[0.0], by_sigma[top] / top
-        )
+        errors = {UM * level.x: middle(level.rms_um) for level in own}
+        top = max(errors)
+        found[name] = Slope(name, own[0].structure, own[0].prior, errors[0.0], errors[top] / top)
     return found
 
 
-def extremes(part: Part, prior: bool, slopes: Mapping[str, float]) -> Extremes:
-    """The models to which noise costs least and most."""
-    least, most = best_of(slopes), _worst_of(slopes)
-    return Extremes(part, prior, least.names, least.value, most.names, 1 / most.value)
-
-
-def near(instruments: Sequence[Instrument]) -> NearInstruments:
-    """The best and the worst instrument at NEAR; the flat one is as good anywhere."""
-    errors = {c.model: c.rms_um.median for c in instruments if c.x in (0.0, NEAR)}
-    least, most = best_of(errors), _worst_of(errors)
-    return NearInstruments(NEAR, least.names, least.value, most.names, 1 / most.value)
-
-
-def _worst_of(values: Mapping[str, float]) -> Best:
-    """The names of largest value; `value` is its inverse."""
-    return best_of({name: 1 / value for name, value in values.items()})
-
-
-def effects(slopes: Sequence[Slope]) -> list[PriorEffect]:
-    """What a prior does to every structure that is fitted with and without one."""
+def costs(slopes: Sequence[Slope]) -> Costs:
+    """To which models noise costs least and most, and where a prior helps."""
     plain = {s.structure: s for s in slopes if not s.prior}
-    return [
-        PriorEffect(
-            part=s.part,
-            structure=s.structure,
-            lower_with_noise=s.um_per_um < plain[s.structure].um_per_um,
-            lower_without_noise=s.noise_free_um < plain[s.structure].noise_free_um,
-        )
-        for s in slopes
-        if s.prior
-    ]
+    filled = {s.structure: s for s in slopes if s.prior}
+    return Costs(
+        plain=extremes({s.model: s.um_per_um for s in plain.values()}),
+        with_prior=extremes({s.model: s.um_per_um for s in filled.values()}),
+        lowered=tuple(n for n, s in filled.items() if s.um_per_um < plain[n].um_per_um),
+        raised_without_noise=tuple(n for n, s in filled.items() if s.noise_free_um > plain[n].noise_free_um),
+    )
 
 
-def weighted(instruments: Sequence[Instrument]) -> list[Weighted]:
+def extremes(values: Mapping[str, float]) -> Extremes:
+    """The names of the least and of the largest value, all above 0."""
+    least, most = best_of(values), best_of({name: 1 / value for name, value in values.items()})
+    return Extremes(least.names, least.value, most.names, max(values.values()))
+
+
+def _weighted(instruments: Sequence[Level]) -> list[Weighted]:
     """Full covariances against flat weights at every distance."""
-    errors = {(c.model, c.x): c.rms_um.median for c in instruments}
-    truths: dict[float, Truth] = {c.x: c.truth for c in instruments if c.model == WEIGHTED}
+    errors = {(c.truth, c.model, c.x): middle(c.rms_um) for c in instruments}
     found = []
-    for x, truth in truths.items():
-        full, flat = errors[WEIGHTED, x], errors[UNWEIGHTED, x]
-        better = best_of({"full covariances": full, "flat weights": flat}).names
-        found.append(Weighted(truth, x, full / flat, better))
+    for truth, model, x in errors:
+        if model == WEIGHTED:
+            full, flat = errors[truth, WEIGHTED, x], errors[truth, UNWEIGHTED, x]
+            better = best_of({"full covariances": full, "flat weights": flat}).names
+            found.append(Weighted(truth, x, full / flat, better))
     return found
 
 
@@ -165,38 +135,43 @@ def _paired(groups: Mapping[tuple[Part, str, float], Sequence[NoiseRow]]) -> lis
     found = []
     for part in PARTS:
         for x in sorted({key[2] for key in groups if key[0] == part and key[2] > 0}):
-            ours, theirs = (np.array([row.rms_um for row in groups[part, name, x]]) for name in PAIR)
+            ours, theirs = (np.array([middle(row.rms_um) for row in groups[part, n, x]]) for n in PAIR)
             better = float(np.mean(ours < theirs))
             found.append(Paired(part, UM * x, spread((ours / theirs).tolist()), better))
     return found
 
 
-def shares(values: Sequence[float]) -> Shares:
-    """The least and the largest of some shares of trials."""
+def _shares(values: Sequence[float]) -> Shares:
     return Shares(min(values), max(values))
 
 
 def _models(part: Part, levels: Sequence[Level]) -> list[ModelAt]:
     """A row a model at the level nearest the paper's trackers."""
-    nearest = min({level.sigma_um for level in levels}, key=lambda s: abs(s - NEAREST[part]))
-    found = []
-    for level in (own for own in levels if own.sigma_um == nearest):
-        scores = Scores(in_mm(level.rms_um), in_mm(level.p95_um))
-        found.append(
-            ModelAt(
-                name=f"{level.model}, {PARTS[part]}",
-                method=METHODS[level.constraint],
-                constraint=level.constraint,
-                prior=level.prior,
-                conservative=level.conservative,
-                solved=level.solved,
-                check=scores if part == "six_dof" else None,
-                workspace=scores if part == "gravity" else None,
-            )
-        )
-    return found
+    nearest = min({level.x for level in levels}, key=lambda x: abs(UM * x - NEAREST[part]))
+    own = [level for level in levels if level.x == nearest]
+    return [model_at(level, PARTS[part], "check" if part == "six_dof" else "workspace") for level in own]
 
 
-def in_mm(um: Spread) -> Spread:
-    """Micrometres in millimetres."""
-    return Spread(um.median / 1e3, um.p05 / 1e3, um.p95 / 1e3)
+def model_at(fit: FitRow, where: str, judged: Literal["check", "workspace"]) -> ModelAt:
+    """A fit over all trials as a row of the contract.
+
+    Args:
+        fit: The model.
+        where: Behind its name.
+        judged: By which deflections.
+    """
+    scores = Scores(_mm(fit.rms_um), _mm(fit.p95_um))
+    return ModelAt(
+        name=f"{fit.model}, {where}",
+        method=METHODS[fit.constraint],
+        constraint=fit.constraint,
+        prior=fit.prior,
+        conservative=fit.conservative,
+        solved=fit.solved,
+        check=scores if judged == "check" else None,
+        workspace=scores if judged == "workspace" else None,
+    )
+
+
+def _mm(um: Number) -> Spread:
+    return Spread(middle(um) / 1e3, *(end / 1e3 for end in ends(um)))

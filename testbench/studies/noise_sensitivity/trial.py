@@ -26,6 +26,7 @@ from testbench.errors import BenchError
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import predict, score
 from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA, readings
+from testbench.trials.spread import Number, Share
 
 NAME = "noise_sensitivity"
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
@@ -43,7 +44,13 @@ MOST_UM = 10_000.0
 """Largest noise that an instrument can have [um]."""
 
 Part = Literal["six_dof", "gravity", "instrument_linear", "instrument_nonlinear"]
-INSTRUMENT_PARTS: dict[Truth, Part] = {"linear": "instrument_linear", "nonlinear": "instrument_nonlinear"}
+TRUTHS: dict[Part, Truth] = {
+    "six_dof": "linear",
+    "gravity": "nonlinear",
+    "instrument_linear": "linear",
+    "instrument_nonlinear": "nonlinear",
+}
+INSTRUMENT_PARTS: tuple[Part, ...] = ("instrument_linear", "instrument_nonlinear")
 
 
 @dataclass(frozen=True)
@@ -57,61 +64,36 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        first: The first seed of all: the parts with fewer trials have the first ones.
-        sigmas: Standard deviations of one reading along one axis [m].
-        gravity_trials: So many of the trials have the gravity part too.
-        instrument_trials: So many have the part of the instruments.
-        distances: Of the laser tracker from the middle of the work area [m].
-    """
-
-    first: int
-    sigmas: tuple[float, ...] = (0.0, 10e-6, 25e-6, 50e-6, 100e-6, 200e-6)
-    gravity_trials: int = 200
-    instrument_trials: int = 100
-    distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)
+    first: int  #: The first seed of all: the parts with fewer trials have the first ones.
+    sigmas: tuple[float, ...] = (0.0, 10e-6, 25e-6, 50e-6, 100e-6, 200e-6)  #: Of a reading along an axis [m].
+    gravity_trials: int = 200  #: So many of the trials have the gravity part too.
+    instrument_trials: int = 100  #: So many have the part of the instruments.
+    distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)  #: Of the tracker from the work area [m].
 
 
 @dataclass(frozen=True)
 class FitRow:
-    """A model fitted, and judged by true deflections.
+    """A model fitted and judged by true deflections, in one trial or over all."""
 
-    Attributes:
-        model: Its name.
-        structure: Name of its structure.
-        constraint: What its method asks of the blocks.
-        prior: Whether a prior fills what the data cannot see.
-        rms_um: RMS error of predicted deflection.
-        p95_um: 95 % of the errors are smaller.
-        conservative: Whether every block is symmetric and positive semi-definite.
-        solved: Whether the method found its solution.
-    """
-
-    model: str
+    model: str  #: Its name; of an instrument the instrument's.
     structure: str
     constraint: Constraint
     prior: bool
-    rms_um: float
-    p95_um: float
-    conservative: bool
-    solved: bool
+    rms_um: Number
+    p95_um: Number
+    conservative: Share
+    solved: Share
 
 
 @dataclass(frozen=True)
 class NoiseRow(FitRow):
-    """One fit of one trial.
-
-    Attributes:
-        part: Of the study; of the instruments `model` is the instrument's name.
-        x: Noise of a reading along an axis, or distance of the instrument [m].
-        measured: The dataset of the gravity part at 50 um.
-    """
+    """One fit of one trial."""
 
     part: Part
-    x: float
-    measured: DatasetRow | None = None
+    x: float  #: Noise of a reading along an axis, or distance of the instrument [m].
+    measured: DatasetRow | None = None  #: The dataset of the gravity part at 50 um.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -170,8 +152,8 @@ def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) ->
 
 def _instruments(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[NoiseRow]:
     """The same poses read by several instruments, MGCO56 with prior; linear truth tells their noise alone."""
-    for truth, part in INSTRUMENT_PARTS.items():
-        campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, truth=truth), seed)
+    for part in INSTRUMENT_PARTS:
+        campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, truth=TRUTHS[part]), seed)
         flat = reread(campaign.identification, FLAT_SIGMA, stream(seed, 1))
         for name, distance, data in readings(campaign.identification, flat, asked.distances, seed):
             found = replace(fit(cell, model, data, campaign.workspace), model=name)
