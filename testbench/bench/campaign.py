@@ -34,37 +34,27 @@ Truth = Literal["nonlinear", "linear"]
 
 
 class Scenario(BaseModel):
-    """A gravity calibration campaign as data: what a manifest must hold to run it again.
-
-    Attributes:
-        arm: The arm's folder.
-        payload: Hung mass [kg].
-        sigma: Standard deviation of one tracker reading along one axis [m]; also the weight of the fit.
-        truth: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
-        noise: Whether readings are noisy.
-        station: Work area of the calibration poses.
-        workspace: Area of the second check: the whole workspace above the floor.
-        identification_poses: Poses to identify from.
-        check_poses: Poses never used for it.
-        identification_runs: Runs over the identification poses; some poses are measured twice.
-        check_runs: Runs over the check poses.
-        workspace_poses: Poses of the second check.
-    """
+    """A gravity calibration campaign as data: what a manifest must hold to run it again."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
-    arm: str
-    payload: float = Field(default=460.3, ge=0.001, le=10_000)
+    arm: str  #: The arm's folder.
+    payload: float = Field(default=460.3, ge=0.001, le=10_000)  #: Hung mass [kg].
+    #: Standard deviation of one tracker reading along one axis [m]; also the weight of the fit.
     sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
+    #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
     truth: Truth = "nonlinear"
-    noise: bool = True
+    noise: bool = True  #: Whether readings are noisy.
+    #: Work area of the calibration poses.
     station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+    #: Area of the second check: the whole workspace above the floor.
     workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
-    identification_poses: int = Field(default=8, ge=1, le=1000)
-    check_poses: int = Field(default=3, ge=1, le=1000)
+    identification_poses: int = Field(default=8, ge=1, le=1000)  #: Poses to identify from.
+    check_poses: int = Field(default=3, ge=1, le=1000)  #: Poses never used for it.
+    #: Runs over the identification poses; some poses are measured twice.
     identification_runs: int = Field(default=15, ge=1, le=10_000)
-    check_runs: int = Field(default=6, ge=1, le=10_000)
-    workspace_poses: int = Field(default=200, ge=1, le=10_000)
+    check_runs: int = Field(default=6, ge=1, le=10_000)  #: Runs over the check poses.
+    workspace_poses: int = Field(default=200, ge=1, le=10_000)  #: Poses of the second check.
 
 
 @dataclass(frozen=True)
@@ -79,69 +69,40 @@ class Cell:
 
 @dataclass(frozen=True)
 class Model:
-    """A named structure with the method that identifies it.
+    """A named structure with the method that identifies it."""
 
-    Attributes:
-        name: As in the paper, such as MGCO68.
-        structure: The unknowns.
-        estimator: A `Method`, or a function of your own.
-    """
-
-    name: str
-    structure: Structure
-    estimator: Estimator
+    name: str  #: As in the paper, such as MGCO68.
+    structure: Structure  #: The unknowns.
+    estimator: Estimator  #: A `Method`, or a function of your own.
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What was measured, and the truth behind it.
+    """What was measured, and the truth behind it."""
 
-    Attributes:
-        scenario: What was asked for.
-        seed: Root of all randomness.
-        measured: All measured runs, in the order of the dataset file.
-        identification: Those to identify from.
-        check: Those of poses never identified from.
-        workspace: Second check: noise-free deflections all over the workspace.
-        before: The true arm, unloaded, of the measured runs.
-        after: The same, loaded.
-    """
-
-    scenario: Scenario
-    seed: int
-    measured: Dataset
-    identification: Dataset
-    check: Dataset
-    workspace: Dataset
-    before: Equilibrium
-    after: Equilibrium
+    scenario: Scenario  #: What was asked for.
+    seed: int  #: Root of all randomness.
+    measured: Dataset  #: All measured runs, in the order of the dataset file.
+    identification: Dataset  #: Those to identify from.
+    check: Dataset  #: Those of poses never identified from.
+    workspace: Dataset  #: Second check: noise-free deflections all over the workspace.
+    before: Equilibrium  #: The true arm, unloaded, of the measured runs.
+    after: Equilibrium  #: The same, loaded.
 
 
 @dataclass(frozen=True)
 class Result:
-    """One model, identified and judged.
+    """One model, identified and judged."""
 
-    Attributes:
-        model: What was asked for.
-        estimate: What was found.
-        identification: Errors on the runs it was identified from, against their readings.
-        check: Errors on the check poses, against their readings.
-        workspace: Errors over the workspace, against the true deflections.
-        residuals: Readings minus predictions of all measured runs, (runs, m, 3) [m].
-        fit_normality: Of the residuals of the identification runs.
-        check_normality: Of the residuals of the check runs.
-        seconds: Wall time of the estimator.
-    """
-
-    model: Model
-    estimate: Estimate
-    identification: Score
-    check: Score
-    workspace: Score
-    residuals: Array
-    fit_normality: Normality
-    check_normality: Normality
-    seconds: float
+    model: Model  #: What was asked for.
+    estimate: Estimate  #: What was found.
+    identification: Score  #: Errors on the runs it was identified from, against their readings.
+    check: Score  #: Errors on the check poses, against their readings.
+    workspace: Score  #: Errors over the workspace, against the true deflections.
+    residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
+    fit_normality: Normality  #: Of the residuals of the identification runs.
+    check_normality: Normality  #: Of the residuals of the check runs.
+    seconds: float  #: Wall time of the estimator.
 
 
 def build_cell(folder: str | Path) -> Cell:

@@ -22,77 +22,49 @@ MAX_BATCHES = 200
 
 
 class FullPose(BaseModel):
-    """A campaign of section 5 as data: what a manifest must hold to run it again.
-
-    Attributes:
-        arm: The arm's folder.
-        poses: Random poses to identify from, within the joint limits.
-        force: Force along each axis in turn, at the tool [N].
-        moment: Moment about each axis in turn [N m].
-        sigma: Standard deviation of one position reading along one axis [m].
-        sigma_rotation: The same of one orientation reading [rad].
-        truth: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
-        noise: Whether readings are noisy.
-        check_runs: Runs to check with, each in a pose and under a wrench of its own.
-        least: Least deflection of a check run [m].
-        most: Greatest deflection of a check run [m].
-    """
+    """A campaign of section 5 as data: what a manifest must hold to run it again."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
-    arm: str
-    poses: int = Field(default=18, ge=1, le=1000)
-    force: float = Field(default=1000.0, gt=0, le=1e6)
-    moment: float = Field(default=1000.0, gt=0, le=1e6)
+    arm: str  #: The arm's folder.
+    poses: int = Field(default=18, ge=1, le=1000)  #: Random poses to identify from, within the joint limits.
+    force: float = Field(default=1000.0, gt=0, le=1e6)  #: Force along each axis in turn, at the tool [N].
+    moment: float = Field(default=1000.0, gt=0, le=1e6)  #: Moment about each axis in turn [N m].
+    #: Standard deviation of one position reading along one axis [m].
     sigma: float = Field(default=25e-6, ge=1e-9, le=0.01)
+    #: The same of one orientation reading [rad].
     sigma_rotation: float = Field(default=250e-6, ge=1e-9, le=0.1)
+    #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
     truth: Truth = "linear"
-    noise: bool = True
+    noise: bool = True  #: Whether readings are noisy.
+    #: Runs to check with, each in a pose and under a wrench of its own.
     check_runs: int = Field(default=120, ge=1, le=10_000)
-    least: float = Field(default=0.0, ge=0, le=1)
-    most: float = Field(default=1.0, gt=0, le=1)
+    least: float = Field(default=0.0, ge=0, le=1)  #: Least deflection of a check run [m].
+    most: float = Field(default=1.0, gt=0, le=1)  #: Greatest deflection of a check run [m].
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What was measured, and what it is checked with.
+    """What was measured, and what it is checked with."""
 
-    Attributes:
-        scenario: What was asked for.
-        seed: Root of all randomness.
-        identification: Noisy readings of six runs a pose.
-        check: Noisy readings of the check runs, in other poses under other wrenches.
-        truth: The check runs without noise.
-        drawn: Check runs drawn until enough had a deflection in range.
-    """
-
-    scenario: FullPose
-    seed: int
-    identification: Dataset
-    check: Dataset
-    truth: Dataset
-    drawn: int
+    scenario: FullPose  #: What was asked for.
+    seed: int  #: Root of all randomness.
+    identification: Dataset  #: Noisy readings of six runs a pose.
+    check: Dataset  #: Noisy readings of the check runs, in other poses under other wrenches.
+    truth: Dataset  #: The check runs without noise.
+    drawn: int  #: Check runs drawn until enough had a deflection in range.
 
 
 @dataclass(frozen=True)
 class Result:
-    """One model, identified and judged.
+    """One model, identified and judged."""
 
-    Attributes:
-        model: What was asked for.
-        estimate: What was found.
-        identification: Errors on the readings that it was identified from.
-        check: Errors on the check runs, against their true deflection.
-        readings: Errors on the check runs, against their readings.
-        seconds: Wall time of the estimator.
-    """
-
-    model: Model
-    estimate: Estimate
-    identification: Score
-    check: Score
-    readings: Score
-    seconds: float
+    model: Model  #: What was asked for.
+    estimate: Estimate  #: What was found.
+    identification: Score  #: Errors on the readings that it was identified from.
+    check: Score  #: Errors on the check runs, against their true deflection.
+    readings: Score  #: Errors on the check runs, against their readings.
+    seconds: float  #: Wall time of the estimator.
 
 
 def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:

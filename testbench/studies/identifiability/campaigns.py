@@ -42,42 +42,26 @@ Part = Literal["linear", "nonlinear", "scale", "fixed scale", "poses", "choice",
 
 @dataclass(frozen=True)
 class Tried:
-    """What is varied.
+    """What is varied."""
 
-    Attributes:
-        structures: Names of `STRUCTURES` with a prior.
-        scales: Factors by which the prior is wrong.
-        poses: Numbers of identification poses.
-        choice: Names of `STRUCTURES` among which cross-validation chooses.
-    """
-
-    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")
-    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)
-    poses: tuple[int, ...] = (5, 8, 12, 20, 40)
+    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: Names of `STRUCTURES` with a prior.
+    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
+    poses: tuple[int, ...] = (5, 8, 12, 20, 40)  #: Numbers of identification poses.
+    #: Names of `STRUCTURES` among which cross-validation chooses.
     choice: tuple[str, ...] = tuple(STRUCTURES)
 
 
 @dataclass(frozen=True)
 class CampaignRow:
-    """One fit.
+    """One fit."""
 
-    Attributes:
-        part: What is varied.
-        x: Scale of the prior or number of poses, where that is varied.
-        fit: The model.
-        held_out_f_m: Of a choice: F_M on poses held out.
-        chosen: Whether cross-validation recommends it.
-        spoiled: Readings that are outliers.
-        rejected: Readings that the fit did without.
-    """
-
-    part: Part
-    fit: ModelRow
-    x: float | None = None
-    held_out_f_m: float | None = None
-    chosen: bool | None = None
-    spoiled: int | None = None
-    rejected: int | None = None
+    part: Part  #: What is varied.
+    fit: ModelRow  #: The model.
+    x: float | None = None  #: Scale of the prior or number of poses, where that is varied.
+    held_out_f_m: float | None = None  #: Of a choice: F_M on poses held out.
+    chosen: bool | None = None  #: Whether cross-validation recommends it.
+    spoiled: int | None = None  #: Readings that are outliers.
+    rejected: int | None = None  #: Readings that the fit did without.
 
 
 def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[CampaignRow]:

@@ -42,38 +42,23 @@ Kind = Literal["linearised", "bootstrap", "posterior", "set", "same arm"]
 
 @dataclass(frozen=True)
 class Case:
-    """What datasets are drawn for.
+    """What datasets are drawn for."""
 
-    Attributes:
-        name: Arm and model, for reports.
-        regression: Poses, loads and sigmas.
-        metric: The structure in the metric of the CAD prior.
-        truth: Parameters, (n,).
-        functionals: Deflections asked for, (k, n).
-    """
-
-    name: str
-    regression: Regression
-    metric: Metric
-    truth: Array
-    functionals: Array
+    name: str  #: Arm and model, for reports.
+    regression: Regression  #: Poses, loads and sigmas.
+    metric: Metric  #: The structure in the metric of the CAD prior.
+    truth: Array  #: Parameters, (n,).
+    functionals: Array  #: Deflections asked for, (k, n).
 
 
 @dataclass(frozen=True)
 class Covered:
-    """Intervals of one kind from one dataset.
+    """Intervals of one kind from one dataset."""
 
-    Attributes:
-        name: Case and method.
-        kind: What the intervals are.
-        inside: Whether each holds the true deflection, to a picometre; a NaN holds nothing.
-        width_um: Of each, infinite where nothing bounds it.
-    """
-
-    name: str
-    kind: Kind
-    inside: tuple[bool, ...]
-    width_um: tuple[float, ...]
+    name: str  #: Case and method.
+    kind: Kind  #: What the intervals are.
+    inside: tuple[bool, ...]  #: Whether each holds the true deflection, to a picometre; a NaN holds nothing.
+    width_um: tuple[float, ...]  #: Of each, infinite where nothing bounds it.
 
 
 def full_pose_case(cell: Cell, checks: int = CHECKS) -> Case:

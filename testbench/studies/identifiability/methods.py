@@ -85,20 +85,15 @@ WITH_PRIOR: dict[str, tuple[Filling, Callable[[Prior], Estimator]]] = {
 
 @dataclass(frozen=True)
 class ModelRow(FitRow):
-    """A model judged: against readings at fitted and check poses, against the truth over the workspace.
-
-    Attributes:
-        filling: What fills what the data do not see.
-        uncertainty_percent: Of the prior, as cross-validation chose it.
-        gco_over_ls_at_this_strength: Of least squares with a prior: error over the workspace of GCO with the
-            same prior, believed as firmly, over its own.
-    """
+    """A model judged: against readings at fitted and check poses, against the truth over the workspace."""
 
     identification: ErrorRow
     check: ErrorRow
     workspace: ErrorRow
-    filling: Filling
-    uncertainty_percent: Number = None
+    filling: Filling  #: What fills what the data do not see.
+    uncertainty_percent: Number = None  #: Of the prior, as cross-validation chose it.
+    #: Of least squares with a prior: error over the workspace of GCO with the same prior, believed as firmly,
+    #: over its own.
     gco_over_ls_at_this_strength: Number = None
 
 

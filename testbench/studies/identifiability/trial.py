@@ -38,27 +38,16 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        arm: Folder or name of the arm.
-        scenario: The campaign; its truth and number of poses are varied.
-        tried: What is varied in a campaign.
-        first: The first seed.
-        campaigns: Trials with a campaign.
-        bootstraps: Those with bootstrap intervals.
-        bounds: Those with set-based bounds.
-        bent: Those with datasets of one and the same arm.
-    """
-
-    arm: str
-    scenario: Scenario
-    tried: Tried
-    first: int
-    campaigns: int
-    bootstraps: int
-    bounds: int
-    bent: int
+    arm: str  #: Folder or name of the arm.
+    scenario: Scenario  #: The campaign; its truth and number of poses are varied.
+    tried: Tried  #: What is varied in a campaign.
+    first: int  #: The first seed.
+    campaigns: int  #: Trials with a campaign.
+    bootstraps: int  #: Those with bootstrap intervals.
+    bounds: int  #: Those with set-based bounds.
+    bent: int  #: Those with datasets of one and the same arm.
 
 
 @dataclass(frozen=True)

@@ -45,23 +45,16 @@ class Options:
 
 
 class Settings(BaseModel):
-    """What is tried.
-
-    Attributes:
-        arm: Folder or name of the arm.
-        max_load: Heaviest hung weight [N]; the lightest is a tenth of it.
-        loads: How many weights, evenly spread on a log scale.
-        poses: How many poses a seed.
-        workspace: Where the tool has to be.
-    """
+    """What is tried."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
-    arm: str
+    arm: str  #: Folder or name of the arm.
+    #: Heaviest hung weight [N]; the lightest is a tenth of it.
     max_load: float = Field(default=10_000.0, ge=1, le=100_000)
-    loads: int = Field(default=LOADS, ge=2, le=100)
-    poses: int = Field(default=POSES, ge=1, le=10_000)
-    workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+    loads: int = Field(default=LOADS, ge=2, le=100)  #: How many weights, evenly spread on a log scale.
+    poses: int = Field(default=POSES, ge=1, le=10_000)  #: How many poses a seed.
+    workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.
 
     @property
     def weights(self) -> list[float]:
@@ -71,47 +64,29 @@ class Settings(BaseModel):
 
 @dataclass(frozen=True)
 class PoseRow:
-    """One weight in one pose, by one truth and one method.
+    """One weight in one pose, by one truth and one method."""
 
-    Attributes:
-        run: Number of load and pose, from 1.
-        pose: Number of the pose, from 1.
-        q_rad: Actuated joint angles, (n,).
-        load_N: Hung weight.
-        truth: With or without the arm's own weight.
-        method: What predicts.
-        deflection_m: True deflection of the tool, world, (3,).
-        error_m: Predicted minus true, world, (3,).
-        tangent_difference: Of the tangent compliance under load, model against weightless truth [1]; None but
-            in the rows of the integrated method and the weightless arm.
-    """
-
-    run: int
-    pose: int
-    q_rad: tuple[float, ...]
-    load_N: float
-    truth: Truth
-    method: Method
-    deflection_m: tuple[float, ...]
-    error_m: tuple[float, ...]
+    run: int  #: Number of load and pose, from 1.
+    pose: int  #: Number of the pose, from 1.
+    q_rad: tuple[float, ...]  #: Actuated joint angles, (n,).
+    load_N: float  #: Hung weight.
+    truth: Truth  #: With or without the arm's own weight.
+    method: Method  #: What predicts.
+    deflection_m: tuple[float, ...]  #: True deflection of the tool, world, (3,).
+    error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
+    #: Of the tangent compliance under load, model against weightless truth [1]; None but in the rows of the
+    #: integrated method and the weightless arm.
     tangent_difference: float | None
 
 
 @dataclass(frozen=True)
 class Loading:
-    """All poses under one weight.
+    """All poses under one weight."""
 
-    Attributes:
-        load: The weight [N].
-        true: Deflection of the tool by truth, (poses, 3) [m].
-        predicted: The same by method, (poses, 3) [m].
-        tangent_difference: Relative difference of the tangent compliance, model to truth, (poses,) [1].
-    """
-
-    load: float
-    true: Mapping[Truth, Array]
-    predicted: Mapping[Method, Array]
-    tangent_difference: Array
+    load: float  #: The weight [N].
+    true: Mapping[Truth, Array]  #: Deflection of the tool by truth, (poses, 3) [m].
+    predicted: Mapping[Method, Array]  #: The same by method, (poses, 3) [m].
+    tangent_difference: Array  #: Relative difference of the tangent compliance, model to truth, (poses,) [1].
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
