@@ -143,12 +143,7 @@ def _gramians(problem: Factorised, V: Array) -> Array:
 
 
 def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
-    """F_M(b), Eq. (19), and its gradient, (size,).
-
-    Args:
-        problem: The problem.
-        b: The vectors, (size,), in the problem's units.
-    """
+    """F_M(b), Eq. (19), and its gradient, (size,), for b of the problem's units, (size,)."""
     s, V = problem.program.structure, vectors(problem, b)
     x = (V[:, s.a] * V[:, s.b]).sum(axis=0)
     value, g = 0.0, np.zeros(s.n)
@@ -162,12 +157,7 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
 
 
 def costs(problem: Factorised, population: Array) -> Array:
-    """F_M of many b at once, (points,).
-
-    Args:
-        problem: The problem.
-        population: One b a column, (size, points).
-    """
+    """F_M of many b at once, (points,), one a column of the population, (size, points)."""
     found = []
     for first in range(0, population.shape[1], BLOCK_POINTS):
         x = _gramians(problem, vectors(problem, population[:, first : first + BLOCK_POINTS]))
