@@ -49,47 +49,29 @@ REASONS = tuple(ADVICE)
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a pose must satisfy beyond limits and collisions.
+    """What a pose must satisfy beyond limits and collisions."""
 
-    Attributes:
-        area: Where the tool has to be; None for anywhere.
-        station: Where the tracker stands and what it sees; None where nobody looks.
-        payload: What hangs from the load point; None for nothing.
-    """
-
-    area: WorkArea | None = None
-    station: Station | None = None
-    payload: Payload | None = None
+    area: WorkArea | None = None  #: Where the tool has to be; None for anywhere.
+    station: Station | None = None  #: Where the tracker stands and what it sees; None where nobody looks.
+    payload: Payload | None = None  #: What hangs from the load point; None for nothing.
 
 
 @dataclass(frozen=True)
 class Checks:
-    """Conditions made ready to be asked of many poses.
+    """Conditions made ready to be asked of many poses."""
 
-    Attributes:
-        vjm: The model, for its nominal kinematics.
-        site: Arm, payload and tracker as shapes.
-        conditions: What is asked.
-    """
-
-    vjm: Vjm
-    site: Site
-    conditions: Conditions
+    vjm: Vjm  #: The model, for its nominal kinematics.
+    site: Site  #: Arm, payload and tracker as shapes.
+    conditions: Conditions  #: What is asked.
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Feasible poses and what it took to find them; drawn is their number and all those rejected.
+    """Feasible poses and what it took to find them; drawn is their number and all those rejected."""
 
-    Attributes:
-        q: Actuated joint angles, (count, n) [rad].
-        drawn: Poses drawn.
-        rejected: How many each of `REASONS` refused, in their order.
-    """
-
-    q: Array
-    drawn: int
-    rejected: dict[str, int]
+    q: Array  #: Actuated joint angles, (count, n) [rad].
+    drawn: int  #: Poses drawn.
+    rejected: dict[str, int]  #: How many each of `REASONS` refused, in their order.
 
 
 def build_checks(cell: Cell, conditions: Conditions) -> Checks:

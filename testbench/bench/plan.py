@@ -34,19 +34,12 @@ NAMED = 5
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan and what it promises.
+    """A plan and what it promises."""
 
-    Attributes:
-        found: Feasible poses, and what it took to find them.
-        plan: The poses, in the order of measuring.
-        workspace: Errors over the specification's workspace, under the first load.
-        report: What was asked for, and what readers see.
-    """
-
-    found: Candidates
-    plan: Plan
-    workspace: Forecast
-    report: PlanReport
+    found: Candidates  #: Feasible poses, and what it took to find them.
+    plan: Plan  #: The poses, in the order of measuring.
+    workspace: Forecast  #: Errors over the specification's workspace, under the first load.
+    report: PlanReport  #: What was asked for, and what readers see.
 
 
 def hung(cell: Cell, mass: float) -> Load:

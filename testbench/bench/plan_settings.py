@@ -23,35 +23,22 @@ MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSettings:
-    """What is asked for.
+    """What is asked for."""
 
-    Attributes:
-        model: Key of `MODELS`: its structure is to be identified.
-        criterion: Key of planning.CRITERIA.
-        poses: How many are to be measured.
-        loads_kg: Masses that may be hung.
-        sigma_um: Standard deviation of one reading along one axis.
-        uncertainty_percent: Of the CAD prior; None for an identification without a prior.
-        tracker_m: Where it stands; None leaves visibility unchecked.
-        acceptance_deg: Half angle in which fixed targets return the beam; None for targets turned by hand.
-        box_m: Lower and upper corner of where the tool may be; None for anywhere.
-        sling_m: From the load point to the weight.
-        candidates_wanted: Feasible poses to choose from.
-        seed: Root of all randomness.
-    """
-
-    model: str = "MGCO68"
-    criterion: str = "test"
-    poses: int = 12
-    loads_kg: tuple[float, ...]
-    sigma_um: float = 50.0
-    uncertainty_percent: float | None = 30.0
-    tracker_m: Place | None = None
+    model: str = "MGCO68"  #: Key of `MODELS`: its structure is to be identified.
+    criterion: str = "test"  #: Key of planning.CRITERIA.
+    poses: int = 12  #: How many are to be measured.
+    loads_kg: tuple[float, ...]  #: Masses that may be hung.
+    sigma_um: float = 50.0  #: Standard deviation of one reading along one axis.
+    uncertainty_percent: float | None = 30.0  #: Of the CAD prior; None for an identification without a prior.
+    tracker_m: Place | None = None  #: Where it stands; None leaves visibility unchecked.
+    #: Half angle in which fixed targets return the beam; None for targets turned by hand.
     acceptance_deg: float | None = None
+    #: Lower and upper corner of where the tool may be; None for anywhere.
     box_m: tuple[Place, Place] | None = None
-    sling_m: float = 0.5
-    candidates_wanted: int = 5000
-    seed: int = 1
+    sling_m: float = 0.5  #: From the load point to the weight.
+    candidates_wanted: int = 5000  #: Feasible poses to choose from.
+    seed: int = 1  #: Root of all randomness.
 
     def __post_init__(self) -> None:
         if self.criterion not in CRITERIA:

@@ -22,32 +22,21 @@ COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)
 
 @dataclass(frozen=True)
 class Baselines:
-    """Errors at the tasks of other plans from the same candidates; infinite where they leave them open.
+    """Errors at the tasks of other plans from the same candidates; infinite where they leave them open."""
 
-    Attributes:
-        greedy: Of 1, 2, ... poses, each the best next one, (most,) [m].
-        random: Of `RANDOM` random plans, by number of poses, (RANDOM,) [m].
-    """
-
-    greedy: Array
-    random: dict[int, Array]
+    greedy: Array  #: Of 1, 2, ... poses, each the best next one, (most,) [m].
+    random: dict[int, Array]  #: Of `RANDOM` random plans, by number of poses, (RANDOM,) [m].
 
 
 @dataclass(frozen=True)
 class PriorInfluence:
-    """What a plan's promise rests on.
+    """What a plan's promise rests on."""
 
-    Attributes:
-        shown: Directions of the unknowns that the candidates can show.
-        outweighed: Those of them that the plan's readings determine better than the prior does.
-        prior_share: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
-        hidden: Mean square error at the tasks in directions that no candidate shows [m^2].
-    """
-
-    shown: int
-    outweighed: int
+    shown: int  #: Directions of the unknowns that the candidates can show.
+    outweighed: int  #: Those of them that the plan's readings determine better than the prior does.
+    #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
     prior_share: float
-    hidden: float
+    hidden: float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:

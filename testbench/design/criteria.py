@@ -75,15 +75,10 @@ class Determinant:
 
 @dataclass(frozen=True)
 class Linear:
-    """1 / tr(W M^-1): A with W = 1, I with the workspace's W, the test-pose criterion with the tasks'.
+    """1 / tr(W M^-1): A with W = 1, I with the workspace's W, the test-pose criterion with the tasks'."""
 
-    Attributes:
-        name: For reports.
-        W: Symmetric, positive semi-definite, (r, r).
-    """
-
-    name: str
-    W: Array
+    name: str  #: For reports.
+    W: Array  #: Symmetric, positive semi-definite, (r, r).
 
     def information(self, M: Array) -> float:
         """1 / tr(W M^-1)."""
@@ -106,15 +101,11 @@ class Largest:
 
     The stand-in is their power mean. It weights every cost by its size to the power `POWER` - 1; a weighted
     mean is no larger than the maximum, so that the tangent of the weighted criterion bounds this one too.
-
-    Attributes:
-        name: For reports.
-        costs: At M, (k,).
-        mix: W of their weighted mean at M, from weights whose sum is one, (k,) to (r, r).
     """
 
-    name: str
-    costs: Callable[[Array], Array]
+    name: str  #: For reports.
+    costs: Callable[[Array], Array]  #: At M, (k,).
+    #: W of their weighted mean at M, from weights whose sum is one, (k,) to (r, r).
     mix: Callable[[Array, Array], Array]
 
     def information(self, M: Array) -> float:

@@ -19,22 +19,15 @@ class Forecast:
     """RMS distance of a predicted from a true target, pose by pose and over all, with an interval.
 
     The interval holds 90 % of the errors that noise and what the prior leaves open can make.
-
-    Attributes:
-        error: In every pose, (poses,) [m]; infinite where the loads of the plan cannot show what is asked.
-        low: 5th percentile, (poses,) [m].
-        high: 95th percentile, (poses,) [m].
-        overall: Root mean square over all poses [m].
-        overall_low: 5th percentile of that [m].
-        overall_high: 95th percentile [m].
     """
 
+    #: In every pose, (poses,) [m]; infinite where the loads of the plan cannot show what is asked.
     error: Array
-    low: Array
-    high: Array
-    overall: float
-    overall_low: float
-    overall_high: float
+    low: Array  #: 5th percentile, (poses,) [m].
+    high: Array  #: 95th percentile, (poses,) [m].
+    overall: float  #: Root mean square over all poses [m].
+    overall_low: float  #: 5th percentile of that [m].
+    overall_high: float  #: 95th percentile [m].
 
 
 def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:

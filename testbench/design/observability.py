@@ -19,24 +19,15 @@ class Observability:
 
     The unknowns are in units of what is expected, so that s have one unit, 1; all indices are zero where the
     plan leaves a direction unseen that the candidates can show.
-
-    Attributes:
-        o1: (product of s)^(1/r) / sqrt(poses): volume.
-        o2: s_min / s_max: inverse condition number.
-        o3: s_min: noise amplification of the worst direction.
-        o4: s_min^2 / s_max: noise amplification index.
-        o5: 1 / sum(1 / s): harmonic mean over r.
-        seen: Directions that the plan sees.
-        of: Directions that the candidates can show.
     """
 
-    o1: float
-    o2: float
-    o3: float
-    o4: float
-    o5: float
-    seen: int
-    of: int
+    o1: float  #: (product of s)^(1/r) / sqrt(poses): volume.
+    o2: float  #: s_min / s_max: inverse condition number.
+    o3: float  #: s_min: noise amplification of the worst direction.
+    o4: float  #: s_min^2 / s_max: noise amplification index.
+    o5: float  #: 1 / sum(1 / s): harmonic mean over r.
+    seen: int  #: Directions that the plan sees.
+    of: int  #: Directions that the candidates can show.
 
 
 def observability(problem: Problem, chosen: Ids) -> Observability:

@@ -38,43 +38,27 @@ DETOUR = 10.0
 
 @dataclass(frozen=True)
 class CandidateSet:
-    """Candidates: a pose and a load each.
+    """Candidates: a pose and a load each."""
 
-    Attributes:
-        q: Joint angles, (candidates, n) [rad].
-        load: Index into the specification's loads, (candidates,).
-        problem: What they tell.
-    """
-
-    q: Array
-    load: Ids
-    problem: Problem
+    q: Array  #: Joint angles, (candidates, n) [rad].
+    load: Ids  #: Index into the specification's loads, (candidates,).
+    problem: Problem  #: What they tell.
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Poses to measure, in the order of measuring.
+    """Poses to measure, in the order of measuring."""
 
-    Attributes:
-        specification: What it is for.
-        criterion: What was asked for.
-        q: Joint angles, (poses, n) [rad].
-        load: Index into the specification's loads, (poses,).
-        clear: Whether the arm can go straight to each pose from the one before, (poses - 1,).
-        examined: All candidates examined, those of the plan among them.
-        chosen: Which of them the plan is, (poses,).
-        value: Phi of the plan.
-        relaxed: The relaxed optimum over all examined: its bound is that of all plans of as many poses.
-    """
-
-    specification: Specification
-    criterion: Criterion
-    q: Array
-    load: Ids
+    specification: Specification  #: What it is for.
+    criterion: Criterion  #: What was asked for.
+    q: Array  #: Joint angles, (poses, n) [rad].
+    load: Ids  #: Index into the specification's loads, (poses,).
+    #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
     clear: tuple[bool, ...]
-    examined: CandidateSet
-    chosen: Ids
-    value: float
+    examined: CandidateSet  #: All candidates examined, those of the plan among them.
+    chosen: Ids  #: Which of them the plan is, (poses,).
+    value: float  #: Phi of the plan.
+    #: The relaxed optimum over all examined: its bound is that of all plans of as many poses.
     relaxed: Relaxed
 
     @property

@@ -33,30 +33,20 @@ Feasible = Callable[[Array], npt.NDArray[np.bool_]]
 
 @dataclass(frozen=True)
 class Reach:
-    """Where the arm can go.
+    """Where the arm can go."""
 
-    Attributes:
-        feasible: Which poses (poses, n) [rad] the arm can take and the tracker can see.
-        clear: Whether the arm can go straight from one pose (n,) to another [rad].
-    """
-
-    feasible: Feasible
+    feasible: Feasible  #: Which poses (poses, n) [rad] the arm can take and the tracker can see.
+    #: Whether the arm can go straight from one pose (n,) to another [rad].
     clear: Callable[[Array, Array], bool] = lambda _start, _end: True
 
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Where and how a local search steps.
+    """Where and how a local search steps."""
 
-    Attributes:
-        feasible: Which poses (poses, n) [rad] it may take.
-        limits: Lower and upper joint limits, (2, n) [rad].
-        rng: Source of the steps.
-    """
-
-    feasible: Feasible
-    limits: Array
-    rng: np.random.Generator
+    feasible: Feasible  #: Which poses (poses, n) [rad] it may take.
+    limits: Array  #: Lower and upper joint limits, (2, n) [rad].
+    rng: np.random.Generator  #: Source of the steps.
 
     def around(self, q: Array, step: Array) -> Array:
         """Poses drawn around q within the limits; q and step broadcast to the shape of the draw."""

@@ -30,21 +30,13 @@ ENTRY = 0.02
 
 @dataclass(frozen=True)
 class Relaxed:
-    """The relaxed optimum.
+    """The relaxed optimum."""
 
-    Attributes:
-        support: Candidates with weight, (s,).
-        weights: Their weights, the sum is the number of poses, (s,).
-        value: Phi there.
-        bound: No plan of as many poses has more.
-        dual: Z that proves it, (r, r).
-    """
-
-    support: Ids
-    weights: Array
-    value: float
-    bound: float
-    dual: Array
+    support: Ids  #: Candidates with weight, (s,).
+    weights: Array  #: Their weights, the sum is the number of poses, (s,).
+    value: float  #: Phi there.
+    bound: float  #: No plan of as many poses has more.
+    dual: Array  #: Z that proves it, (r, r).
 
 
 def bound(problem: Problem, poses: int, Z: Array) -> float:

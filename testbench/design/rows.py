@@ -26,32 +26,20 @@ The weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest
 
 @dataclass(frozen=True)
 class Load:
-    """What hangs or pushes at the tool, in every pose the same or in each its own.
+    """What hangs or pushes at the tool, in every pose the same or in each its own."""
 
-    Attributes:
-        wrench: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
-    """
-
-    wrench: Array
-    point: Array
+    wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """How every pose is measured.
+    """How every pose is measured."""
 
-    Attributes:
-        vjm: The model.
-        metric: The unknowns in units of what a prior expects.
-        targets: Points that the tracker reads, in the tool's frame, (m, 3) [m].
-        sigma: Standard deviation of one reading along one axis [m].
-    """
-
-    vjm: Vjm
-    metric: Metric
-    targets: Array
-    sigma: float
+    vjm: Vjm  #: The model.
+    metric: Metric  #: The unknowns in units of what a prior expects.
+    targets: Array  #: Points that the tracker reads, in the tool's frame, (m, 3) [m].
+    sigma: float  #: Standard deviation of one reading along one axis [m].
 
 
 @dataclass(frozen=True)
@@ -59,19 +47,14 @@ class Problem:
     """Candidates to choose from, in the coordinates that their loads can show.
 
     The unknowns are x = expected + lift a + what no candidate shows; a has the prior's information.
-
-    Attributes:
-        rows: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
-        prior: Information on a before any reading, (r, r).
-        lift: x per unit of a, (n, r).
-        hidden: Covariance of x that stays whatever is measured, (n, n); infinite entries are left at zero.
-        unseen: Directions of x that no candidate shows and no prior bounds, (n, n - r); (n, 0) with a prior.
     """
 
-    rows: Array
-    prior: Array
-    lift: Array
+    rows: Array  #: Readings per unit of a over their standard deviation, (candidates, k, r) [1].
+    prior: Array  #: Information on a before any reading, (r, r).
+    lift: Array  #: x per unit of a, (n, r).
+    #: Covariance of x that stays whatever is measured, (n, n); infinite entries are left at zero.
     hidden: Array
+    #: Directions of x that no candidate shows and no prior bounds, (n, n - r); (n, 0) with a prior.
     unseen: Array
 
     @property

@@ -20,36 +20,23 @@ from testbench.errors import Array
 
 @dataclass(frozen=True)
 class Tasks:
-    """Where the robot works, and under which load.
+    """Where the robot works, and under which load."""
 
-    Attributes:
-        q: Actuated joint angles, (tasks, n) [rad].
-        load: In each of them; a wrench of the process or a hung weight.
-    """
-
-    q: Array
-    load: Load
+    q: Array  #: Actuated joint angles, (tasks, n) [rad].
+    load: Load  #: In each of them; a wrench of the process or a hung weight.
 
 
 @dataclass(frozen=True)
 class Specification:
-    """What a plan is for.
+    """What a plan is for."""
 
-    Attributes:
-        experiment: How poses are measured.
-        loads: What may be hung; a plan chooses for every pose.
-        tasks: Where predictions are wanted.
-        workspace: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad].
-        uncertainty: Relative uncertainty of the prior [1]; None to plan for an identification without one.
-        poses: How many may be measured.
-    """
-
-    experiment: Experiment
-    loads: tuple[Load, ...]
-    tasks: Tasks
-    workspace: Array
+    experiment: Experiment  #: How poses are measured.
+    loads: tuple[Load, ...]  #: What may be hung; a plan chooses for every pose.
+    tasks: Tasks  #: Where predictions are wanted.
+    workspace: Array  #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad].
+    #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
     uncertainty: float | None
-    poses: int
+    poses: int  #: How many may be measured.
 
 
 def task_rows(spec: Specification) -> Array:

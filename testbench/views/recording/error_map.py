@@ -23,21 +23,13 @@ KEYS, STEP, KEY = 5, 180.0, 20.0
 
 @dataclass(frozen=True)
 class ErrorMap:
-    """Errors at places.
+    """Errors at places."""
 
-    Attributes:
-        words: What the errors are, with unit.
-        field: Tool positions all over the workspace, (p, 3) [m].
-        field_mm: Error at each, (p,) [mm].
-        tasks: Tool positions where the robot works, (t, 3) [m].
-        tasks_mm: Error at each, (t,) [mm].
-    """
-
-    words: str
-    field: Array
-    field_mm: Array
-    tasks: Array
-    tasks_mm: Array
+    words: str  #: What the errors are, with unit.
+    field: Array  #: Tool positions all over the workspace, (p, 3) [m].
+    field_mm: Array  #: Error at each, (p,) [mm].
+    tasks: Array  #: Tool positions where the robot works, (t, 3) [m].
+    tasks_mm: Array  #: Error at each, (t,) [mm].
 
     @property
     def ends(self) -> tuple[float, float]:

@@ -31,51 +31,29 @@ NARROW, WIDE = 0.9, 1.4
 
 @dataclass(frozen=True)
 class PlanScene:
-    """A measurement plan and its words, made ready for drawing.
+    """A measurement plan and its words, made ready for drawing."""
 
-    Attributes:
-        cell: The arm.
-        scenario: Name of the scenario.
-        parameters: It as plain data.
-        seed: Root of randomness.
-        station: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
-        loads_kg: Weights that may be hung [kg].
-        load: Index into loads_kg of every pose, (poses,).
-        candidates: Tool positions of the feasible poses, (c, 3) [m].
-        q: Joint angles in the order of measuring, (poses, n) [rad].
-        pose_words: Markdown of every pose: angles, what to expect.
-        deflection_mm: Expected deflection, (poses,) [mm].
-        error_mm: Expected error of its prediction, (poses,) [mm].
-        tasks: Tool positions where the robot works, at least one, (t, 3) [m].
-        task_error_mm: Expected error in each, (t,) [mm].
-        field: Tool positions all over the workspace, at least one, (p, 3) [m].
-        field_error_mm: Expected error at each, (p,) [mm].
-        field_words: What the errors are, with unit, such as "expected error after identification (mm)".
-        summary: Markdown: question, bold answer, table. Colours and how to scrub are appended.
-        tables: Further tables in markdown, by heading.
-        sweep: Accuracy against the number of poses.
-    """
-
-    cell: Cell
-    scenario: str
-    parameters: object
-    seed: int
+    cell: Cell  #: The arm.
+    scenario: str  #: Name of the scenario.
+    parameters: object  #: It as plain data.
+    seed: int  #: Root of randomness.
+    #: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
     station: tuple[float, float, float] | None
-    loads_kg: tuple[float, ...]
-    load: Ids
-    candidates: Array
-    q: Array
-    pose_words: Sequence[str]
-    deflection_mm: Array
-    error_mm: Array
-    tasks: Array
-    task_error_mm: Array
-    field: Array
-    field_error_mm: Array
-    field_words: str
-    summary: str
-    tables: Mapping[str, str] = attribute(default_factory=dict)
-    sweep: Sweep | None = None
+    loads_kg: tuple[float, ...]  #: Weights that may be hung [kg].
+    load: Ids  #: Index into loads_kg of every pose, (poses,).
+    candidates: Array  #: Tool positions of the feasible poses, (c, 3) [m].
+    q: Array  #: Joint angles in the order of measuring, (poses, n) [rad].
+    pose_words: Sequence[str]  #: Markdown of every pose: angles, what to expect.
+    deflection_mm: Array  #: Expected deflection, (poses,) [mm].
+    error_mm: Array  #: Expected error of its prediction, (poses,) [mm].
+    tasks: Array  #: Tool positions where the robot works, at least one, (t, 3) [m].
+    task_error_mm: Array  #: Expected error in each, (t,) [mm].
+    field: Array  #: Tool positions all over the workspace, at least one, (p, 3) [m].
+    field_error_mm: Array  #: Expected error at each, (p,) [mm].
+    field_words: str  #: What the errors are, with unit, such as "expected error after identification (mm)".
+    summary: str  #: Markdown: question, bold answer, table. Colours and how to scrub are appended.
+    tables: Mapping[str, str] = attribute(default_factory=dict)  #: Further tables in markdown, by heading.
+    sweep: Sweep | None = None  #: Accuracy against the number of poses.
 
     @property
     def poses(self) -> int:
