@@ -134,7 +134,8 @@ def _eigenvalues(report: LinkReport) -> dict[str, Sequence[object]]:
     """Of every matrix, and of the symmetric part where the matrix is another one."""
     printed = report.eq_22_23
     found: dict[str, Sequence[object]] = {"truth, Eq. (21)": np.linalg.eigvalsh(report.truth_matrix).tolist()}
-    for name, C in {**report.first_draw, "LS, Eq. (22)": printed.eq_22}.items():
+    drawn = {f"{name}, first draw": C for name, C in report.first_draw.items()}
+    for name, C in {**drawn, "LS, Eq. (22)": printed.eq_22}.items():
         found[name] = C.eigenvalues_matrix
         if not np.array_equal(C.matrix, np.transpose(C.matrix)):
             found[f"{name}, symmetric part"] = C.eigenvalues_symmetric_part
