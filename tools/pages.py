@@ -47,8 +47,8 @@ def main(
 def page(name: str, run: Path) -> None:
     """A study's page: how to run it, its figure, its report.md."""
     title, _, rest = (run / "report.md").read_text(encoding="utf-8").partition("\n")
-    figure = run / f"{name}.png"
-    picture = figure if figure.is_file() else run / "models.png"
+    own = (run / figure for figure in (f"{name}.png", "models.png", "curves.png"))
+    picture = next(figure for figure in own if figure.is_file())
     shutil.copyfile(picture, PAGES / f"{name}.png")
     script = f"    python scenarios/{name}.py --out runs/{name}"
     rest = re.sub(r"!\[[^]]*\]\([^)]*\)\n", "", rest)

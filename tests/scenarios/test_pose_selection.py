@@ -1,10 +1,14 @@
 """The study of pose selection as a stranger runs it: its files, its contract, its claims."""
 
 import json
+import shutil
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from run_here import app_of, here
+
+from testbench.studies.pose_selection import plans
 
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "pose_selection.py")
@@ -71,6 +75,15 @@ def test_what_is_possible_is_said_with_its_two_parts(report):
     assert 0 < own["noise_free_mm"]["test"] < own["noise_free_mm"]["random"]
     plan = next(p for p in report["plans"] if (p["criterion"], p["poses"]) == ("test", 12))
     assert own["least_promise_mm"] == pytest.approx(plan["expected_tasks_mm"] * plan["efficiency"] ** 0.5)
+
+
+def test_a_finished_run_is_resumed_without_planning_again(quick, tmp_path):
+    out = shutil.copytree(quick[0], tmp_path / "out")
+    with mock.patch.object(plans, "make_plan", side_effect=AssertionError):
+        done = run("--seed", 2, "--seeds", 1, "--out", out, "--quick", "--workers", 1, "--resume")
+    assert done.returncode == 0, done.stderr
+    ours, theirs = ((folder / "report.json").read_text() for folder in (out, quick[0]))
+    assert ours == theirs
 
 
 @pytest.mark.parametrize(

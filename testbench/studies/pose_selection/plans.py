@@ -81,6 +81,7 @@ def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
     for criterion, variant, spec in map(_jobs(cell, asked).__getitem__, numbers):
         start = time.perf_counter()
         best = plan(cell, asked.scope, spec, criterion, (q, asked.seed))
+        seconds = time.perf_counter() - start
         row = PlanRow(
             **vars(certificate(best)),
             criterion=criterion,
@@ -88,7 +89,7 @@ def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
             poses=spec.poses,
             q_rad=tuple(best.q.ravel().tolist()),
             load=tuple(best.load.tolist()),
-            seconds=time.perf_counter() - start,
+            seconds=seconds,
         )
         found.append([row])
     return found
