@@ -38,7 +38,7 @@ PICTURES = {
 
 STEP = 10
 """Of the load between two pictures of the loading [%]."""
-SMALL, GIF_COLOURS = (960, 600), 64
+SMALL, GIF_COLOURS = (960, 600), 128
 REST, MOVE = 1500, 250
 """How long the first and last picture stand, and the others [ms]."""
 
@@ -75,10 +75,11 @@ def moving(folder: Path, gif: Path, size: str) -> None:
         shots = []
         for load in range(0, 101, STEP):
             png = Path(scratch) / f"{load}.png"
-            viewer.shot(folder, png, size=size, tab="Loading", timeline="load", at=load)
+            viewer.shot(folder, png, viewer.Sight(size, "Loading", "load", load))
             with Image.open(png) as picture:
                 small = picture.convert("RGB").resize(SMALL, Image.Resampling.LANCZOS)
-            shots.append(small.quantize(GIF_COLOURS, dither=Image.Dither.NONE))
+            octree = Image.Quantize.FASTOCTREE
+            shots.append(small.quantize(GIF_COLOURS, octree, dither=Image.Dither.NONE))
     rests = [REST, *[MOVE] * (len(shots) - 2), REST]
     shots[0].save(gif, save_all=True, append_images=shots[1:], duration=rests, loop=0, optimize=True)
 
