@@ -67,6 +67,8 @@ def write_errors(file: Path, arm: Arm, rows: Sequence[PoseRow]) -> None:
     with file.open("w", encoding="utf-8", newline="") as text:
         lines = csv.writer(text, lineterminator="\n")
         lines.writerow(["run", "pose", *names, "load_N", "truth", "method", *vectors, "error_m"])
+        poses, loads = max(row.pose for row in rows), list(dict.fromkeys(row.load_N for row in rows))
         for row in rows:
-            case = (row.run, row.pose, *row.q_rad, row.load_N, row.truth, row.method)
+            run = loads.index(row.load_N) * poses + row.pose
+            case = (run, row.pose, *row.q_rad, row.load_N, row.truth, row.method)
             lines.writerow([*case, *row.deflection_m, *row.error_m, math.hypot(*row.error_m)])

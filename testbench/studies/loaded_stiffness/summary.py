@@ -95,10 +95,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[PoseRow]) -> LoadedRep
     rows = [statistics(*case, found) for case, found in cases.items()]
     loads = list(dict.fromkeys(row.load_N for row in rows))
     heaviest = grouped([row for row in rows if row.load_N == loads[-1]], lambda row: row.truth)
-    tangents = {
-        load: [r.tangent_difference for r in found if r.tangent_difference is not None]
-        for load, found in grouped(every, lambda row: row.load_N).items()
-    }
+    by_load = grouped(every, lambda row: row.load_N)
     return LoadedReport(
         scenario=NAME,
         seed=seeds[0] if len(seeds) == 1 else list(seeds),
@@ -107,7 +104,9 @@ def summary(asked: Settings, seeds: range, trials: Trials[PoseRow]) -> LoadedRep
         loads_N=loads,
         methods=METHODS,
         rows=rows,
-        tangent=[TangentRow(load, max(found)) for load, found in tangents.items()],
+        tangent=[
+            TangentRow(load, max(row.tangent_difference for row in found)) for load, found in by_load.items()
+        ],
         best={truth: best(own) for truth, own in heaviest.items()},
     )
 

@@ -1,6 +1,6 @@
 """Eq. (7) tried: true deflections under heavy weights all over the workspace, and predicted ones."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -66,7 +66,6 @@ class Settings(BaseModel):
 class PoseRow:
     """One weight in one pose, by one truth and one method."""
 
-    run: int  #: Number of load and pose, from 1.
     pose: int  #: Number of the pose, from 1.
     q_rad: tuple[float, ...]  #: Actuated joint angles, (n,).
     load_N: float  #: Hung weight.
@@ -74,19 +73,7 @@ class PoseRow:
     method: Method  #: What predicts.
     deflection_m: tuple[float, ...]  #: True deflection of the tool, world, (3,).
     error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
-    #: Of the tangent compliance under load, model against weightless truth [1]; None but in the rows of the
-    #: integrated method and the weightless arm.
-    tangent_difference: float | None
-
-
-@dataclass(frozen=True)
-class Loading:
-    """All poses under one weight."""
-
-    load: float  #: The weight [N].
-    true: Mapping[Truth, Array]  #: Deflection of the tool by truth, (poses, 3) [m].
-    predicted: Mapping[Method, Array]  #: The same by method, (poses, 3) [m].
-    tangent_difference: Array  #: Relative difference of the tangent compliance, model to truth, (poses,) [1].
+    tangent_difference: float  #: Of the tangent compliance, model against weightless truth [1].
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -106,8 +93,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
     found = []
     for seed in seeds:
         q = draw(cell, asked, seed)
-        loadings = [hang(cell, plants, q, load, asked.max_load / 100) for load in asked.weights]
-        found.append(list(rows(q, loadings)))
+        increment = asked.max_load / 100
+        found.append([row for load in asked.weights for row in hang(cell, plants, q, load, increment)])
     return found
 
 
@@ -127,7 +114,7 @@ def draw(cell: Cell, asked: Settings, seed: int) -> Array:
     return random_poses(cell.vjm, asked.workspace, asked.poses, clear, stream(seed))
 
 
-def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> Loading:
+def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> list[PoseRow]:
     """One weight in every pose: true deflections, predicted ones, and the tangents under it.
 
     Args:
@@ -145,7 +132,22 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, incre
     C = tangent(cell, q, theta, wrench, point)
     expected = numerical_tangent(plants["weightless"], q, wrench, point, increment)
     off = np.linalg.norm(C - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))
-    return Loading(load, true, predict(cell, q, theta, wrench, point), off)
+    predicted = predict(cell, q, theta, wrench, point)
+    return [
+        PoseRow(
+            pose=i + 1,
+            q_rad=tuple(angles.tolist()),
+            load_N=load,
+            truth=truth,
+            method=method,
+            deflection_m=tuple(moved[i].tolist()),
+            error_m=tuple((foretold[i] - moved[i]).tolist()),
+            tangent_difference=float(off[i]),
+        )
+        for truth, moved in true.items()
+        for method, foretold in predicted.items()
+        for i, angles in enumerate(q)
+    ]
 
 
 def deflect(plant: Plant, q: Array, wrench: Array, point: Array) -> Array:
@@ -182,28 +184,3 @@ def numerical_tangent(plant: Plant, q: Array, wrench: Array, point: Array, incre
     steps = increment * np.eye(3, 6)
     columns = [(position(step) - position(-step)) / (2 * increment) for step in steps]
     return np.stack(columns, axis=2)
-
-
-def rows(q: Array, loadings: Sequence[Loading]) -> Iterator[PoseRow]:
-    """Every pose under every weight, by truth and method.
-
-    Args:
-        q: Poses, (poses, n) [rad].
-        loadings: One a weight.
-    """
-    for k, loading in enumerate(loadings):
-        for truth, moved in loading.true.items():
-            for method, predicted in loading.predicted.items():
-                own = truth == "weightless" and method == "integrated"
-                for i, angles in enumerate(q):
-                    yield PoseRow(
-                        run=k * len(q) + i + 1,
-                        pose=i + 1,
-                        q_rad=tuple(angles.tolist()),
-                        load_N=loading.load,
-                        truth=truth,
-                        method=method,
-                        deflection_m=tuple(moved[i].tolist()),
-                        error_m=tuple((predicted[i] - moved[i]).tolist()),
-                        tangent_difference=float(loading.tangent_difference[i]) if own else None,
-                    )

@@ -13,31 +13,18 @@ AT_OPTIMUM = 1e-6
 
 @dataclass(frozen=True)
 class Order:
-    """An order over some draws.
+    """An order over some draws."""
 
-    Attributes:
-        m: Vectors, and so the highest rank of C.
-        name: Of the model.
-        excess_percent: Of F_M over the certified optimum.
-        f_m: The best of some local solves.
-        f_m_over_optimum: The same over the certified optimum of the same data.
-        reaches_optimum: Share of the draws in which the two are the same.
-        rank_of_C: Draws by the number of eigenvalues beyond rounding.
-        conservative: Share of the draws.
-        eigenvalues: Of C, ascending, each over the draws [m/N, rad/(N m)].
-        prediction: Errors of deflections.
-    """
-
-    m: int
-    name: str
-    f_m: Number
-    excess_percent: Number
-    f_m_over_optimum: Number
-    reaches_optimum: float
-    rank_of_C: Mapping[str, int]
-    conservative: float
-    eigenvalues: list[Number]
-    prediction: Prediction
+    m: int  #: Vectors, and so the highest rank of C.
+    name: str  #: Of the model.
+    f_m: Number  #: The best of some local solves.
+    excess_percent: Number  #: Of F_M over the certified optimum.
+    f_m_over_optimum: Number  #: The same over the certified optimum of the same data.
+    reaches_optimum: float  #: Share of the draws in which the two are the same.
+    rank_of_C: Mapping[str, int]  #: Draws by the number of eigenvalues beyond rounding.
+    conservative: float  #: Share of the draws.
+    eigenvalues: list[Number]  #: Of C, ascending, each over the draws [m/N, rad/(N m)].
+    prediction: Prediction  #: Errors of deflections.
 
 
 LEAST = 1e-8

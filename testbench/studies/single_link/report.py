@@ -23,21 +23,13 @@ class Printed(Judged):
 
 @dataclass(frozen=True)
 class LinkModel(Fitted):
-    """A model over all draws.
+    """A model over all draws."""
 
-    Attributes:
-        rank_of_C: Draws by the number of eigenvalues beyond rounding.
-        entry_rms: RMS error of every entry, (6, 6).
-        entry_bias: Mean error of every entry, (6, 6).
-        min_eigenvalues: Smallest eigenvalue (its real part) of every draw.
-        paper: The printed matrix of this method.
-    """
-
-    rank_of_C: Mapping[str, int]
-    entry_rms: Rows
-    entry_bias: Rows
-    min_eigenvalues: Numbers
-    paper: Printed | None
+    rank_of_C: Mapping[str, int]  #: Draws by the number of eigenvalues beyond rounding.
+    entry_rms: Rows  #: RMS error of every entry, (6, 6).
+    entry_bias: Rows  #: Mean error of every entry, (6, 6).
+    min_eigenvalues: Numbers  #: Smallest eigenvalue (its real part) of every draw.
+    paper: Printed | None  #: The printed matrix of this method.
 
 
 @dataclass(frozen=True)

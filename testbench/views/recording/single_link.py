@@ -22,27 +22,16 @@ SMALLEST = 1e-6
 
 @dataclass(frozen=True)
 class Matrices:
-    """Compliances of one body, how far off they are, and what the order m of a search costs.
+    """Compliances of one body, how far off they are, and what the order m of a search costs."""
 
-    Attributes:
-        scenario: Name of the scenario.
-        parameters: The scenario as JSON.
-        seed: Of the first draw.
-        documents: Markdown by path: summary, eigenvalue, table.
-        matrices: By title, (6, 6) [m/N, rad/N, rad/(N m)]; the first is the truth.
-        looks: Of the models, one a row of `errors`.
-        errors: The model, then errors in the units of their columns.
-        orders: What depends on the order m of a search.
-    """
-
-    scenario: str
-    parameters: str
-    seed: int
-    documents: Mapping[str, str]
-    matrices: Mapping[str, Array]
-    looks: Sequence[Look]
-    errors: Table
-    orders: Sequence[Sweep]
+    scenario: str  #: Name of the scenario.
+    parameters: str  #: The scenario as JSON.
+    seed: int  #: Of the first draw.
+    documents: Mapping[str, str]  #: Markdown by path: summary, eigenvalue, table.
+    matrices: Mapping[str, Array]  #: By title, (6, 6) [m/N, rad/N, rad/(N m)]; the first is the truth.
+    looks: Sequence[Look]  #: Of the models, one a row of `errors`.
+    errors: Table  #: The model, then errors in the units of their columns.
+    orders: Sequence[Sweep]  #: What depends on the order m of a search.
 
 
 def write_single_link(path: Path, shown: Matrices) -> None:
