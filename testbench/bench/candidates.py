@@ -77,10 +77,6 @@ class Candidates:
 def build_checks(cell: Cell, conditions: Conditions) -> Checks:
     """The checks of an arm.
 
-    Args:
-        cell: The arm.
-        conditions: What to ask.
-
     Raises:
         BenchError: When the tracker stands inside something that does not move.
     """

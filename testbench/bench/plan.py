@@ -72,10 +72,6 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
     """Feasible poses.
 
-    Args:
-        cell: The arm.
-        settings: What is asked for.
-
     Raises:
         PoseError: When there are fewer than the plan needs; says which condition refused them.
         BenchError: When the tracker stands inside the arm, or the sling is too short.
@@ -121,12 +117,6 @@ def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:
 
 def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) -> Plan:
     """The best plan found.
-
-    Args:
-        cell: The arm.
-        settings: What is asked for.
-        tasks: Where the robot works.
-        found: Poses to choose from.
 
     Raises:
         BenchError: When without a prior the poses are too few, or tasks ask for what no load shows.

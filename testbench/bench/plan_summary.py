@@ -48,15 +48,7 @@ MORE, LITTLE = 4, 0.10
 def summary(
     cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan, workspace: Forecast
 ) -> PlanReport:
-    """The report of a plan.
-
-    Args:
-        cell: The arm.
-        settings: What was asked for.
-        found: Feasible poses.
-        plan: The poses.
-        workspace: Errors over the workspace.
-    """
+    """The report of a plan."""
     spec, rows = plan.specification, task_rows(plan.specification)
     moved = rows @ spec.experiment.metric.expected
     influence = prior_influence(plan, rows)

@@ -22,8 +22,8 @@ def sweep():
         for n in (4, 8)
         for name, a in (("plan", 1), ("random", 2))
     ]
-    words = {"question": "How many poses are enough?", "answer": "0.2 mm with 4"}
-    return Sweep("plan", {}, 1, "poses", "1", "RMS error in the tasks", "mm", points, **words)
+    words = "### How many poses are enough?"
+    return Sweep("plan", {}, 1, "poses", "1", "RMS error in the tasks", "mm", points, words=words)
 
 
 def plan(cell, poses=POSES, candidates=300, field=40, **changes):
@@ -246,7 +246,7 @@ def test_errors_of_other_plans_stand_still_in_a_chart(chunks, scene):
     legend = columns(chunks, f"{CHART}/legend")
     assert legend["Points2D:labels"][0] == ["plan", "random"]
     assert dots["Points2D:colors"][0] == 2 * legend["Points2D:colors"][0]
-    assert "How many poses are enough?" in document(chunks, "/sweep_words")
+    assert document(chunks, "/sweep_words") == scene.sweep.words
 
 
 @pytest.mark.parametrize(

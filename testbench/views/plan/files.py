@@ -42,10 +42,8 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
     from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.recording import write_plan
 
-    report, own = (
-        planned.report,
-        {field.name: getattr(planned.report, field.name) for field in fields(PlanSettings)},
-    )
+    report = planned.report
+    own = {field.name: getattr(report, field.name) for field in fields(PlanSettings)}
     asked = {"task": where.task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position
     with files.whole_folder(where.out) as folder:
@@ -60,12 +58,7 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
 
 
 def write_poses(report: PlanReport, path: Path) -> None:
-    """plan.csv: `posefile.plan_columns`; radians in full, so that reading gives them back bit by bit.
-
-    Args:
-        report: Of the plan.
-        path: The file.
-    """
+    """plan.csv: `posefile.plan_columns`; radians in full, so that reading gives them back bit by bit."""
     rows = [
         [
             *[row.run, *map(repr, row.q_rad), *_degrees(row), repr(row.load_kg)],
@@ -77,12 +70,7 @@ def write_poses(report: PlanReport, path: Path) -> None:
 
 
 def write_tasks(report: PlanReport, path: Path) -> None:
-    """tasks_expected.csv: of every task its pose and the error to expect.
-
-    Args:
-        report: Of the plan.
-        path: The file.
-    """
+    """tasks_expected.csv: of every task its pose and the error to expect."""
     head = ["task", *(f"{joint}_deg" for joint in report.joints), *EXPECTED]
     _write(head, [[row.task, *_degrees(row), *_expected(row)] for row in report.tasks], path)
 

@@ -68,8 +68,6 @@ def _sweep(report: PlanReport, text: str) -> Sweep | None:
         scenario=NAME,
         parameters={},
         seed=report.seed,
-        question="What does each further pose bring?",
-        answer="",
         swept="poses",
         swept_unit="1",
         measured="expected error at the tasks",

@@ -90,13 +90,7 @@ def write_error_map(stream: rr.RecordingStream, path: str, error_map: ErrorMap, 
 
 
 def write_key(stream: rr.RecordingStream, path: str, error_map: ErrorMap) -> None:
-    """Colours and sizes of the map with their errors, in a row; the path must name the unit, mm.
-
-    Args:
-        stream: Where to.
-        path: Root of the key's entities.
-        error_map: Sets the scale.
-    """
+    """Colours and sizes of the map with their errors, in a row; the path must name the unit, mm."""
     share = np.linspace(0, 1, KEYS)
     low, high = error_map.ends
     places = np.column_stack([STEP * np.arange(KEYS), np.zeros(KEYS)])

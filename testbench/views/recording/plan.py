@@ -18,7 +18,6 @@ from testbench.views.recording.plan_world import PlanScene, map_view, plan_view,
 from testbench.views.recording.stream import Header, layout, recording, write_texts
 from testbench.views.recording.style import LOAD, NOMINAL, Colour
 from testbench.views.recording.sweep import Sweep
-from testbench.views.recording.sweep import table as every_number
 
 __all__ = ["PlanScene", "write_plan"]
 
@@ -31,12 +30,7 @@ EXPECTED: dict[str, tuple[str, Colour]] = {
 
 
 def write_plan(path: Path, scene: PlanScene) -> None:
-    """Write a measurement plan for the Rerun viewer; an existing file is replaced only by a whole one.
-
-    Args:
-        path: The .rrd file.
-        scene: The plan and its words.
-    """
+    """Write a measurement plan for the Rerun viewer; an existing file is replaced only by a whole one."""
     frames = rigid_frames(scene.cell.room, scene.q)
     parameters = scene.parameters
     text = parameters if isinstance(parameters, str) else json.dumps(parameters, sort_keys=True)
@@ -62,7 +56,7 @@ def _write_words(stream: rr.RecordingStream, scene: PlanScene, time: rr.TimeColu
     if scene.tables:
         documents["tables"] = "\n\n".join(f"### {name}\n\n{text}" for name, text in scene.tables.items())
     if scene.sweep is not None:
-        documents["sweep_words"] = _sweep_words(scene.sweep)
+        documents["sweep_words"] = scene.sweep.words
     write_texts(stream, documents)
     kind = ["text/markdown"] * scene.poses
     words = rr.TextDocument.columns(text=list(scene.pose_words), media_type=kind)
@@ -81,13 +75,6 @@ def _summary(scene: PlanScene) -> str:
             f"weight. Olive cubes: tasks. Grey: arm; dots: candidates{some}.",
             f"**Scrub** the time bar below: `{TIMELINE}` 1 to {scene.poses} is the order of measuring.",
         ]
-    )
-
-
-def _sweep_words(sweep: Sweep) -> str:
-    """The caller's, or question, answer and every number."""
-    return sweep.words or "\n\n".join(
-        [f"### {sweep.question}", f"#### **{sweep.answer}**", sweep.remarks, every_number(sweep)]
     )
 
 

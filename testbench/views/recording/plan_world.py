@@ -78,14 +78,7 @@ class PlanScene:
 
 
 def write_world(stream: rr.RecordingStream, scene: PlanScene, frames: Frames, time: rr.TimeColumn) -> None:
-    """Everything under `world`.
-
-    Args:
-        stream: Where to.
-        scene: What to draw.
-        frames: The arm in every pose.
-        time: Order of measuring.
-    """
+    """Everything under `world`."""
     size = _reach(frames)
     write_shapes(stream, scene.cell, ())
     write_places(stream, scene.cell, Places([time], frames))

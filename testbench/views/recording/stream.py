@@ -34,13 +34,7 @@ class Header:
 
 @contextlib.contextmanager
 def recording(path: Path, header: Header, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`.
-
-    Args:
-        path: The .rrd file.
-        header: What identifies it.
-        blueprint: Its layout, embedded.
-    """
+    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`."""
     part = path.with_name(path.name + ".part")
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost

@@ -31,9 +31,6 @@ ALIKE = 3
 def newest(folder: Path) -> Path:
     """The newest recording of a run's folder.
 
-    Args:
-        folder: The folder, or one recording.
-
     Raises:
         BenchError: When there is none.
     """
@@ -47,9 +44,6 @@ def newest(folder: Path) -> Path:
 
 def view(folder: Path) -> None:
     """Open the newest recording of a folder in the Rerun viewer, and wait until it is closed.
-
-    Args:
-        folder: Of a run.
 
     Raises:
         BenchError: When there is no recording, no display, or the viewer fails.
@@ -76,11 +70,6 @@ class Sight:
 
 def shot(folder: Path, png: Path, sight: Sight) -> Path:
     """Render the newest recording of a folder without a screen, by Mesa's software Vulkan.
-
-    Args:
-        folder: Of a run.
-        png: The picture to write.
-        sight: What it shows.
 
     Returns:
         The recording.
