@@ -189,6 +189,8 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
             table = tables[f"{what}, {fit}"]
             check_pivot(table, every, ("poses", "plan", f"{what}_mm"))
             assert f"## Error {title}, mm: {fit}\n\n{markdown.grid(table)}" in text
+    every = [level for own in report.errors[PLANNED.name].values() for level in own]
+    check_pivot(tables["medians"], every, ("poses", "plan", "tasks_mm"))
     assert report.criteria == [own[1] for own in report.errors[PLANNED.name].values()]
 
 
@@ -354,10 +356,13 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500,
     assert words.block("question") in text
     assert words.block("answer") in text
     assert tables_of(text) == tables_of(markdown.grid(run.tables["recorded"]))
-    assert words.block("statements") in document(chunks, "/tables")
-    assert tables_of(document(chunks, "/sweep_words")) == tables_of(
-        markdown.grid(run.tables["tasks, MGCO68 + prior"])
-    )
+    beside = document(chunks, "/tables")
+    assert words.block("statements") in beside
+    assert markdown.grid(run.tables["variants"]) in beside
+    assert markdown.grid(run.tables["forecasts"]) in beside
+    many = document(chunks, "/sweep_words")
+    assert tables_of(many) == tables_of(markdown.grid(run.tables["medians"]))
+    assert f"**{' '.join(words.block('number').split())}**" in many
     moved = 1e3 * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
     np.testing.assert_allclose(series(chunks, "/expected_deflection_mm", "run"), moved, rtol=1e-12)
     assert scene.task_error_mm.tolist() == [v.median for v in report.where.tasks_mm]

@@ -21,7 +21,7 @@ from testbench.studies.pose_selection.trial import first_runs
 from testbench.studies.pose_selection.ways import poses_of
 from testbench.studies.study import Run
 from testbench.trials.spread import Number, middle
-from testbench.views.markdown import grid
+from testbench.views.markdown import grid, line
 from testbench.views.recording import PlanScene, Sweep, write_plan
 from testbench.views.recording.sweep import points
 
@@ -42,12 +42,6 @@ def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanS
     ahead = deflection_rows(spec.experiment, chosen.q, spec.loads[0])
     error = MM * promise_of(spec, chosen.q, chosen.load, ahead).error
     moved = MM * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
-    parts = [
-        f"### {words.block('question')}",
-        f"#### **{words.block('answer')}**",
-        f"{spec.poses} poses, RMS errors of {PLANNED.name}:",
-        grid(run.tables["recorded"]),
-    ]
     return PlanScene(
         cell=bench.cell,
         scenario=report.scenario,
@@ -68,10 +62,24 @@ def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanS
         field=_tool(bench.cell, asked.scene.workspace),
         field_error_mm=_middles(report.where.workspace_mm),
         field_words="median error of the predicted deflection (mm)",
-        summary="\n\n".join(parts),
-        tables={"Answers": words.block("statements")},
+        summary=_summary(run),
+        tables={
+            "Answers": words.block("statements"),
+            "Other ways to measure": grid(run.tables["variants"]),
+            "Forecasts on arms drawn from the prior": grid(run.tables["forecasts"]),
+        },
         sweep=sweep(run),
     )
+
+
+def _summary(run: Run[Settings, PoseReport]) -> str:
+    parts = [
+        f"### {run.words.block('question')}",
+        f"#### **{run.words.block('answer')}**",
+        f"{run.report.dataset.poses} poses, RMS errors of {PLANNED.name}:",
+        grid(run.tables["recorded"]),
+    ]
+    return "\n\n".join(parts)
 
 
 def _tool(cell: Cell, q: Angles) -> Array:
@@ -95,9 +103,9 @@ def sweep(run: Run[Settings, PoseReport]) -> Sweep:
     report = run.report
     parts = [
         "### How many poses, chosen by which criterion?",
-        f"#### **{run.words.block('number')}**",
-        f"Error at the tasks, {TASKS.unit}:",
-        grid(run.tables[f"tasks, {PLANNED.name}"]),
+        f"#### **{line(run.words.block('number'))}**",
+        f"Median error at the tasks, {TASKS.unit}:",
+        grid(run.tables["medians"]),
     ]
     levels = [level for own in report.errors[PLANNED.name].values() for level in own]
     return Sweep(

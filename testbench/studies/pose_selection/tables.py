@@ -1,6 +1,9 @@
 """The columns and tables of the study of pose selection."""
 
+from dataclasses import replace
+
 from testbench.studies.pose_selection.report import PoseReport
+from testbench.studies.pose_selection.settings import PLANNED
 from testbench.views.schema import Column, Table, pivot
 
 PLAN = Column("plan", "poses by")
@@ -49,17 +52,20 @@ VARIANTS = (
 
 def tables(report: PoseReport) -> dict[str, Table]:
     """The featured poses, every fit at the tasks and over the workspace, plans, forecasts, other ways."""
+    levels = {fit: [x for own in rows.values() for x in own] for fit, rows in report.errors.items()}
     curves = {}
-    for fit, levels in report.errors.items():
-        every = Table((PLAN, POSES, TASKS, WORKSPACE), [level for own in levels.values() for level in own])
-        curves[f"tasks, {fit}"] = pivot(every, POSES, PLAN, TASKS)
-        curves[f"workspace, {fit}"] = pivot(every, POSES, PLAN, WORKSPACE)
+    for fit, every in levels.items():
+        table = Table((PLAN, POSES, TASKS, WORKSPACE), every)
+        curves[f"tasks, {fit}"] = pivot(table, POSES, PLAN, TASKS)
+        curves[f"workspace, {fit}"] = pivot(table, POSES, PLAN, WORKSPACE)
+    medians = Table((PLAN, POSES, TASKS), levels[PLANNED.name])
     best = report.verdict.tasks
     marked = best[0] if len(best) == 1 else ""
     return {
         "criteria": Table(CRITERIA, report.criteria, bold=marked),
         "recorded": Table((PLAN, TASKS, WORKSPACE), report.criteria, bold=marked),
         **curves,
+        "medians": pivot(medians, POSES, PLAN, replace(TASKS, exact=True)),
         "plans": Table(PLANS, report.plans),
         "forecasts": Table(FORECASTS, report.promises),
         "variants": Table(VARIANTS, report.worth),
