@@ -1,5 +1,9 @@
 """The truth side: MuJoCo. Shares the arm's description with the model side, and no code."""
 
+import logging
+
+import mujoco
+
 from testbench.plant.compensator import (
     KR500_COMPENSATOR,
     STIFF_COMPENSATOR,
@@ -13,6 +17,8 @@ from testbench.plant.equilibrium import Equilibrium, Plant, build_plant, settle
 from testbench.plant.feasible import Room, build_room, check_poses, collisions
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
+
+mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)  # else to MUJOCO_LOG.TXT where one stands
 
 __all__ = [
     "KR500_COMPENSATOR",

@@ -66,7 +66,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     arms = study.arms(settings)
     scenario = {"settings": plain, "models": {arm.name: files.digests(arm) for arm in arms}}
     experiment = Experiment(study.name, scenario, seeds)
-    backend = choose_backend(common.workers, common.cluster, common.insecure)
+    backend = choose_backend(common)
     with (
         open_store(out, experiment, row=study.row, resume=common.resume) as store,
         files.whole_folder(out) as folder,

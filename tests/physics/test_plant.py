@@ -239,3 +239,12 @@ def test_base_load_of_joint_one_does_not_twist_it_under_gravity(kr500, rng):
     wrench, point = hung(kr500, 10)
     first = settle_linear(kr500.plant, q, wrench, point).theta[:, 6 * 7]
     assert np.abs(first).max() == 0.0
+
+
+def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(kr500, tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    data = mujoco.MjData(kr500.plant.model)
+    data.qpos[:] = np.nan
+    mujoco.mj_step(kr500.plant.model, data)
+    assert "huge value" in caplog.text
+    assert list(tmp_path.iterdir()) == []

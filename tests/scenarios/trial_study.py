@@ -4,6 +4,7 @@ python tests/scenarios/trial_study.py --out runs/trials
 """
 
 import sys
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,38 +14,43 @@ import typer
 from rich.console import Console
 
 from testbench import files
-from testbench.shell import backend as options
 from testbench.shell import command
+from testbench.shell.backend import choose_backend
+from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
 from testbench.trials import Experiment, open_store, run_study, write_parquet
+
+FIRST = 5  # seed of the first trial
 
 app = typer.Typer(add_completion=False)
 
 
+@dataclass(frozen=True)
+class Toy:
+    """Flags of its own."""
+
+    where: Annotated[Path, typer.Argument()]
+    trials: int = 30
+    pause: Annotated[float, typer.Option(help="Of every trial [s].")] = 0.0
+    name: str = "toy"
+    pids: Annotated[Path | None, typer.Option(help="Folder for a file named after every process.")] = None
+
+
 @app.command()
-def main(
-    out: Path,
-    seed: int = 5,
-    trials: int = 30,
-    pause: Annotated[float, typer.Option(help="Of every trial [s].")] = 0.0,
-    name: str = "toy",
-    pids: Annotated[Path | None, typer.Option(help="Folder for a file named after every process.")] = None,
-    workers: options.Workers = None,
-    cluster: options.Cluster = None,
-    insecure: options.Insecure = False,
-    resume: options.Resume = False,
-) -> None:
+@takes(Common, Toy)
+def main(common: Common, toy: Toy) -> None:
     """Run trials of a toy."""
     console = Console(highlight=False)
-    study = Experiment(name, {"size": trial_work.SIZE}, range(seed, seed + trials))
-    work = partial(trial_work.trials, pause, str(pids) if pids else "")
-    chosen = options.choose_backend(workers, cluster, insecure)
+    roots = range(FIRST, FIRST + toy.trials)
+    study = Experiment(toy.name, {"size": trial_work.SIZE}, roots)
+    work = partial(trial_work.trials, toy.pause, str(toy.pids) if toy.pids else "")
+    chosen = choose_backend(common)
     with (
-        open_store(out, study, row=trial_work.Toy, resume=resume) as store,
-        files.whole_folder(out) as folder,
+        open_store(toy.where, study, row=trial_work.Toy, resume=common.resume) as store,
+        files.whole_folder(toy.where) as folder,
     ):
         counts = run_study(work, store, chosen, size=2)
-        show_progress(counts, trials, "trials", console)
+        show_progress(counts, toy.trials, "trials", console)
         write_parquet(store, folder)
 
 

@@ -6,7 +6,8 @@ import threading
 import pytest
 
 from testbench.errors import BenchError
-from testbench.shell import backend as options
+from testbench.shell.backend import choose_backend
+from testbench.shell.options import Common
 from testbench.trials import on_cores
 from testbench.trials.cluster import check_address, on_cluster
 
@@ -92,10 +93,10 @@ def test_certificates_that_are_not_there_are_told(tmp_path):
 
 
 def test_the_command_line_chooses_one_backend():
-    assert options.choose_backend(3, None, False).func is on_cores
-    chosen = options.choose_backend(None, "tcp://10.0.0.7:1", True)
+    assert choose_backend(Common(workers=3)).func is on_cores
+    chosen = choose_backend(Common(cluster="tcp://10.0.0.7:1", insecure=True))
     assert (chosen.func, chosen.keywords) == (on_cluster, {"address": "tcp://10.0.0.7:1", "insecure": True})
     with pytest.raises(BenchError, match="without --cluster"):
-        options.choose_backend(2, "tls://host:1", False)
+        choose_backend(Common(workers=2, cluster="tls://host:1"))
     with pytest.raises(BenchError, match="--insecure"):
-        options.choose_backend(None, "tcp://host:1", False)
+        choose_backend(Common(cluster="tcp://host:1"))
