@@ -32,50 +32,30 @@ class IntervalRow:
 
 @dataclass(frozen=True)
 class IntervalsRow:
-    """Intervals of predicted deflections.
+    """Intervals of predicted deflections."""
 
-    Attributes:
-        confidence: Of each interval by itself [1].
-        on_boundary: Whether the cone holds the estimate: then they are not exact.
-        unbounded: Components that the data leave without a bound.
-        components: How many there are.
-        half_width_mm: Median over those with a bound.
-        half_width_max_mm: The largest of those.
-        deflections: One a run and marker.
-    """
-
-    confidence: float
-    on_boundary: bool
-    unbounded: int
-    components: int
-    half_width_mm: Bound
-    half_width_max_mm: Bound
-    deflections: tuple[IntervalRow, ...]
+    confidence: float  #: Of each interval by itself [1].
+    on_boundary: bool  #: Whether the cone holds the estimate: then they are not exact.
+    unbounded: int  #: Components that the data leave without a bound.
+    components: int  #: How many there are.
+    half_width_mm: Bound  #: Median over those with a bound.
+    half_width_max_mm: Bound  #: The largest of those.
+    deflections: tuple[IntervalRow, ...]  #: One a run and marker.
 
 
 @dataclass(frozen=True)
 class Fitted(FitRow):
-    """A model fitted to a user's runs.
+    """A model fitted to a user's runs."""
 
-    Attributes:
-        equations: Of the readings.
-        identification: Errors on the runs that were fitted, against their readings.
-        check: The same on those held back; None if there are none.
-        intervals: Of the deflections predicted where it is checked, or was fitted; None if not asked for.
-        links: Compliance of every link in its beam frame.
-        joints: Compliance of every joint.
-        units: Of both.
-        rejected: Readings that the fit does without.
-    """
-
-    equations: int
-    identification: ErrorRow
-    check: ErrorRow | None
+    equations: int  #: Of the readings.
+    identification: ErrorRow  #: Errors on the runs that were fitted, against their readings.
+    check: ErrorRow | None  #: The same on those held back; None if there are none.
+    #: Of the deflections predicted where it is checked, or was fitted; None if not asked for.
     intervals: IntervalsRow | None
-    links: Mapping[str, list[list[float]]]
-    joints: Mapping[str, float]
-    units: str
-    rejected: tuple[Rejected, ...]
+    links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
+    joints: Mapping[str, float]  #: Compliance of every joint.
+    units: str  #: Of both.
+    rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
 
 
 @dataclass(frozen=True)
@@ -89,44 +69,27 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Fits:
-    """models.json.
+    """models.json."""
 
-    Attributes:
-        dataset: Name of the file.
-        arm: Name of the arm.
-        runs: That were fitted.
-        poses: They are in.
-        models: What was found.
-        recommended: Name of the model to take; None where nothing can be held out, or there is one model.
-        held_out: What the recommendation rests on.
-        doubts: What looks wrong with the runs.
-    """
-
-    dataset: str
-    arm: str
-    runs: int
-    poses: int
-    models: tuple[Fitted, ...]
+    dataset: str  #: Name of the file.
+    arm: str  #: Name of the arm.
+    runs: int  #: That were fitted.
+    poses: int  #: They are in.
+    models: tuple[Fitted, ...]  #: What was found.
+    #: Name of the model to take; None where nothing can be held out, or there is one model.
     recommended: str | None
-    held_out: tuple[HeldOut, ...]
-    doubts: tuple[str, ...]
+    held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
+    doubts: tuple[str, ...]  #: What looks wrong with the runs.
 
 
 @dataclass(frozen=True)
 class Runs:
-    """A user's runs.
+    """A user's runs."""
 
-    Attributes:
-        name: Of the file.
-        every: All of them.
-        used: Those to fit.
-        check: Those held back; None if there are none.
-    """
-
-    name: str
-    every: Dataset
-    used: Dataset
-    check: Dataset | None
+    name: str  #: Of the file.
+    every: Dataset  #: All of them.
+    used: Dataset  #: Those to fit.
+    check: Dataset | None  #: Those held back; None if there are none.
 
 
 def fit(

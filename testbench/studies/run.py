@@ -63,7 +63,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     seeds = _seeds(study, common)
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
-    arms = study.arms(settings)
+    text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
     scenario = {"settings": plain, "models": {arm.name: files.digests(arm) for arm in arms}}
     experiment = Experiment(study.name, scenario, seeds)
     backend = choose_backend(common)
@@ -77,22 +77,21 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         show_progress(run_study(work, store, backend, size=study.size), len(seeds), "trials", console)
         report = study.summary(settings, seeds, store.trials())
         write_parquet(store, folder)
-        tables, words = study.tables(report), study.words(report)
-        files.write_json(to_json(report), folder / "report.json")
-        (folder / "report.md").write_text(words.whole(), encoding="utf-8")
-        for name, figure in study.figures.items():
-            figure(report).savefig(folder / name, dpi=120)
-        parameters = json.dumps(plain, sort_keys=True)
-        study.write(Run(settings, seeds, report, words, tables, folder, parameters))
-        files.write_manifest(
-            folder,
-            command=f"scenarios/{study.name}.py",
-            scenario=plain,
-            seeds=seeds,
-            arms=arms,
-        )
-    terminal.print_words(console, words, [tables[name] for name in study.printed])
+        found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
+        _write(study, found)
+        script = f"scenarios/{study.name}.py"
+        files.write_manifest(folder, command=script, scenario=plain, seeds=seeds, arms=arms)
+    terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
+
+
+def _write(study: Study[O, S, W, R], found: Run[S, R]) -> None:
+    """Numbers, words, figures, and what else the study leaves."""
+    files.write_json(to_json(found.report), found.folder / "report.json")
+    (found.folder / "report.md").write_text(found.words.whole(), encoding="utf-8")
+    for name, figure in study.figures.items():
+        figure(found.report).savefig(found.folder / name, dpi=120)
+    study.write(found)
 
 
 def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:
