@@ -17,37 +17,24 @@ SKEW = 1e-9
 
 @dataclass(frozen=True)
 class Dataset:
-    """Deflection measurements.
+    """Deflection measurements."""
 
-    Attributes:
-        markers: Names of the markers, m of them.
-        run: Identifier of every run, (runs,).
-        pose: Identifier of the pose of every run, (runs,); repeated runs share it.
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Load, force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-        before: Marker positions read unloaded, world, (runs, m, 3) [m].
-        after: Marker positions read loaded, (runs, m, 3) [m].
-        sigma: Standard deviation of one position reading along one axis [m].
-        rotation_before: Tool orientation read unloaded, rotation vectors, (runs, 3) [rad]; None if not read.
-        rotation_after: The same loaded, (runs, 3) [rad].
-        sigma_rotation: Standard deviation of one orientation reading about one axis [rad].
-        precision: Inverse covariance of every deflection, world axes, (runs, m, 3, 3) [1/m^2]; all zero
-            where a target was lost. None where sigma holds along every axis: a deflection then has 2 sigma^2.
-    """
-
-    markers: tuple[str, ...]
-    run: Ids
-    pose: Ids
-    q: Array
-    wrench: Array
-    point: Array
-    before: Array
-    after: Array
-    sigma: float
+    markers: tuple[str, ...]  #: Names of the markers, m of them.
+    run: Ids  #: Identifier of every run, (runs,).
+    pose: Ids  #: Identifier of the pose of every run, (runs,); repeated runs share it.
+    q: Array  #: Actuated joint angles, (runs, n) [rad].
+    wrench: Array  #: Load, force and moment, world axes, (runs, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
+    before: Array  #: Marker positions read unloaded, world, (runs, m, 3) [m].
+    after: Array  #: Marker positions read loaded, (runs, m, 3) [m].
+    sigma: float  #: Standard deviation of one position reading along one axis [m].
+    #: Tool orientation read unloaded, rotation vectors, (runs, 3) [rad]; None if not read.
     rotation_before: Array | None = None
-    rotation_after: Array | None = None
+    rotation_after: Array | None = None  #: The same loaded, (runs, 3) [rad].
+    #: Standard deviation of one orientation reading about one axis [rad].
     sigma_rotation: float | None = None
+    #: Inverse covariance of every deflection, world axes, (runs, m, 3, 3) [1/m^2]; all zero where a target
+    #: was lost. None where sigma holds along every axis: a deflection then has 2 sigma^2.
     precision: Array | None = None
 
     def __post_init__(self) -> None:

@@ -28,23 +28,16 @@ class Station:
 
     The defaults are assumptions, narrower than what common trackers are sold with: near the ends of its
     range an instrument is at its worst, and a stand is never quite upright.
-
-    Attributes:
-        position: Where the beam leaves, in the world, (3,) [m].
-        nearest: Least distance of a target [m].
-        farthest: Largest distance of a target [m].
-        lowest: Least elevation of a target above the horizon of the station [rad].
-        highest: Largest elevation [rad].
-        acceptance: Half angle of the cone in which a fixed target returns the beam [rad]; such a target faces
-            along the z axis of its marker's body in rigid.xml. None for targets that are turned to the
-            tracker by hand, as spherically mounted reflectors in magnetic nests are: any incidence is fine.
     """
 
-    position: tuple[float, float, float]
-    nearest: float = 1.0
-    farthest: float = 20.0
-    lowest: float = math.radians(-50)
-    highest: float = math.radians(75)
+    position: tuple[float, float, float]  #: Where the beam leaves, in the world, (3,) [m].
+    nearest: float = 1.0  #: Least distance of a target [m].
+    farthest: float = 20.0  #: Largest distance of a target [m].
+    lowest: float = math.radians(-50)  #: Least elevation of a target above the horizon of the station [rad].
+    highest: float = math.radians(75)  #: Largest elevation [rad].
+    #: Half angle of the cone in which a fixed target returns the beam [rad]; such a target faces along the z
+    #: axis of its marker's body in rigid.xml. None for targets that are turned to the tracker by hand, as
+    #: spherically mounted reflectors in magnetic nests are: any incidence is fine.
     acceptance: float | None = None
 
     def __post_init__(self) -> None:

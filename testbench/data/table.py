@@ -16,17 +16,11 @@ MAX_BYTES = 300_000_000
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a CSV file.
+    """The cells of a CSV file."""
 
-    Attributes:
-        path: The file.
-        columns: Cells by column, in the order of the header.
-        rows: How many, without the header.
-    """
-
-    path: Path
-    columns: dict[str, Sequence[str]]
-    rows: int
+    path: Path  #: The file.
+    columns: dict[str, Sequence[str]]  #: Cells by column, in the order of the header.
+    rows: int  #: How many, without the header.
 
     def error(self, row: int, column: str, problem: str) -> InputError:
         """What is wrong in a row, counted from 0, and in which column; "" for the whole row."""

@@ -52,14 +52,10 @@ class Instrument(Protocol):
 
 @dataclass(frozen=True)
 class Tracker:
-    """A flat instrument: its noise is white, normal and equal along every axis.
+    """A flat instrument: its noise is white, normal and equal along every axis."""
 
-    Attributes:
-        sigma: Standard deviation of ONE position reading along one axis [m].
-        sigma_rotation: The same of one orientation reading [rad]; None if it reads positions only.
-    """
-
-    sigma: float
+    sigma: float  #: Standard deviation of ONE position reading along one axis [m].
+    #: The same of one orientation reading [rad]; None if it reads positions only.
     sigma_rotation: float | None = None
 
     def __post_init__(self) -> None:
@@ -84,15 +80,10 @@ class Tracker:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How an error grows with distance: a + b d.
+    """How an error grows with distance: a + b d."""
 
-    Attributes:
-        base: a [m].
-        slope: b [m/m].
-    """
-
-    base: float
-    slope: float
+    base: float  #: a [m].
+    slope: float  #: b [m/m].
 
 
 RADIAL, TRANSVERSE = Accuracy(10e-6, 0.3e-6), Accuracy(15e-6, 6e-6)
@@ -104,21 +95,14 @@ SHARE: dict[Quality, float] = {"typical": 0.5, "mpe": 1.0}
 
 @dataclass(frozen=True)
 class LaserTracker:
-    """A spherical instrument: one distance and two angles, independent and normal.
+    """A spherical instrument: one distance and two angles, independent and normal."""
 
-    Attributes:
-        station: Where the beam leaves, world, (3,) [m].
-        quality: Whether the standard deviation is half of the maximum permissible error or all of it.
-        radial: Maximum permissible error along the beam.
-        transverse: The same across it, in each of the two directions.
-        repeats: Readings that are averaged into one.
-    """
-
-    station: tuple[float, float, float]
+    station: tuple[float, float, float]  #: Where the beam leaves, world, (3,) [m].
+    #: Whether the standard deviation is half of the maximum permissible error or all of it.
     quality: Quality = "typical"
-    radial: Accuracy = RADIAL
-    transverse: Accuracy = TRANSVERSE
-    repeats: int = 1
+    radial: Accuracy = RADIAL  #: Maximum permissible error along the beam.
+    transverse: Accuracy = TRANSVERSE  #: The same across it, in each of the two directions.
+    repeats: int = 1  #: Readings that are averaged into one.
 
     def __post_init__(self) -> None:
         """Refuse an instrument that cannot be.
@@ -168,15 +152,10 @@ class LaserTracker:
 
 @dataclass(frozen=True)
 class Drift:
-    """How far the tracker's frame moves between the unloaded and the loaded reading of a run.
+    """How far the tracker's frame moves between the unloaded and the loaded reading of a run."""
 
-    Attributes:
-        shift: Standard deviation of the frame's displacement along each axis [m].
-        turn: The same of its rotation about each axis through the station [rad].
-    """
-
-    shift: float
-    turn: float
+    shift: float  #: Standard deviation of the frame's displacement along each axis [m].
+    turn: float  #: The same of its rotation about each axis through the station [rad].
 
     def __post_init__(self) -> None:
         """Refuse a drift that is no slow one.

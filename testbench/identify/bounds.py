@@ -34,24 +34,15 @@ ACCEPTED = ("Solved", "AlmostSolved")
 
 @dataclass(frozen=True)
 class FitSet:
-    """All conservative models that fit the data at a confidence.
+    """All conservative models that fit the data at a confidence."""
 
-    Attributes:
-        metric: Units of every block; the ceiling is counted in its prior.
-        confidence: Least probability that the truth is inside [1].
-        ceiling: Every block is at most this often the prior's, C <= k P.
-        rows: Of the r directions that the data see, in standard deviations, (r, n).
-        centre: Those of the unconstrained least-squares fit, (r,).
-        radius: Largest distance from it [standard deviations].
-        nearest: Distance of the conservative model nearest to it; the set is empty where it is above radius.
-    """
-
-    metric: Metric
-    confidence: float
-    ceiling: float
-    rows: Array
-    centre: Array
-    radius: float
+    metric: Metric  #: Units of every block; the ceiling is counted in its prior.
+    confidence: float  #: Least probability that the truth is inside [1].
+    ceiling: float  #: Every block is at most this often the prior's, C <= k P.
+    rows: Array  #: Of the r directions that the data see, in standard deviations, (r, n).
+    centre: Array  #: Those of the unconstrained least-squares fit, (r,).
+    radius: float  #: Largest distance from it [standard deviations].
+    #: Distance of the conservative model nearest to it; the set is empty where it is above radius.
     nearest: float
 
     @property
@@ -68,19 +59,12 @@ class FitSet:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Least and greatest value of every functional over a set of models.
+    """Least and greatest value of every functional over a set of models."""
 
-    Attributes:
-        lower: (k,); NaN where the set is empty or the solver failed.
-        upper: (k,).
-        models: Parameters of the models that reach them, (k, 2, n).
-        status: Of lower and upper: "solved", "empty" or "not solved: ...".
-    """
-
-    lower: Array
-    upper: Array
-    models: Array
-    status: tuple[tuple[str, str], ...]
+    lower: Array  #: (k,); NaN where the set is empty or the solver failed.
+    upper: Array  #: (k,).
+    models: Array  #: Parameters of the models that reach them, (k, 2, n).
+    status: tuple[tuple[str, str], ...]  #: Of lower and upper: "solved", "empty" or "not solved: ...".
 
 
 def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceiling: float = CEILING) -> FitSet:

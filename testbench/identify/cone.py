@@ -37,72 +37,44 @@ CONES: dict[Kind, Callable[[int], object]] = {
 
 @dataclass(frozen=True)
 class Block:
-    """Unknowns that belong together.
+    """Unknowns that belong together."""
 
-    Attributes:
-        at: Their places in v, (k,).
-        size: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
-        svec: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None where they are it.
-    """
-
-    at: Ids
-    size: int = 0
+    at: Ids  #: Their places in v, (k,).
+    size: int = 0  #: Order of the symmetric matrix that must be positive semi-definite; 0 for a free block.
+    #: svec of that matrix per unit of the unknowns, (size (size + 1) / 2, k); None where they are it.
     svec: Array | None = None
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Constraints b - A v in a cone, or in several of one kind.
+    """Constraints b - A v in a cone, or in several of one kind."""
 
-    Attributes:
-        kind: Of the cone; "psd" holds svec of a matrix.
-        A: (rows, n), dense or sparse.
-        b: (rows,).
-        each: Rows of each cone, where there are several; 0 for one cone of all rows.
-    """
-
-    kind: Kind
-    A: Array | sparse.csc_matrix
-    b: Array
-    each: int = 0
+    kind: Kind  #: Of the cone; "psd" holds svec of a matrix.
+    A: Array | sparse.csc_matrix  #: (rows, n), dense or sparse.
+    b: Array  #: (rows,).
+    each: int = 0  #: Rows of each cone, where there are several; 0 for one cone of all rows.
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A conic program.
+    """A conic program."""
 
-    Attributes:
-        cost: c, (n,).
-        blocks: The unknowns; their places fill 0 to n - 1.
-        rows: All constraints but those of the PSD blocks.
-        quadratic: P, its upper triangle, (n, n); None for none.
-    """
-
-    cost: Array
-    blocks: tuple[Block, ...]
-    rows: tuple[Rows, ...] = ()
-    quadratic: sparse.csc_matrix | None = None
+    cost: Array  #: c, (n,).
+    blocks: tuple[Block, ...]  #: The unknowns; their places fill 0 to n - 1.
+    rows: tuple[Rows, ...] = ()  #: All constraints but those of the PSD blocks.
+    quadratic: sparse.csc_matrix | None = None  #: P, its upper triangle, (n, n); None for none.
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver found.
+    """What the solver found."""
 
-    Attributes:
-        x: The unknowns v, (n,).
-        duals: Of every `Rows`, in their order, (rows,) each, then of every PSD block.
-        cost: Of x.
-        bound: What the duals prove: no feasible v costs less.
-        word: The solver's own word for how it ended.
-        seconds: Time inside the solver.
-    """
-
-    x: Array
-    duals: tuple[Array, ...]
-    cost: float
-    bound: float
-    word: str
-    seconds: float
+    x: Array  #: The unknowns v, (n,).
+    duals: tuple[Array, ...]  #: Of every `Rows`, in their order, (rows,) each, then of every PSD block.
+    cost: float  #: Of x.
+    bound: float  #: What the duals prove: no feasible v costs less.
+    word: str  #: The solver's own word for how it ended.
+    seconds: float  #: Time inside the solver.
 
     @property
     def gap(self) -> float:

@@ -39,20 +39,13 @@ class Program:
     """The conic program in units where the data are of order one.
 
     A block of C_theta that no data touch is no part of it: its least trace is zero.
-
-    Attributes:
-        columns: Parameters of the blocks that the data touch, (k,).
-        structure: Those blocks.
-        unit: F_M at C = 0: the unit of F_M [1].
-        scale: pi[columns] = scale * x, (k,).
-        trace_weight: Weight of the total trace in scaled units beside F_M [N m/rad].
     """
 
-    columns: Ids
-    structure: Structure
-    unit: float
-    scale: Array
-    trace_weight: float
+    columns: Ids  #: Parameters of the blocks that the data touch, (k,).
+    structure: Structure  #: Those blocks.
+    unit: float  #: F_M at C = 0: the unit of F_M [1].
+    scale: Array  #: pi[columns] = scale * x, (k,).
+    trace_weight: float  #: Weight of the total trace in scaled units beside F_M [N m/rad].
 
 
 def optimum(regression: Regression) -> Estimate:

@@ -31,32 +31,20 @@ Regularised = Callable[[Regression, Metric, Strength], Estimate]
 
 @dataclass(frozen=True)
 class Fold:
-    """The runs outside and inside the poses that are held out.
+    """The runs outside and inside the poses that are held out."""
 
-    Attributes:
-        runs: The runs of the other poses.
-        fitted: The same, reduced.
-        held_out: Those of the poses held out, reduced.
-    """
-
-    runs: Dataset
-    fitted: Regression
-    held_out: Regression
+    runs: Dataset  #: The runs of the other poses.
+    fitted: Regression  #: The same, reduced.
+    held_out: Regression  #: Those of the poses held out, reduced.
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One of the models that cross-validation compares.
+    """One of the models that cross-validation compares."""
 
-    Attributes:
-        name: For reports.
-        unknowns: How many it has.
-        errors: F_M on the poses held out, one a fold, (folds,) [1].
-    """
-
-    name: str
-    unknowns: int
-    errors: Array
+    name: str  #: For reports.
+    unknowns: int  #: How many it has.
+    errors: Array  #: F_M on the poses held out, one a fold, (folds,) [1].
 
     @property
     def error(self) -> float:

@@ -29,94 +29,61 @@ MISFIT = 2.0
 
 @dataclass(frozen=True)
 class Dual:
-    """Unit vectors y_k, one for every term of F_M.
+    """Unit vectors y_k, one for every term of F_M."""
 
-    Attributes:
-        y: Against the rows of the term's R, (terms, n).
-        y_rest: Against what no parameter explains, (terms,).
-    """
-
-    y: Array
-    y_rest: Array
+    y: Array  #: Against the rows of the term's R, (terms, n).
+    y_rest: Array  #: Against what no parameter explains, (terms,).
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """How far an estimate can be from the best conservative one.
+    """How far an estimate can be from the best conservative one."""
 
-    Attributes:
-        gap: Upper bound of F - F*, with F* the least F_M over conservative models whose blocks have a trace
-            within `trace_bounds` [1].
-        trace_bounds: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
-        smallest: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at an
-            optimum without bounds.
-        dual: The proof; the best one known may certify any other estimate of the same regression.
-    """
-
+    #: Upper bound of F - F*, with F* the least F_M over conservative models whose blocks have a trace within
+    #: `trace_bounds` [1].
     gap: float
-    trace_bounds: Array
+    trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
+    #: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at an optimum
+    #: without bounds.
     smallest: Array
-    dual: Dual
+    dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """A reading that the estimate does without.
+    """A reading that the estimate does without."""
 
-    Attributes:
-        run: Identifier of its run.
-        marker: Name of its marker, or `TOOL`.
-        residual: Distance of the reading from the estimate's prediction [m, or rad for an orientation]; the
-            estimate is not the model that rejected it, so a few are below the limit.
-        sigmas: The same in standard deviations of a deflection, sqrt(2) sigma [1].
-    """
-
-    run: int
-    marker: str
+    run: int  #: Identifier of its run.
+    marker: str  #: Name of its marker, or `TOOL`.
+    #: Distance of the reading from the estimate's prediction [m, or rad for an orientation]; the estimate is
+    #: not the model that rejected it, so a few are below the limit.
     residual: float
-    sigmas: float
+    sigmas: float  #: The same in standard deviations of a deflection, sqrt(2) sigma [1].
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A stiffness model identified from a dataset.
+    """A stiffness model identified from a dataset."""
 
-    Attributes:
-        method: How it was found.
-        regression: What it was found from: structure and reduced dataset.
-        pi: Parameters, (n,) [m/N, rad/(N m), rad/N].
-        C_theta: Aggregated joint compliance, (n_theta, n_theta).
-        f_m: Cost, Eq. (19) [1].
-        f_m_floor: Cost to expect of noise alone [1].
-        conservative: Whether every block is positive semi-definite.
-        eigenvalues: Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one array
-            a block.
-        status: "solved", or what went wrong, or "not certified" where nobody knows.
-        certificate: Distance from the optimum; None where none was computed (least squares).
-        solver_seconds: Time inside the numerical solver, as it reports it; 0 where it does not.
-        advice: Sentences for a person: what the data cannot see, what filled it.
-        constraint: What the method asked of the blocks.
-        held_by_trace_weight: Whether only the trace weight of GCO holds unseen compliance, which fits a
-            little better as it grows.
-        belief: The prior that counted as data; None for none.
-        rejected: Readings that the estimate does without, in the order of the dataset.
-    """
-
-    method: str
-    regression: Regression
-    pi: Array
-    C_theta: Array
-    f_m: float
-    f_m_floor: float
-    conservative: bool
+    method: str  #: How it was found.
+    regression: Regression  #: What it was found from: structure and reduced dataset.
+    pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
+    C_theta: Array  #: Aggregated joint compliance, (n_theta, n_theta).
+    f_m: float  #: Cost, Eq. (19) [1].
+    f_m_floor: float  #: Cost to expect of noise alone [1].
+    conservative: bool  #: Whether every block is positive semi-definite.
+    #: Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one array a block.
     eigenvalues: tuple[Array, ...]
-    status: str = "not certified"
+    status: str = "not certified"  #: "solved", or what went wrong, or "not certified" where nobody knows.
+    #: Distance from the optimum; None where none was computed (least squares).
     certificate: Certificate | None = None
-    solver_seconds: float = 0.0
-    advice: tuple[str, ...] = ()
-    constraint: Constraint = "none"
+    solver_seconds: float = 0.0  #: Time inside the numerical solver, as it reports it; 0 where it does not.
+    advice: tuple[str, ...] = ()  #: Sentences for a person: what the data cannot see, what filled it.
+    constraint: Constraint = "none"  #: What the method asked of the blocks.
+    #: Whether only the trace weight of GCO holds unseen compliance, which fits a little better as it grows.
     held_by_trace_weight: bool = False
-    belief: Belief | None = None
+    belief: Belief | None = None  #: The prior that counted as data; None for none.
+    #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
 
     @property

@@ -16,37 +16,24 @@ LILLIEFORS_SAMPLES = 999
 
 @dataclass(frozen=True)
 class Score:
-    """Distance errors of predicted deflections over a set of runs.
+    """Distance errors of predicted deflections over a set of runs."""
 
-    Attributes:
-        rms: Root mean square of the distance error over all points [m].
-        p95: 95th percentile [m].
-        max: Largest [m].
-        p95_relative: 95th percentile of the error as a share of the measured deflection of its point [1];
-            None where no point moved.
-        max_relative: The largest such share [1].
-    """
-
-    rms: float
-    p95: float
-    max: float
+    rms: float  #: Root mean square of the distance error over all points [m].
+    p95: float  #: 95th percentile [m].
+    max: float  #: Largest [m].
+    #: 95th percentile of the error as a share of the measured deflection of its point [1]; None where no
+    #: point moved.
     p95_relative: float | None
-    max_relative: float | None
+    max_relative: float | None  #: The largest such share [1].
 
 
 @dataclass(frozen=True)
 class Normality:
-    """Whether residual components look like draws of one normal distribution.
+    """Whether residual components look like draws of one normal distribution."""
 
-    Attributes:
-        mean: Mean of the components [m].
-        std: Standard deviation [m].
-        p_value: Of the Lilliefors test; below 0.05 normality is rejected [1].
-    """
-
-    mean: float
-    std: float
-    p_value: float
+    mean: float  #: Mean of the components [m].
+    std: float  #: Standard deviation [m].
+    p_value: float  #: Of the Lilliefors test; below 0.05 normality is rejected [1].
 
 
 def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:

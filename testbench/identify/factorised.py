@@ -47,23 +47,15 @@ CLOSE = 1e-5
 
 @dataclass(frozen=True)
 class Factorised:
-    """F_M(b) of Eq. (19) in units where the entries of b are of order one.
+    """F_M(b) of Eq. (19) in units where the entries of b are of order one."""
 
-    Attributes:
-        regression: The reduced dataset.
-        program: The same problem over compliances, and its units.
-        m: Order of the vector space, 1 to 6.
-        rows: Rows of C_theta that are unknown and touched by data, (k,).
-        free: Which entries of V are in b, (m, k): a block of size n needs vectors of R^min(m, n).
-        terms: Terms of F_M over the parameters in the program's units.
-    """
-
-    regression: Regression
-    program: Program
-    m: int
-    rows: npt.NDArray[np.int_]
+    regression: Regression  #: The reduced dataset.
+    program: Program  #: The same problem over compliances, and its units.
+    m: int  #: Order of the vector space, 1 to 6.
+    rows: npt.NDArray[np.int_]  #: Rows of C_theta that are unknown and touched by data, (k,).
+    #: Which entries of V are in b, (m, k): a block of size n needs vectors of R^min(m, n).
     free: npt.NDArray[np.bool_]
-    terms: tuple[Term, ...]
+    terms: tuple[Term, ...]  #: Terms of F_M over the parameters in the program's units.
 
     @property
     def size(self) -> int:
@@ -73,19 +65,12 @@ class Factorised:
 
 @dataclass(frozen=True)
 class Descent:
-    """One local solve.
+    """One local solve."""
 
-    Attributes:
-        b: Where it ended, (size,).
-        f_m: Cost there.
-        evaluations: Of F_M and its gradient.
-        finished: Whether it ended by itself, not for want of steps.
-    """
-
-    b: Array
-    f_m: float
-    evaluations: int
-    finished: bool
+    b: Array  #: Where it ended, (size,).
+    f_m: float  #: Cost there.
+    evaluations: int  #: Of F_M and its gradient.
+    finished: bool  #: Whether it ended by itself, not for want of steps.
 
 
 Evaluate = Callable[[Factorised, Array], tuple[float, Array]]
@@ -210,16 +195,11 @@ class LocalSolves:
     For m = 6 a point where no direction of b goes down, to second order, is global (Journee, Bach, Absil,
     Sepulchre 2010): the certificate, made from the solution's own gradient, shows it. For m < 6 the rank of
     every compliance is capped and the certificate, which knows of no cap, tells what the cap costs.
-
-    Attributes:
-        rng: Source of the starts.
-        m: Order of the vector space, 1 to 6.
-        starts: Number of local solves.
     """
 
-    rng: np.random.Generator
-    m: int = LARGEST_ORDER
-    starts: int = 1
+    rng: np.random.Generator  #: Source of the starts.
+    m: int = LARGEST_ORDER  #: Order of the vector space, 1 to 6.
+    starts: int = 1  #: Number of local solves.
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Identify a structure from a dataset.

@@ -53,19 +53,12 @@ NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 
 @dataclass(frozen=True)
 class Huber:
-    """Optimum of the program.
+    """Optimum of the program."""
 
-    Attributes:
-        x: Model, (n,).
-        length: Length of every reading's residual, (readings,) [1].
-        status: "solved", or what went wrong.
-        seconds: Time inside the solver.
-    """
-
-    x: Array
-    length: Array
-    status: str
-    seconds: float
+    x: Array  #: Model, (n,).
+    length: Array  #: Length of every reading's residual, (readings,) [1].
+    status: str  #: "solved", or what went wrong.
+    seconds: float  #: Time inside the solver.
 
 
 def without_outliers(

@@ -43,49 +43,29 @@ POSES = 60
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data see of a structure, and who decides the rest.
+    """What the data see of a structure, and who decides the rest."""
 
-    Attributes:
-        structure: The unknowns, n of them.
-        component: Link or joint of every parameter, n names.
-        entry: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
-        in_links: Joints that the structure has no parameter for: their springs count to the link before.
-        prior: Name of the prior.
-        uncertainty: Its relative standard deviation u [1].
-        rank: Directions that the data see.
-        rank_of_loads: Directions that any number of poses under these loads and readings would see.
-        rank_of_structure: Directions that any experiment would see.
-        equations: Independent equations that the runs carry at most: 6 of a pose, load and full reading.
-        poses: Different poses among the runs.
-        lost_to_structure: Directions that no experiment sees.
-        not_loaded: Parameters that no pose under these loads touches.
-        lost_to_loads: Those that these loads and readings do not see in any pose.
-        spread: Of the directions lost to too few poses, how many each parameter holds, (n,).
-        share: Of every parameter, what the data take off the prior's variance at a known scale, 0 to 1, (n,).
-        error: RMS distance of predicted from true deflection to expect at random poses [m].
-        deflection: RMS distance that the markers are expected to move there [m].
-        proposals: What would help, the best first.
-    """
-
-    structure: Structure
-    component: tuple[str, ...]
-    entry: Array
+    structure: Structure  #: The unknowns, n of them.
+    component: tuple[str, ...]  #: Link or joint of every parameter, n names.
+    entry: Array  #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
+    #: Joints that the structure has no parameter for: their springs count to the link before.
     in_links: tuple[str, ...]
-    prior: str
-    uncertainty: float
-    rank: int
-    rank_of_loads: int
-    rank_of_structure: int
-    equations: int
-    poses: int
-    lost_to_structure: tuple[Direction, ...]
-    not_loaded: tuple[int, ...]
-    lost_to_loads: tuple[Direction, ...]
-    spread: Array
+    prior: str  #: Name of the prior.
+    uncertainty: float  #: Its relative standard deviation u [1].
+    rank: int  #: Directions that the data see.
+    rank_of_loads: int  #: Directions that any number of poses under these loads and readings would see.
+    rank_of_structure: int  #: Directions that any experiment would see.
+    equations: int  #: Independent equations that the runs carry at most: 6 of a pose, load and full reading.
+    poses: int  #: Different poses among the runs.
+    lost_to_structure: tuple[Direction, ...]  #: Directions that no experiment sees.
+    not_loaded: tuple[int, ...]  #: Parameters that no pose under these loads touches.
+    lost_to_loads: tuple[Direction, ...]  #: Those that these loads and readings do not see in any pose.
+    spread: Array  #: Of the directions lost to too few poses, how many each parameter holds, (n,).
+    #: Of every parameter, what the data take off the prior's variance at a known scale, 0 to 1, (n,).
     share: Array
-    error: float
-    deflection: float
-    proposals: tuple[Proposal, ...]
+    error: float  #: RMS distance of predicted from true deflection to expect at random poses [m].
+    deflection: float  #: RMS distance that the markers are expected to move there [m].
+    proposals: tuple[Proposal, ...]  #: What would help, the best first.
 
     @property
     def lost_to_poses(self) -> int:

@@ -29,33 +29,22 @@ BLIND = 1e-12
 
 @dataclass(frozen=True)
 class Tasks:
-    """Where predictions are wanted: random poses, the loads of the data, the data's markers.
+    """Where predictions are wanted: random poses, the loads of the data, the data's markers."""
 
-    Attributes:
-        rows: Deflections per unit of x, (poses, 3 m, n) [m].
-        deflection: RMS distance that a marker is expected to move [m].
-    """
-
-    rows: Array
-    deflection: float
+    rows: Array  #: Deflections per unit of x, (poses, 3 m, n) [m].
+    deflection: float  #: RMS distance that a marker is expected to move [m].
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """One more way to measure, and what it would bring.
+    """One more way to measure, and what it would bring."""
 
-    Attributes:
-        words: What to do.
-        rank: Directions that all data then see.
-        error: RMS distance of predicted from true deflections then to be expected [m]; infinite if nothing
-            fixes the common scale.
-        place: 1 for the best; ties share it.
-    """
-
-    words: str
-    rank: int
+    words: str  #: What to do.
+    rank: int  #: Directions that all data then see.
+    #: RMS distance of predicted from true deflections then to be expected [m]; infinite if nothing fixes the
+    #: common scale.
     error: float
-    place: int
+    place: int  #: 1 for the best; ties share it.
 
 
 def imagined(data: Dataset, **changes: object) -> Dataset:

@@ -29,15 +29,11 @@ NEIGHBOURS = (1, 2, 3, 5)
 
 @dataclass(frozen=True)
 class Direction:
-    """Parameters that trade against each other: together they may change, and no reading does.
+    """Parameters that trade against each other: together they may change, and no reading does."""
 
-    Attributes:
-        parameters: Their indices, the one that changes most first, relative to what is expected.
-        others: Those that change as well, but less than `SHARE` of it, in the same order.
-    """
-
+    #: Their indices, the one that changes most first, relative to what is expected.
     parameters: tuple[int, ...]
-    others: tuple[int, ...]
+    others: tuple[int, ...]  #: Those that change as well, but less than `SHARE` of it, in the same order.
 
 
 def null_space(A: Array) -> Array:

@@ -28,42 +28,25 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Intervals:
-    """Intervals of linear functionals of pi, such as deflections.
+    """Intervals of linear functionals of pi, such as deflections."""
 
-    Attributes:
-        centre: By the estimate, of any shape.
-        lower: -inf where the data see nothing.
-        upper: inf where the data see nothing.
-        confidence: Of each interval by itself [1].
-        on_boundary: Whether the cone holds the estimate: then the intervals are not exact.
-    """
-
-    centre: Array
-    lower: Array
-    upper: Array
-    confidence: float
-    on_boundary: bool
+    centre: Array  #: By the estimate, of any shape.
+    lower: Array  #: -inf where the data see nothing.
+    upper: Array  #: inf where the data see nothing.
+    confidence: float  #: Of each interval by itself [1].
+    on_boundary: bool  #: Whether the cone holds the estimate: then the intervals are not exact.
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """A normal distribution around an estimate.
+    """A normal distribution around an estimate."""
 
-    Attributes:
-        pi: Its centre, (n,).
-        root: Covariance of pi is root^T root along the seen directions, (r, n).
-        unseen: Rows whose product with a functional is zero where it is seen, (f, n).
-        scale: Of each parameter, for what counts as zero, (n,).
-        pull: Distance between the estimate and the optimum without a cone [standard deviations].
-        on_boundary: Whether the cone holds the estimate.
-    """
-
-    pi: Array
-    root: Array
-    unseen: Array
-    scale: Array
-    pull: float
-    on_boundary: bool
+    pi: Array  #: Its centre, (n,).
+    root: Array  #: Covariance of pi is root^T root along the seen directions, (r, n).
+    unseen: Array  #: Rows whose product with a functional is zero where it is seen, (f, n).
+    scale: Array  #: Of each parameter, for what counts as zero, (n,).
+    pull: float  #: Distance between the estimate and the optimum without a cone [standard deviations].
+    on_boundary: bool  #: Whether the cone holds the estimate.
 
     def deviations(self, functionals: Array) -> Array:
         """Standard deviations of linear functionals of pi, infinite where they are not seen.

@@ -28,20 +28,14 @@ ROBUST_UNCERTAINTY = 0.3
 
 @dataclass(frozen=True)
 class Method:
-    """How to identify.
+    """How to identify."""
 
-    Attributes:
-        constraint: "none" for least squares, "psd" for GCO.
-        prior: Expected compliances, their common scale left to the data; None for none.
-        strength: How firmly the prior is believed; None to choose by cross-validation over poses, or
-            `ROBUST_UNCERTAINTY` with a robust loss: cross-validation would see the outliers.
-        loss: "robust" looks for outliers and does without them.
-    """
-
-    constraint: Constraint = "psd"
-    prior: Prior | None = None
+    constraint: Constraint = "psd"  #: "none" for least squares, "psd" for GCO.
+    prior: Prior | None = None  #: Expected compliances, their common scale left to the data; None for none.
+    #: How firmly the prior is believed; None to choose by cross-validation over poses, or
+    #: `ROBUST_UNCERTAINTY` with a robust loss: cross-validation would see the outliers.
     strength: Strength | None = None
-    loss: Literal["plain", "robust"] = "plain"
+    loss: Literal["plain", "robust"] = "plain"  #: "robust" looks for outliers and does without them.
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Identify a structure from a dataset.

@@ -23,21 +23,13 @@ SMALLEST = 1e-9
 
 @dataclass(frozen=True)
 class Metric:
-    """A structure in the metric of a prior.
+    """A structure in the metric of a prior."""
 
-    Attributes:
-        prior: Its name.
-        structure: The unknowns.
-        L: pi = L x, (n, n), block by block.
-        expected: x of X = 1, (n,).
-        sizes: Size of every block, in the order of `structure.blocks`.
-    """
-
-    prior: str
-    structure: Structure
-    L: Array
-    expected: Array
-    sizes: tuple[int, ...]
+    prior: str  #: Its name.
+    structure: Structure  #: The unknowns.
+    L: Array  #: pi = L x, (n, n), block by block.
+    expected: Array  #: x of X = 1, (n,).
+    sizes: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
 
     def matrices(self, x: Array) -> list[Array]:
         """X of every block."""

@@ -15,28 +15,19 @@ RANGE = 1e-6, 1e6
 
 @dataclass(frozen=True)
 class Prior:
-    """Expected compliances of an arm.
+    """Expected compliances of an arm."""
 
-    Attributes:
-        name: Where they are from, for reports.
-        C_theta: Symmetric, positive definite in every link's and joint's block, (n_theta, n_theta)
-            [m/N, rad/(N m)].
-    """
-
-    name: str
+    name: str  #: Where they are from, for reports.
+    #: Symmetric, positive definite in every link's and joint's block, (n_theta, n_theta) [m/N, rad/(N m)].
     C_theta: Array
 
 
 @dataclass(frozen=True)
 class Strength:
-    """How firmly a prior is believed.
+    """How firmly a prior is believed."""
 
-    Attributes:
-        uncertainty: Relative standard deviation u of a compliance around its expectation [1].
-        scale_uncertainty: The same of the factor common to all; infinite leaves it to the data.
-    """
-
-    uncertainty: float
+    uncertainty: float  #: Relative standard deviation u of a compliance around its expectation [1].
+    #: The same of the factor common to all; infinite leaves it to the data.
     scale_uncertainty: float = np.inf
 
     def __post_init__(self) -> None:

@@ -17,21 +17,13 @@ MOST_READINGS = 5000
 
 @dataclass(frozen=True)
 class Readings:
-    """Rows of Eq. (13), reading by reading, in standard deviations.
+    """Rows of Eq. (13), reading by reading, in standard deviations."""
 
-    Attributes:
-        A: Observation matrices, (readings, 3, n).
-        y: Measured, (readings, 3) [1].
-        unit: Standard deviation of each, sqrt(2) sigma where all axes are alike, (readings,) [m, rad].
-        run: Index of its run in the dataset, (readings,).
-        marker: Index of its marker, -1 for the orientation, (readings,).
-    """
-
-    A: Array
-    y: Array
-    unit: Array
-    run: Ids
-    marker: Ids
+    A: Array  #: Observation matrices, (readings, 3, n).
+    y: Array  #: Measured, (readings, 3) [1].
+    unit: Array  #: Standard deviation of each, sqrt(2) sigma where all axes are alike, (readings,) [m, rad].
+    run: Ids  #: Index of its run in the dataset, (readings,).
+    marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
 
 
 def weigh(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:

@@ -35,37 +35,23 @@ class Term:
     """One term of F_M, Eq. (19): positions or rotations.
 
     The rows are divided by sqrt(2) sigma sqrt(N), so that F_M is the sum of sqrt(|R pi - z|^2 + rest).
-
-    Attributes:
-        R: Triangular factor of the rows, (n, n).
-        z: Measured deflections in its coordinates, (n,).
-        rest: What no parameter can explain: squared norm outside the columns' span.
-        equations: Scalar equations behind it.
     """
 
-    R: Array
-    z: Array
-    rest: float
-    equations: int
+    R: Array  #: Triangular factor of the rows, (n, n).
+    z: Array  #: Measured deflections in its coordinates, (n,).
+    rest: float  #: What no parameter can explain: squared norm outside the columns' span.
+    equations: int  #: Scalar equations behind it.
 
 
 @dataclass(frozen=True)
 class Regression:
-    """F_M of a structure on a dataset.
+    """F_M of a structure on a dataset."""
 
-    Attributes:
-        structure: The unknowns, n of them.
-        terms: Position term, then the rotation term where orientations are read.
-        columns: Norm of each parameter's weighted column, (n,): zero where no data touch it.
-        weight: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
-        rank: Number of directions of pi that the data see.
-    """
-
-    structure: Structure
-    terms: tuple[Term, ...]
-    columns: Array
-    weight: Array
-    rank: int
+    structure: Structure  #: The unknowns, n of them.
+    terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
+    columns: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
+    weight: Array  #: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
+    rank: int  #: Number of directions of pi that the data see.
 
     @property
     def equations(self) -> int:

@@ -34,19 +34,12 @@ PENALTY = 0.2
 
 @dataclass(frozen=True)
 class Budget:
-    """How far the search goes; the defaults are those of scipy and of MATLAB's `GlobalSearch`.
+    """How far the search goes; the defaults are those of scipy and of MATLAB's `GlobalSearch`."""
 
-    Attributes:
-        population: Points of a generation for every entry of b.
-        generations: Most generations; fewer where the population agrees.
-        trial_points: Trial points of the global search.
-        stage_one_points: Of these, the ones of which only the best starts a local solve.
-    """
-
-    population: int = 15
-    generations: int = 1000
-    trial_points: int = 1000
-    stage_one_points: int = 200
+    population: int = 15  #: Points of a generation for every entry of b.
+    generations: int = 1000  #: Most generations; fewer where the population agrees.
+    trial_points: int = 1000  #: Trial points of the global search.
+    stage_one_points: int = 200  #: Of these, the ones of which only the best starts a local solve.
 
     def __post_init__(self) -> None:
         """Refuse a budget that lets nothing happen.
@@ -65,16 +58,11 @@ class Basin:
 
     As any rotation of all vectors of a block gives the same compliance, no optimum is met twice: a basin is
     one point of many that are the same model, and is never widened.
-
-    Attributes:
-        centre: The optimum, (size,).
-        radius: Distance from the start that led there.
-        waiting: Trial points in a row that fell into it.
     """
 
-    centre: Array
-    radius: float
-    waiting: int = 0
+    centre: Array  #: The optimum, (size,).
+    radius: float  #: Distance from the start that led there.
+    waiting: int = 0  #: Trial points in a row that fell into it.
 
     def holds(self, b: Array) -> bool:
         """Whether a trial point is too close to start from."""
@@ -83,25 +71,16 @@ class Basin:
 
 @dataclass
 class Search:
-    """What the search knows so far.
+    """What the search knows so far."""
 
-    Attributes:
-        problem: F_M(b).
-        observe: Told of every least F_M.
-        best: The best b so far, (size,).
-        f_m: Its cost.
-        basins: Of the local optima found.
-        descents: F_M that the local solves ended with.
-        evaluations: Of F_M, those of local solves with its gradient; without those that only rank the pool
-            of the scatter search.
-    """
-
-    problem: Factorised
-    observe: Observe
-    best: Array
-    f_m: float = np.inf
-    basins: list[Basin] = field(default_factory=list)
-    descents: list[float] = field(default_factory=list)
+    problem: Factorised  #: F_M(b).
+    observe: Observe  #: Told of every least F_M.
+    best: Array  #: The best b so far, (size,).
+    f_m: float = np.inf  #: Its cost.
+    basins: list[Basin] = field(default_factory=list)  #: Of the local optima found.
+    descents: list[float] = field(default_factory=list)  #: F_M that the local solves ended with.
+    #: Of F_M, those of local solves with its gradient; without those that only rank the pool of the scatter
+    #: search.
     evaluations: int = 0
 
     def keep(self, b: Array, value: float) -> None:

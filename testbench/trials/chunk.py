@@ -22,17 +22,11 @@ Randomness comes from `bench.stream` and the seed, and no clock is in the rows.
 
 @dataclass(frozen=True)
 class Chunk:
-    """Trials that a worker has done.
+    """Trials that a worker has done."""
 
-    Attributes:
-        seeds: Of the trials.
-        found: Their rows, flat.
-        problem: Why there are none; empty if all is well.
-    """
-
-    seeds: Sequence[int]
-    found: Sequence[list[Flat]]
-    problem: str = ""
+    seeds: Sequence[int]  #: Of the trials.
+    found: Sequence[list[Flat]]  #: Their rows, flat.
+    problem: str = ""  #: Why there are none; empty if all is well.
 
 
 class WorkersLost(BenchError):

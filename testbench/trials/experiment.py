@@ -17,17 +17,11 @@ FORMAT = "testbench trials 2"
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        name: The scenario.
-        scenario: All that the results depend on beside the seed, as plain JSON data.
-        seeds: Seeds of the trials, one after the other from the root: range(root, root + trials).
-    """
-
-    name: str
-    scenario: Mapping[str, Any]
-    seeds: range
+    name: str  #: The scenario.
+    scenario: Mapping[str, Any]  #: All that the results depend on beside the seed, as plain JSON data.
+    seeds: range  #: Seeds of the trials, one after the other from the root: range(root, root + trials).
 
     def __post_init__(self) -> None:
         if not self.seeds or self.seeds.step != 1 or not 0 <= self.seeds[0] <= self.seeds[-1] < LARGEST:

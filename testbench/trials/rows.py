@@ -23,15 +23,10 @@ LARGEST = 2**63
 
 @dataclass(frozen=True)
 class Column:
-    """Type of a column; each may hold None too.
+    """Type of a column; each may hold None too."""
 
-    Attributes:
-        kind: float, int, str or bool.
-        several: Whether a cell holds a tuple of them.
-    """
-
-    kind: type
-    several: bool = False
+    kind: type  #: float, int, str or bool.
+    several: bool = False  #: Whether a cell holds a tuple of them.
 
 
 def columns(row: type, prefix: str = "") -> dict[str, Column]:

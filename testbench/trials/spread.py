@@ -13,17 +13,11 @@ K = TypeVar("K", bound=Hashable)
 
 @dataclass(frozen=True)
 class Spread:
-    """A number over several trials.
+    """A number over several trials."""
 
-    Attributes:
-        median: The middle of them.
-        p05: 5th percentile.
-        p95: 95th percentile.
-    """
-
-    median: float
-    p05: float
-    p95: float
+    median: float  #: The middle of them.
+    p05: float  #: 5th percentile.
+    p95: float  #: 95th percentile.
 
 
 Number = float | Spread | None

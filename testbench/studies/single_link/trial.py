@@ -52,19 +52,13 @@ class Options:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tried.
+    """What is tried."""
 
-    Attributes:
-        loads: "axes" for one axis at a time, "random" for six random wrenches within force and moment.
-        ordered_below: Draws of smaller seeds are solved for every order m too.
-        starts: Local solves of every order.
-        campaign: Loads, noise and number of check loads.
-    """
-
+    #: "axes" for one axis at a time, "random" for six random wrenches within force and moment.
     loads: Loads = "axes"
-    ordered_below: int = 0
-    starts: int = STARTS
-    campaign: FullPose = SECTION_5_1
+    ordered_below: int = 0  #: Draws of smaller seeds are solved for every order m too.
+    starts: int = STARTS  #: Local solves of every order.
+    campaign: FullPose = SECTION_5_1  #: Loads, noise and number of check loads.
 
 
 @dataclass(frozen=True)
@@ -74,19 +68,13 @@ class Fitted(FitRow, Judged):
 
 @dataclass(frozen=True)
 class LinkRow(Fitted):
-    """What one method made of one draw.
+    """What one method made of one draw."""
 
-    Attributes:
-        m: Order of the vector space of Eq. (16) where a local solve searched it, None for a convex solve.
-        rank_of_C: Eigenvalues beyond rounding.
-        condition: Condition number of the loads, in units of force and moment [1].
-        C: Row by row, (36,) [m/N, rad/N, rad/(N m)].
-    """
-
+    #: Order of the vector space of Eq. (16) where a local solve searched it, None for a convex solve.
     m: int | None
-    rank_of_C: int
-    condition: float
-    C: tuple[float, ...]
+    rank_of_C: int  #: Eigenvalues beyond rounding.
+    condition: float  #: Condition number of the loads, in units of force and moment [1].
+    C: tuple[float, ...]  #: Row by row, (36,) [m/N, rad/N, rad/(N m)].
 
     @property
     def matrix(self) -> Array:
