@@ -1,7 +1,7 @@
 """The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,10 +11,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, Ids, Mask, split
-from testbench.data.tracker import Tracker, read_positions
+from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, gco, least_squares
-from testbench.identify.evaluate import Normality, Score, normality, predict, score
+from testbench.identify.evaluate import Score, predict, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import Structure, mgco47, mgco68, mgco69, mgco147, template56
@@ -33,18 +33,30 @@ from testbench.plant import (
 Truth = Literal["nonlinear", "linear"]
 
 
-class Scenario(BaseModel):
-    """A gravity calibration campaign as data: what a manifest must hold to run it again."""
+class Setup(BaseModel):
+    """What every campaign needs, as data: a manifest must hold it to run the campaign again."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     arm: str  #: The arm's folder.
-    payload: float = Field(default=460.3, ge=0.001, le=10_000)  #: Hung mass [kg].
-    #: Standard deviation of one tracker reading along one axis [m]; also the weight of the fit.
-    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
     #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
-    truth: Truth = "nonlinear"
+    truth: Truth
     noise: bool = True  #: Whether readings are noisy.
+    #: Standard deviation of one position reading along one axis [m]; also the weight of the fit.
+    sigma: float
+
+    @property
+    def sigmas(self) -> tuple[float, float | None]:
+        """Of a position [m] and of an orientation [rad], None where none is read."""
+        return self.sigma, None
+
+
+class Scenario(Setup):
+    """A gravity calibration as in section 6."""
+
+    payload: float = Field(default=460.3, ge=0.001, le=10_000)  #: Hung mass [kg].
+    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
+    truth: Truth = "nonlinear"
     #: Work area of the calibration poses.
     station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
     #: Area of the second check: the whole workspace above the floor.
@@ -78,16 +90,15 @@ class Model:
 
 @dataclass(frozen=True)
 class Campaign:
-    """What was measured, and the truth behind it."""
+    """What was measured, and the truth to judge by: of section 6, or of section 5 (`full_pose.simulate`)."""
 
-    scenario: Scenario  #: What was asked for.
+    scenario: Setup  #: What was asked for.
     seed: int  #: Root of all randomness.
     measured: Dataset  #: All measured runs, in the order of the dataset file.
     identification: Dataset  #: Those to identify from.
     check: Dataset  #: Those of poses never identified from.
-    workspace: Dataset  #: Second check: noise-free deflections all over the workspace.
-    before: Equilibrium  #: The true arm, unloaded, of the measured runs.
-    after: Equilibrium  #: The same, loaded.
+    truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
+    drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
 
 
 @dataclass(frozen=True)
@@ -97,11 +108,9 @@ class Result:
     model: Model  #: What was asked for.
     estimate: Estimate  #: What was found.
     identification: Score  #: Errors on the runs it was identified from, against their readings.
-    check: Score  #: Errors on the check poses, against their readings.
-    workspace: Score  #: Errors over the workspace, against the true deflections.
+    check: Score  #: Errors on the check runs, against their readings.
+    truth: Score  #: Errors against the true deflections.
     residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
-    fit_normality: Normality  #: Of the residuals of the identification runs.
-    check_normality: Normality  #: Of the residuals of the check runs.
     seconds: float  #: Wall time of the estimator.
 
 
@@ -156,14 +165,10 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
             scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
         ]
     )
-    tracker = Tracker(scenario.sigma if scenario.noise else 0.0)
-    hung = hanging(cell, station[pose], pose + 1, scenario.payload)
-    measured, before, after = measure(cell, scenario, hung, tracker, noise_rng)
+    measured = measure(cell, scenario, hanging(cell, station[pose], pose + 1, scenario.payload), noise_rng)
     everywhere = hanging(cell, anywhere, np.arange(len(anywhere)) + 1, scenario.payload)
-    workspace, _, _ = measure(cell, scenario, everywhere, Tracker(0.0), noise_rng)
-    used = np.arange(scenario.identification_poses) + 1
-    identification, check = split(measured, used)
-    return Campaign(scenario, seed, measured, identification, check, workspace, before, after)
+    identification, check = split(measured, np.arange(scenario.identification_poses) + 1)
+    return Campaign(scenario, seed, measured, identification, check, measure(cell, scenario, everywhere))
 
 
 def spread(poses: int, runs: int) -> Ids:
@@ -195,22 +200,19 @@ def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses
     return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
 
 
-def measure(
-    cell: Cell, scenario: Scenario, loaded: LoadedPoses, tracker: Tracker, rng: np.random.Generator
-) -> tuple[Dataset, Equilibrium, Equilibrium]:
-    """Read every marker before and after loading.
+def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
+    """Read every marker before and after loading, and the tool's orientation where the setup reads it.
 
     Args:
         cell: The arm.
-        scenario: Kind of truth, sigma of the fit.
+        setup: Kind of truth, sigmas of the fit.
         loaded: The runs.
-        tracker: The instrument.
-        rng: Source of its noise.
-
-    Returns:
-        The readings, and the true arm unloaded and loaded.
+        rng: Source of the noise; None for readings without noise.
     """
-    before, after = settle_both(cell.plant, scenario.truth, loaded.q, loaded.wrench, loaded.point)
+    before, after = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    sigma, sigma_rotation = setup.sigmas
+    tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
+    rng = rng or stream(0)  # of no effect: the tracker has no noise
     data = Dataset(
         markers=cell.arm.markers,
         run=np.arange(len(loaded.q)) + 1,
@@ -220,9 +222,14 @@ def measure(
         point=loaded.point,
         before=read_positions(tracker, before.markers, rng),
         after=read_positions(tracker, after.markers, rng),
-        sigma=scenario.sigma,
+        sigma=sigma,
     )
-    return data, before, after
+    if sigma_rotation is None:
+        return data
+    turned = (read_orientations(tracker, rest.rotation, rng) for rest in (before, after))
+    return replace(
+        data, rotation_before=next(turned), rotation_after=next(turned), sigma_rotation=sigma_rotation
+    )
 
 
 def settle_both(
@@ -290,33 +297,26 @@ def identify(
         models: What to identify, and how.
         clock: Wall time [s], such as time.perf_counter.
     """
-    return [_judge(cell, campaign, model, clock, stream(campaign.seed, 2)) for model in models]
+    results = []
+    for model in models:
+        start = clock()
+        estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
+        results.append(judge(cell, campaign, model, estimate, clock() - start))
+    return results
 
 
-def _judge(
-    cell: Cell,
-    campaign: Campaign,
-    model: Model,
-    clock: Callable[[], float],
-    rng: np.random.Generator,
-) -> Result:
-    start = clock()
-    estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
-    seconds = clock() - start
-    residuals = campaign.measured.deflection - predict(cell.vjm, estimate, campaign.measured)
-    used = np.isin(campaign.measured.pose, campaign.identification.pose)
+def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
+    """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
 
-    def judge(data: Dataset) -> Score:
+    def errors(data: Dataset) -> Score:
         return score(predict(cell.vjm, estimate, data), data.deflection)
 
     return Result(
         model=model,
         estimate=estimate,
-        identification=judge(campaign.identification),
-        check=judge(campaign.check),
-        workspace=judge(campaign.workspace),
-        residuals=residuals,
-        fit_normality=normality(residuals[used], rng),
-        check_normality=normality(residuals[~used], rng),
+        identification=errors(campaign.identification),
+        check=errors(campaign.check),
+        truth=errors(campaign.truth),
+        residuals=campaign.measured.deflection - predict(cell.vjm, estimate, campaign.measured),
         seconds=seconds,
     )

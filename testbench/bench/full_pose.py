@@ -3,68 +3,39 @@
 Of an arm without joints (section 5.1) there is one pose; of a six-axis arm (section 5.2) there are many.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import fields, replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from testbench.bench.campaign import Cell, LoadedPoses, Model, Truth, settle_both, stream
+from testbench.bench.campaign import Campaign, Cell, LoadedPoses, Setup, Truth, measure, stream
 from testbench.data.dataset import Dataset, Ids
-from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, PoseError
-from testbench.identify import Estimate
-from testbench.identify.evaluate import Score, predict, score
 from testbench.plant import settle_linear
 
 BATCH = 120
 MAX_BATCHES = 200
 
 
-class FullPose(BaseModel):
-    """A campaign of section 5 as data: what a manifest must hold to run it again."""
+class FullPose(Setup):
+    """A campaign of section 5."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-    arm: str  #: The arm's folder.
     poses: int = Field(default=18, ge=1, le=1000)  #: Random poses to identify from, within the joint limits.
     force: float = Field(default=1000.0, gt=0, le=1e6)  #: Force along each axis in turn, at the tool [N].
     moment: float = Field(default=1000.0, gt=0, le=1e6)  #: Moment about each axis in turn [N m].
-    #: Standard deviation of one position reading along one axis [m].
     sigma: float = Field(default=25e-6, ge=1e-9, le=0.01)
-    #: The same of one orientation reading [rad].
+    #: Standard deviation of one orientation reading [rad].
     sigma_rotation: float = Field(default=250e-6, ge=1e-9, le=0.1)
-    #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
     truth: Truth = "linear"
-    noise: bool = True  #: Whether readings are noisy.
     #: Runs to check with, each in a pose and under a wrench of its own.
     check_runs: int = Field(default=120, ge=1, le=10_000)
     least: float = Field(default=0.0, ge=0, le=1)  #: Least deflection of a check run [m].
     most: float = Field(default=1.0, gt=0, le=1)  #: Greatest deflection of a check run [m].
 
-
-@dataclass(frozen=True)
-class Campaign:
-    """What was measured, and what it is checked with."""
-
-    scenario: FullPose  #: What was asked for.
-    seed: int  #: Root of all randomness.
-    identification: Dataset  #: Noisy readings of six runs a pose.
-    check: Dataset  #: Noisy readings of the check runs, in other poses under other wrenches.
-    truth: Dataset  #: The check runs without noise.
-    drawn: int  #: Check runs drawn until enough had a deflection in range.
-
-
-@dataclass(frozen=True)
-class Result:
-    """One model, identified and judged."""
-
-    model: Model  #: What was asked for.
-    estimate: Estimate  #: What was found.
-    identification: Score  #: Errors on the readings that it was identified from.
-    check: Score  #: Errors on the check runs, against their true deflection.
-    readings: Score  #: Errors on the check runs, against their readings.
-    seconds: float  #: Wall time of the estimator.
+    @property
+    def sigmas(self) -> tuple[float, float | None]:
+        """Of a position [m] and of an orientation [rad]."""
+        return self.sigma, self.sigma_rotation
 
 
 def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
@@ -89,14 +60,17 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     check_q, check_wrench, drawn = _check_runs(cell, scenario, poses_rng)
     ids = scenario.poses + np.arange(scenario.check_runs) + 1
     checks = at_tool(check_q, ids, check_wrench)
-    return Campaign(
-        scenario=scenario,
-        seed=seed,
-        identification=read_runs(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng),
-        check=read_runs(cell, scenario, checks, noise_rng),
-        truth=read_runs(cell, scenario, checks, None),
-        drawn=drawn,
-    )
+    identification = measure(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
+    check, truth = measure(cell, scenario, checks, noise_rng), measure(cell, scenario, checks)
+    return Campaign(scenario, seed, _joined(identification, check), identification, check, truth, drawn)
+
+
+def _joined(a: Dataset, b: Dataset) -> Dataset:
+    """The runs of both, numbered anew."""
+    names = [f.name for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)]
+    joined = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
+    joined["run"] = np.arange(a.runs + b.runs) + 1
+    return replace(a, **joined)  # type: ignore[arg-type]  # arrays, by the names of theirs
 
 
 def _random_q(cell: Cell, count: int, rng: np.random.Generator) -> Array:
@@ -140,67 +114,3 @@ def at_tool(q: Array, pose: Ids, wrench: Array) -> LoadedPoses:
         wrench: World axes, (runs, 6) [N, N m].
     """
     return LoadedPoses(q, pose, wrench, np.zeros((len(q), 3)))
-
-
-def read_runs(
-    cell: Cell, scenario: FullPose, loaded: LoadedPoses, rng: np.random.Generator | None
-) -> Dataset:
-    """Full pose of the tool before and after loading.
-
-    Args:
-        cell: The arm.
-        scenario: Kind of truth, and the sigmas.
-        loaded: The runs.
-        rng: Source of the noise; None for readings without noise.
-    """
-    before, after = settle_both(cell.plant, scenario.truth, loaded.q, loaded.wrench, loaded.point)
-    noisy = scenario.noise and rng is not None
-    tracker = Tracker(scenario.sigma, scenario.sigma_rotation) if noisy else Tracker(0.0, 0.0)
-    rng = stream(0) if rng is None else rng  # of no effect: the tracker has no noise
-    return Dataset(
-        markers=cell.arm.markers,
-        run=np.arange(len(loaded.q)) + 1,
-        pose=loaded.pose,
-        q=loaded.q,
-        wrench=loaded.wrench,
-        point=loaded.point,
-        before=read_positions(tracker, before.markers, rng),
-        after=read_positions(tracker, after.markers, rng),
-        sigma=scenario.sigma,
-        rotation_before=read_orientations(tracker, before.rotation, rng),
-        rotation_after=read_orientations(tracker, after.rotation, rng),
-        sigma_rotation=scenario.sigma_rotation,
-    )
-
-
-def identify(
-    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
-) -> list[Result]:
-    """Identify every model from the campaign and judge it on the check runs.
-
-    Args:
-        cell: The arm.
-        campaign: The data.
-        models: What to identify, and how.
-        clock: Wall time [s], such as time.perf_counter.
-    """
-    results = []
-    for model in models:
-        start = clock()
-        estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
-        results.append(judge(cell, campaign, model, estimate, clock() - start))
-    return results
-
-
-def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
-    """Score an estimate on the runs that it was identified from, and on the check runs."""
-    predicted = predict(cell.vjm, estimate, campaign.check)
-    fitted = predict(cell.vjm, estimate, campaign.identification)
-    return Result(
-        model=model,
-        estimate=estimate,
-        identification=score(fitted, campaign.identification.deflection),
-        check=score(predicted, campaign.truth.deflection),
-        readings=score(predicted, campaign.check.deflection),
-        seconds=seconds,
-    )

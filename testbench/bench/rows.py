@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.bench.campaign import Result
 from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
@@ -73,6 +74,25 @@ class FitRow:
     total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
     solve_seconds: Number  #: Wall time of the estimator.
     advice: tuple[str, ...] | str  #: What the estimate says of itself.
+
+
+@dataclass(frozen=True)
+class JudgedRow(FitRow):
+    """A model judged: against readings at fitted and check poses, against the truth over the workspace."""
+
+    identification: ErrorRow
+    check: ErrorRow
+    workspace: ErrorRow
+
+
+def judged_row(result: Result, *, prior: bool = False) -> JudgedRow:
+    """A model of a campaign of section 6, and whether it had a prior."""
+    return JudgedRow(
+        **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
+        identification=error_row(result.identification),
+        check=error_row(result.check),
+        workspace=error_row(result.truth),
+    )
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:

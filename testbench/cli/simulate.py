@@ -13,7 +13,6 @@ from testbench.bench.plan_input import read_payload
 from testbench.cli.arguments import ArmName
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
-from testbench.data.tracker import Tracker
 from testbench.errors import InputError
 from testbench.plant import check_poses
 from testbench.shell.options import takes
@@ -49,9 +48,8 @@ def command(asked: Options) -> None:
             asked.poses, "column load_kg", "says what hangs in every run; leave out --payload-kg"
         )
     check_poses(cell.room, q)
-    ids, tracker = np.arange(len(q)) + 1, Tracker(scenario.sigma)
-    loaded = hanging(cell, q, ids, mass if payload is None else payload)
-    data, _, _ = measure(cell, scenario, loaded, tracker, stream(asked.seed, 1))
+    loaded = hanging(cell, q, np.arange(len(q)) + 1, mass if payload is None else payload)
+    data = measure(cell, scenario, loaded, stream(asked.seed, 1))
     write_csv(data, cell.arm, asked.out)
     size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import Model, named_models
-from testbench.bench.full_pose import FullPose, identify, random_wrenches, simulate
+from testbench.bench.campaign import Model, identify, named_models
+from testbench.bench.full_pose import FullPose, random_wrenches, simulate
 from testbench.errors import BenchError, PoseError
 from testbench.identify import gco, least_squares, reduce
 from testbench.model.structure import Structure, all153
@@ -73,11 +73,11 @@ def test_only_gco_is_conservative_and_both_predict_alike_in_every_seed(arm_6r):
         results = identify(arm_6r, simulate(arm_6r, FullPose(**PAPER), seed), models, clock)
         assert [r.estimate.conservative for r in results] == [False, False, True]
         assert all(r.estimate.status == "solved" for r in results)
-        more, less, ours = (r.check.p95 for r in results)
+        more, less, ours = (r.truth.p95 for r in results)
         assert more == pytest.approx(less, rel=1e-6)  # redundant columns change nothing
         assert ours == pytest.approx(less, rel=0.1)  # the constraint hardly binds in 32 seen directions
         for r in results:
-            assert r.check.rms < r.check.p95 < r.readings.p95
+            assert r.truth.rms < r.truth.p95 < r.check.p95
 
 
 def test_single_link_is_the_same_campaign_with_one_pose(single_link):
@@ -87,7 +87,7 @@ def test_single_link_is_the_same_campaign_with_one_pose(single_link):
     structure = Structure.of(single_link.arm, links=["link_0"], name="MGCO21")
     for estimator in (gco, least_squares):
         [result] = identify(single_link, campaign, [Model("x", structure, estimator)], clock)
-        assert result.check.max < 1e-9
+        assert result.truth.max < 1e-9
 
 
 def test_random_wrenches_have_their_magnitudes_in_all_directions(rng):

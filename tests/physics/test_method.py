@@ -132,7 +132,7 @@ def test_last_digits_of_the_readings_move_no_prediction(kr500, campaign, prior, 
     other = replace(data, before=turned[0], after=turned[1])
     for model in named_models(kr500, ["MGCO56", "MGCO47", "MGCO68"]):
         one, two = (method(kr500.vjm, model.structure, runs) for runs in (data, other))
-        for where in (data, campaign.workspace) if with_a_prior else (data,):
+        for where in (data, campaign.truth) if with_a_prior else (data,):
             moved = predict(kr500.vjm, one, where)
             change = np.abs(predict(kr500.vjm, two, where) - moved).max()
             assert change <= 1e-9 * np.abs(moved).max()

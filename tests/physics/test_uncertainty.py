@@ -43,7 +43,7 @@ def gravity(kr500):
 
 
 def elsewhere(cell, structure, campaign):
-    where = campaign.workspace
+    where = campaign.truth
     return rows_of(cell, structure, where, cell.vjm.markers[:1])
 
 

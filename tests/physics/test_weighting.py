@@ -151,7 +151,7 @@ def test_the_last_digit_of_a_marker_moves_no_prediction(cell, prior):
         before, after = (read_positions(tracker, p, noise) for p in true)
         data = replace(clean, before=before, after=after, precision=precision(tracker, before, after))
         estimate = method(cell.vjm, template56(cell.arm), data)
-        predicted.append(predict(cell.vjm, estimate, campaign.workspace))
+        predicted.append(predict(cell.vjm, estimate, campaign.truth))
     assert (predicted[0] != predicted[1]).any()
     # of 10 mm: the conic solver stops at 1e-8 of the cost, least squares at rounding
     np.testing.assert_allclose(predicted[1], predicted[0], rtol=0, atol=1e-9 if prior else 1e-12)

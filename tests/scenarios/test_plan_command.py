@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, hanging, measure, stream
+from testbench.bench.campaign import Scenario, hanging, measure
 from testbench.bench.plan import hung, straight_way
 from testbench.bench.plan_input import read_tasks
 from testbench.cli import program
 from testbench.data.posefile import plan_columns, read_poses
 from testbench.data.station import Station
-from testbench.data.tracker import Tracker
 from testbench.model.poses import in_area
 from testbench.model.vjm import chain, jacobian
 from testbench.plant import collisions
@@ -154,7 +153,7 @@ def errors_at_tasks(cell, C_theta):
     tasks = read_tasks(TASKS, cell, hung(cell, 460.0))
     scenario = Scenario(arm="kr500_l480", payload=460.0)
     loaded = hanging(cell, tasks.q, np.arange(20), 460.0)
-    truth, _, _ = measure(cell, scenario, loaded, Tracker(0.0), stream(0))
+    truth = measure(cell, scenario, loaded)
     u = np.einsum("tij,ti->tj", jacobian(cell.vjm, tasks.q, cell.vjm.load), truth.wrench)
     moved = [
         jacobian(cell.vjm, tasks.q, marker)[:, :3] @ (u @ C_theta)[:, :, None] for marker in cell.vjm.markers

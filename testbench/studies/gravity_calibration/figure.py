@@ -12,6 +12,7 @@ from testbench.bench.rows import UM
 from testbench.data.dataset import Mask
 from testbench.identify.evaluate import Normality
 from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
+from testbench.studies.gravity_calibration.trial import normalities
 from testbench.views.colours import MEASURED, hexadecimal, look
 from testbench.views.figure import SOFT, dots, log_ticks, quiet
 
@@ -52,9 +53,11 @@ def residuals(campaign: Campaign, results: Sequence[Result]) -> Figure:
     figure = Figure(figsize=(5 * len(chosen), 4.6), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(chosen), sharex=True))
     used = np.isin(campaign.measured.pose, campaign.identification.pose)
-    edge = max(4 * UM * max(r.fit_normality.std for r in chosen), 1e-6)
-    for ax, result in zip(axes, chosen, strict=True):
-        _distribution(ax, result, used, edge)
+    normal = [normalities(campaign, result) for result in chosen]
+    edge = max(4 * UM * max(fit.std for fit, _ in normal), 1e-6)
+    for ax, result, (fit, check) in zip(axes, chosen, normal, strict=True):
+        _distribution(ax, result, used, (fit, edge))
+        ax.set_title(f"{result.model.name}\nfit: {_words(fit)}\ncheck: {_words(check)}", fontsize="small")
     axes[0].set_ylabel("density [1/um]")
     figure.suptitle(
         f"Residuals of seed {campaign.seed}, all markers and axes pooled (Fig. 5); what lies beyond an axis "
@@ -64,9 +67,10 @@ def residuals(campaign: Campaign, results: Sequence[Result]) -> Figure:
     return figure
 
 
-def _distribution(ax: Axes, result: Result, used: Mask, edge: float) -> None:
+def _distribution(ax: Axes, result: Result, used: Mask, shown: tuple[Normality, float]) -> None:
+    """Residuals of one model under the normal curve of the fit, up to an edge [um]."""
+    normal, edge = shown
     fit, check = (UM * result.residuals[runs].ravel() for runs in (used, ~used))
-    normal = result.fit_normality
     bins = np.linspace(-edge, edge, 25).tolist()
     shade = look(result.estimate.structure.name, result.estimate.constraint).hex
     ax.hist(np.clip(fit, -edge, edge), bins, density=True, color=shade, alpha=0.7, label="fit")
@@ -76,10 +80,6 @@ def _distribution(ax: Axes, result: Result, used: Mask, edge: float) -> None:
     x = np.linspace(-edge, edge, 400)
     curve = stats.norm.pdf(x, UM * normal.mean, max(UM * normal.std, 1e-9))
     ax.plot(x, curve, color=SOFT, label="normal curve of the fit")
-    ax.set_title(
-        f"{result.model.name}\nfit: {_words(normal)}\ncheck: {_words(result.check_normality)}",
-        fontsize="small",
-    )
     ax.set_xlabel("residual component [um]")
     ax.legend(frameon=False, fontsize="small")
     quiet(ax)

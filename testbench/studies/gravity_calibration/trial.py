@@ -18,10 +18,11 @@ from testbench.bench.campaign import (
     identify,
     named_models,
     simulate,
+    stream,
 )
-from testbench.bench.rows import MM, UM, ErrorRow, FitRow, NormalityRow, error_row, fit_row, normality_row
+from testbench.bench.rows import DatasetRow, JudgedRow, NormalityRow, dataset_row, judged_row, normality_row
 from testbench.bench.wrong_prior import with_wrong_prior
-from testbench.trials.spread import Number
+from testbench.identify.evaluate import Normality, normality
 
 NAME = "gravity_calibration"
 QUICK_WORKSPACE = 40
@@ -53,20 +54,15 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What was measured: counts, and the least and largest deflection of a marker."""
+class Measured(DatasetRow):
+    """What was measured."""
 
-    runs: int
-    points: int
     poses: int
     identification_runs: int
     identification_points: int
     check_runs: int
     check_points: int
     workspace_poses: int
-    deflection_min_mm: Number
-    deflection_max_mm: Number
-    sigma_um: float
 
 
 @dataclass(frozen=True)
@@ -78,12 +74,9 @@ class Residuals:
 
 
 @dataclass(frozen=True)
-class Judged(FitRow):
-    """A model judged: against readings at fitted and check poses, against the truth over the workspace."""
+class Judged(JudgedRow):
+    """The same with its residuals."""
 
-    identification: ErrorRow
-    check: ErrorRow
-    workspace: ErrorRow
     residuals: Residuals
 
 
@@ -125,31 +118,29 @@ def results(cell: Cell, campaign: Campaign) -> list[Result]:
 
 def row(campaign: Campaign, result: Result) -> ModelRow:
     """One model of one campaign."""
-    prior = result.estimate.belief is not None
     return ModelRow(
-        **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
-        identification=error_row(result.identification),
-        check=error_row(result.check),
-        workspace=error_row(result.workspace),
-        residuals=Residuals(normality_row(result.fit_normality), normality_row(result.check_normality)),
+        **vars(judged_row(result, prior=result.estimate.belief is not None)),
+        residuals=Residuals(*map(normality_row, normalities(campaign, result))),
         measured=measured(campaign),
     )
+
+
+def normalities(campaign: Campaign, result: Result) -> tuple[Normality, Normality]:
+    """Of the residuals of the runs that were fitted, and of those that were not."""
+    rng = stream(campaign.seed, 2)
+    used = np.isin(campaign.measured.pose, campaign.identification.pose)
+    return normality(result.residuals[used], rng), normality(result.residuals[~used], rng)
 
 
 def measured(campaign: Campaign) -> Measured:
     """Counts and deflections of a campaign."""
     every, fitted, check = campaign.measured, campaign.identification, campaign.check
-    size = MM * np.linalg.norm(every.deflection, axis=-1)
     return Measured(
-        runs=every.runs,
-        points=every.points,
+        **vars(dataset_row(every)),
         poses=len(np.unique(every.pose)),
         identification_runs=fitted.runs,
         identification_points=fitted.points,
         check_runs=check.runs,
         check_points=check.points,
-        workspace_poses=campaign.workspace.runs,
-        deflection_min_mm=float(size.min()),
-        deflection_max_mm=float(size.max()),
-        sigma_um=UM * every.sigma,
+        workspace_poses=campaign.truth.runs,
     )

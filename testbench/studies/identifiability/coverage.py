@@ -73,7 +73,7 @@ def gravity_cases(cell: Cell, checks: int = CHECKS) -> list[Case]:
     """Section 6: markers read under a hung weight; most deflections elsewhere are not seen."""
     scenario = Scenario(arm=cell.arm.name, truth="linear", workspace_poses=checks)
     campaign = simulate(cell, scenario, 1)
-    data, where, marker = campaign.identification, campaign.workspace, cell.vjm.markers[:1]
+    data, where, marker = campaign.identification, campaign.truth, cell.vjm.markers[:1]
     structures = {"MGCO56": template56(cell.arm), "MGCO68": mgco68(cell.arm)}
     return [
         _case(cell, f"{cell.arm.name} {n}", s, data, _deflections(cell, s, where, marker))
@@ -160,7 +160,7 @@ def bent(cell: Cell, truth: Truth, k: int) -> Covered:
     s = template56(cell.arm)
     own = metric(cad_prior(cell.arm), cell.vjm, s)
     campaign = simulate(cell, Scenario(arm=cell.arm.name, truth=truth, workspace_poses=CHECKS), k)
-    where = campaign.workspace
+    where = campaign.truth
     estimate = gco_with(reduce(cell.vjm, s, campaign.identification), own, BENT)
     rows = _deflections(cell, s, where, cell.vjm.markers[:1])
     seen = linearise(estimate).intervals(rows, CONFIDENCE)

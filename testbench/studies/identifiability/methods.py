@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-from testbench.bench.campaign import Campaign, Cell, Model, named_models
-from testbench.bench.rows import ErrorRow, FitRow, error_row, fit_row
+from testbench.bench.campaign import Campaign, Cell, Model, identify, named_models
+from testbench.bench.rows import JudgedRow, judged_row
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
 from testbench.identify.crossval import choose_strength, every_fold
-from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import Metric, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
@@ -84,12 +83,9 @@ WITH_PRIOR: dict[str, tuple[Filling, Callable[[Prior], Estimator]]] = {
 
 
 @dataclass(frozen=True)
-class ModelRow(FitRow):
-    """A model judged: against readings at fitted and check poses, against the truth over the workspace."""
+class ModelRow(JudgedRow):
+    """A model judged, and what fills what the data do not see."""
 
-    identification: ErrorRow
-    check: ErrorRow
-    workspace: ErrorRow
     filling: Filling  #: What fills what the data do not see.
     uncertainty_percent: Number = None  #: Of the prior, as cross-validation chose it.
     #: Of least squares with a prior: error over the workspace of GCO with the same prior, believed as firmly,
@@ -99,23 +95,14 @@ class ModelRow(FitRow):
 
 def judge(cell: Cell, campaign: Campaign, model: Model, filling: Filling) -> tuple[ModelRow, Estimate]:
     """Identify a model and judge it."""
-    start = time.perf_counter()
-    estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
-    seconds = time.perf_counter() - start
-
-    def errors(data: Dataset) -> ErrorRow:
-        return error_row(score(predict(cell.vjm, estimate, data), data.deflection))
-
-    believed = filling in ("prior", "log-det prior")
+    [result] = identify(cell, campaign, [model], time.perf_counter)
+    belief = result.estimate.belief
     row = ModelRow(
-        **vars(fit_row(model.name, estimate, seconds, prior=believed)),
-        identification=errors(campaign.identification),
-        check=errors(campaign.check),
-        workspace=errors(campaign.workspace),
+        **vars(judged_row(result, prior=filling in ("prior", "log-det prior"))),
         filling=filling,
-        uncertainty_percent=100 * estimate.belief.strength.uncertainty if estimate.belief else None,
+        uncertainty_percent=100 * belief.strength.uncertainty if belief else None,
     )
-    return row, estimate
+    return row, result.estimate
 
 
 def plain(cell: Cell, campaign: Campaign) -> Iterator[ModelRow]:

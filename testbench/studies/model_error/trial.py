@@ -126,7 +126,7 @@ def disturbed(
     exact = replace(disturbances, mass_error=0.0, centre_error=0.0)
     judge = disturb(cell.plant, exact, stream(seed, 20))
     found = []
-    for arm, runs in ((true, campaign.identification), (judge, campaign.workspace)):
+    for arm, runs in ((true, campaign.identification), (judge, campaign.truth)):
         before, after = settle_pair(arm, runs.q, runs.wrench, runs.point)
         found.append(replace(runs, before=before.markers, after=after.markers))
     return found[0], found[1]

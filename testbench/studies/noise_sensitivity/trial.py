@@ -146,7 +146,7 @@ def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) ->
     for sigma in asked.sigmas:
         data = reread(campaign.identification, sigma, stream(seed, 1))
         for model in models:
-            found = fit(cell, model, data, campaign.workspace)
+            found = fit(cell, model, data, campaign.truth)
             yield NoiseRow(**vars(found), part="gravity", x=sigma, measured=measured)
 
 
@@ -156,7 +156,7 @@ def _instruments(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterat
         campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, truth=TRUTHS[part]), seed)
         flat = reread(campaign.identification, FLAT_SIGMA, stream(seed, 1))
         for name, distance, data in readings(campaign.identification, flat, asked.distances, seed):
-            found = replace(fit(cell, model, data, campaign.workspace), model=name)
+            found = replace(fit(cell, model, data, campaign.truth), model=name)
             yield NoiseRow(**vars(found), part=part, x=distance)
 
 

@@ -15,7 +15,8 @@ import typer
 
 from testbench.arm.library import find_arm
 from testbench.bench.campaign import Cell, Model, build_cell, stream
-from testbench.bench.full_pose import FullPose, at_tool, random_wrenches, read_runs
+from testbench.bench.campaign import measure as read
+from testbench.bench.full_pose import FullPose, at_tool, random_wrenches
 from testbench.bench.rows import FitRow, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -121,7 +122,7 @@ def measure(cell: Cell, asked: Settings, seed: int) -> Draw:
 
 def _read(cell: Cell, campaign: FullPose, wrench: Array, rng: np.random.Generator | None) -> Dataset:
     only = at_tool(np.empty((len(wrench), 0)), np.ones(len(wrench), dtype=int), wrench)
-    return read_runs(cell, campaign, only, rng)
+    return read(cell, campaign, only, rng)
 
 
 def wrenches_within(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:

@@ -3,8 +3,8 @@
 import time
 
 from testbench.arm.library import find_arm
-from testbench.bench.campaign import build_cell, named_models
-from testbench.bench.full_pose import identify, simulate
+from testbench.bench.campaign import build_cell, identify, named_models
+from testbench.bench.full_pose import simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.six_dof_arm.summary import SixDofReport
 from testbench.studies.six_dof_arm.trial import MODELS, Settings

@@ -11,9 +11,20 @@ import typer
 
 from testbench.arm.library import find_arm
 from testbench.arm.stiffness import eigenvalue_scale
-from testbench.bench.campaign import Cell, Model, Truth, build_cell, named_models, stream
-from testbench.bench.full_pose import Campaign, FullPose, Result, identify, judge, simulate
-from testbench.bench.rows import MM, UM, ErrorRow, FitRow, error_row, fit_row
+from testbench.bench.campaign import (
+    Campaign,
+    Cell,
+    Model,
+    Result,
+    Truth,
+    build_cell,
+    identify,
+    judge,
+    named_models,
+    stream,
+)
+from testbench.bench.full_pose import FullPose, simulate
+from testbench.bench.rows import UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.errors import Array
 from testbench.identify import Estimate, LocalSolves, gco
 from testbench.identify.factorised import LARGEST_ORDER
@@ -57,17 +68,12 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What was measured: counts, and the least and largest deflection of a check run."""
+class Measured(DatasetRow):
+    """What was measured; the deflections are those of the check runs."""
 
-    runs: int
-    points: int
     poses: int
     check_runs: int
     check_runs_drawn: Number
-    deflection_min_mm: Number
-    deflection_max_mm: Number
-    sigma_um: float
     sigma_urad: float
 
 
@@ -147,18 +153,14 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
 
 def measured(campaign: Campaign) -> Measured:
     """Counts and deflections of a campaign."""
-    scenario = campaign.scenario
-    size = MM * np.linalg.norm(campaign.truth.deflection, axis=-1)
+    runs = campaign.identification
+    assert runs.sigma_rotation is not None  # full poses are read
     return Measured(
-        runs=campaign.identification.runs,
-        points=campaign.identification.points,
-        poses=scenario.poses,
+        **vars(dataset_row(campaign.truth)) | {"runs": runs.runs, "points": runs.points},
+        poses=len(np.unique(runs.pose)),
         check_runs=campaign.truth.runs,
         check_runs_drawn=campaign.drawn,
-        deflection_min_mm=float(size.min()),
-        deflection_max_mm=float(size.max()),
-        sigma_um=UM * scenario.sigma,
-        sigma_urad=UM * scenario.sigma_rotation,
+        sigma_urad=UM * runs.sigma_rotation,
     )
 
 
@@ -167,8 +169,8 @@ def judged(result: Result) -> Judged:
     return Judged(
         **vars(fit_row(result.model.name, result.estimate, result.seconds)),
         identification=error_row(result.identification),
-        check=error_row(result.check),
-        readings=error_row(result.readings),
+        check=error_row(result.truth),
+        readings=error_row(result.check),
     )
 
 

@@ -14,8 +14,8 @@ import numpy as np
 import typer
 
 from testbench.arm.library import find_arm
-from testbench.bench.campaign import Cell, Model, build_cell, named_models, stream
-from testbench.bench.full_pose import Campaign, FullPose, judge, simulate
+from testbench.bench.campaign import Campaign, Cell, Model, build_cell, judge, named_models, stream
+from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.rows import UM, ErrorRow, error_row
 from testbench.errors import Array, BenchError
 from testbench.identify import Budget, Estimate, Estimator, certify, gco, make_estimate, reduce
@@ -345,7 +345,7 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
         local_solves_elsewhere=sum(elsewhere) if row.solves else None,
         conservative=estimate.conservative,
         status=estimate.status,
-        check=error_row(judge(cell, campaign, model, estimate, row.seconds).check),
+        check=error_row(judge(cell, campaign, model, estimate, row.seconds).truth),
         way_seconds=tuple(seconds for seconds, _ in way),
         way_gap=tuple(value for _, value in way),
     )

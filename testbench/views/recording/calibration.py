@@ -7,11 +7,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from testbench.bench.campaign import Cell
+from testbench.bench.campaign import Campaign, Cell, Result
 from testbench.trials.spread import Spread, ends, middle
 from testbench.views.recording.chart import Dot, chart_view, write_chart
 from testbench.views.recording.compliance import compliance_grid, legend, numbers, write_compliances
-from testbench.views.recording.drawing import Calibration, Campaign, Drawing, Result, build_drawing
+from testbench.views.recording.drawing import Calibration, Drawing, build_drawing
 from testbench.views.recording.plots import (
     histogram_views,
     residual_view,

@@ -2,26 +2,20 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from testbench.bench import campaign as bench
-from testbench.bench import full_pose
-from testbench.bench.campaign import Cell, Truth, settle_both
+from testbench.bench.campaign import Campaign, Cell, Result, Scenario, Truth, settle_both
 from testbench.bench.rows import FitRow
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.evaluate import predict
 from testbench.plant.shapes import Frames, body_names, elastic_frames, rigid_frames
 from testbench.views.colours import look
 from testbench.views.recording.style import Drawn, drawn
 from testbench.views.schema import Table
-
-Campaign = bench.Campaign | full_pose.Campaign
-Result = bench.Result | full_pose.Result
 
 RESIDUAL_REACH = 0.1
 """Length of the longest residual arrow of the best model over the reach of the arm, before rounding [1]."""
@@ -147,9 +141,8 @@ def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: S
         results: One a model.
     """
     scenario = campaign.scenario
-    data, checked = _runs(campaign)
-    estimates = [result.estimate for result in results]
-    errors = np.array([data.deflection - predict(cell.vjm, e, data) for e in estimates])
+    data = campaign.measured
+    errors = np.array([result.residuals for result in results])
     residual = np.linalg.norm(errors[about.best], axis=-1).max(axis=1)
     rank = np.empty(data.runs, dtype=int)
     rank[np.argsort(-residual, kind="stable")] = np.arange(data.runs)
@@ -162,28 +155,16 @@ def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: S
         data=data,
         seed=campaign.seed,
         noise=scenario.noise,
-        payload=scenario.payload if isinstance(scenario, bench.Scenario) else None,
-        estimates=estimates,
+        payload=scenario.payload if isinstance(scenario, Scenario) else None,
+        estimates=[result.estimate for result in results],
         errors=errors,
-        checked=checked,
+        checked=np.isin(data.pose, campaign.check.pose),
         rank=rank,
         rigid=rigid,
         ghost=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
         loading=_load_up(cell, data, int(np.argmin(rank)), (scenario.truth, M), data.deflection - errors),
         residual_scale=_round_scale(RESIDUAL_REACH * _reach(rigid), residual.max()),
     )
-
-
-def _runs(campaign: Campaign) -> tuple[Dataset, Mask]:
-    """All runs, and which of them check."""
-    if isinstance(campaign, bench.Campaign):
-        return campaign.measured, np.isin(campaign.measured.pose, campaign.check.pose)
-    a, b = campaign.identification, campaign.check
-    checked = np.arange(a.runs + b.runs) >= a.runs
-    names = [f.name for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)]
-    joined = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
-    joined["run"] = np.arange(len(checked)) + 1
-    return replace(a, **joined), checked  # type: ignore[arg-type]  # arrays, by the names of theirs
 
 
 def _load_up(cell: Cell, data: Dataset, run: int, shown: tuple[Truth, float], predicted: Array) -> Loading:
