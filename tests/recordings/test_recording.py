@@ -22,6 +22,7 @@ from testbench.bench.campaign import (
     simulate,
 )
 from testbench.model.poses import WorkArea
+from testbench.plant import settle
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
 from testbench.studies.gravity_calibration import STUDY, recording, summary, trial
 from testbench.studies.study import Run
