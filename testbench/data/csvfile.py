@@ -31,12 +31,10 @@ def columns(joints: tuple[str, ...], *, rotation: bool, covariance: bool = False
     world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings, world axes. sigma_m:
     standard deviation of one reading along one axis, the same in all rows.
 
-    Args:
-        joints: Names of the arm's joints.
-        rotation: Whether orientations are read: rotation_before_*_rad, rotation_after_*_rad (rotation
-            vectors, world axes, the same for every marker of a run) and sigma_rad.
-        covariance: Whether every reading has a covariance of its own: deflection_cov_*_m2, of both readings
-            together, world axes. A lost target leaves them and its readings empty.
+    With `rotation` orientations are read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors,
+    world axes, the same for every marker of a run) and sigma_rad. With `covariance` every reading has one of
+    its own: deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its
+    readings empty.
     """
     names = ["run", "pose", "marker", *_angles(joints), *_load(), *READINGS, "sigma_m"]
     return names + TURNED * rotation + COVARIANCES * covariance
@@ -51,12 +49,7 @@ def _load() -> list[str]:
 
 
 def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
-    """Write the dataset; an existing file is replaced only by a whole one.
-
-    Args:
-        data: The runs.
-        arm: The arm that was measured, or the names of its joints: they head the columns.
-        path: The file.
+    """Write the runs of an arm, or of joints of these names; an earlier file is replaced only by a whole one.
 
     Raises:
         BenchError: When the names are not as many as the joint angles.
@@ -88,14 +81,7 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:
-    """Read and check a dataset of an arm.
-
-    Args:
-        path: The file; `columns` documents its header.
-        arm: The arm that was measured.
-
-    Returns:
-        Readings before and after loading, with poses and loads.
+    """Read and check a dataset of an arm; `columns` documents its header.
 
     Raises:
         InputError: Names the line and what was expected.

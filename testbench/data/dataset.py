@@ -38,12 +38,7 @@ class Dataset:
     precision: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check shapes and values at the door.
-
-        Raises:
-            BenchError: When an array has the wrong shape or is not finite, an identifier is no integer, a
-                marker is named twice or none is, or a sigma is not positive.
-        """
+        """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
         runs, m = len(self.run), len(self.markers)
         for name in ("run", "pose"):
             ids = np.asarray(getattr(self, name))
@@ -93,11 +88,7 @@ class Dataset:
 
     @property
     def rotation(self) -> Array:
-        """Measured rotation of the tool, world axes, (runs, 3) [rad].
-
-        Raises:
-            BenchError: When the dataset has no orientations.
-        """
+        """Measured rotation of the tool, world axes, (runs, 3) [rad]; BenchError for positions only."""
         if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
         before = Rotation.from_rotvec(self.rotation_before)
@@ -106,11 +97,7 @@ class Dataset:
 
 
 def _check_precision(precision: Array) -> None:
-    """Symmetric, and positive definite or zero.
-
-    Raises:
-        BenchError: When a matrix is neither.
-    """
+    """Refuse what is neither symmetric positive definite nor zero."""
     size = np.abs(precision).max(axis=(2, 3))
     skew = np.abs(precision - precision.swapaxes(2, 3)).max(axis=(2, 3))
     least = np.linalg.eigvalsh(precision)[..., 0]
@@ -124,11 +111,7 @@ def _check_precision(precision: Array) -> None:
 
 
 def select(data: Dataset, runs: Mask) -> Dataset:
-    """The runs under a mask, (runs,).
-
-    Raises:
-        BenchError: When the mask has another length than the dataset.
-    """
+    """The runs under a mask, (runs,); BenchError when it has another length than the dataset."""
     if np.shape(runs) != (data.runs,):
         raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
     arrays = ["run", "pose", "q", "wrench", "point", "before", "after"]

@@ -9,16 +9,9 @@ from testbench.errors import BenchError
 
 
 def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) -> tuple[Dataset, Mask]:
-    """A dataset in which some loaded marker readings are off, each in a random direction.
+    """A dataset with some loaded readings off, each in a random direction; and which those are, (runs, m).
 
-    Args:
-        data: The readings; orientations stay as they are.
-        share: Share of the marker readings that are spoiled, rounded to whole readings [1].
-        size: Distance by which each is off [m].
-        rng: Chooses the readings and the directions.
-
-    Returns:
-        The spoiled dataset, and which readings are spoiled, (runs, m).
+    They are `share` of all [1], rounded to whole readings, off by `size` [m]; orientations stay as they are.
 
     Raises:
         BenchError: When the share is outside [0, 1] or the size is not a finite number of at least 0.

@@ -20,9 +20,6 @@ def plan_columns(joints: tuple[str, ...]) -> list[str]:
     over the markers, by the prior. expected_error_*_mm: of predicting it after identification, with the 5th
     and 95th percentile. travel_deg: of the joint that turns farthest from the run before. way: "start",
     "clear" where all joints can go straight, "via" where that way collides.
-
-    Args:
-        joints: Names of the arm's joints.
     """
     names = ["run", *(f"{j}_rad" for j in joints), *(f"{j}_deg" for j in joints), "load_kg"]
     names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
@@ -30,14 +27,9 @@ def plan_columns(joints: tuple[str, ...]) -> list[str]:
 
 
 def read_poses(path: Path, arm: Arm) -> Array:
-    """Read joint angles, one pose a row, one column JOINT_rad for every joint; a plan's others may be there.
+    """Read poses within the arm's limits, (poses, n) [rad]: one a row, a column JOINT_rad for every joint.
 
-    Args:
-        path: The file.
-        arm: The arm that is to take them.
-
-    Returns:
-        (poses, n) [rad], within the arm's limits.
+    A plan's other columns may be there.
 
     Raises:
         InputError: Names the line and what was expected.
@@ -63,13 +55,9 @@ def read_poses(path: Path, arm: Arm) -> Array:
 
 
 def check_limits(path: Path, arm: Arm, q: Array, *, unit: str = "rad") -> None:
-    """Joint angles lie within the arm's limits; if not, degrees are the first suspect.
+    """Refuse joint angles of a file, (rows, n) [rad], beyond the arm's limits; degrees are the first suspect.
 
-    Args:
-        path: The file, a row of it a row of q.
-        arm: The arm that is to take them.
-        q: Joint angles, (rows, n) [rad].
-        unit: That of the file, "rad" or "deg".
+    `unit` is that of the file, "rad" or "deg".
 
     Raises:
         InputError: Names line and joint.

@@ -50,11 +50,7 @@ class Station:
 
 
 def check_position(position: object) -> Array:
-    """The position of a station as an array, (3,) [m].
-
-    Raises:
-        BenchError: When it is not three finite numbers, or is nowhere near any arm.
-    """
+    """The position of a station, (3,) [m]; BenchError for what is no place near any arm."""
     where = check_array(position, (3,), "position of the station [m]")
     if np.abs(where).max() > FARTHEST:
         raise BenchError(
@@ -72,16 +68,10 @@ def _check_range(what: str, low: float, high: float, least: float, most: float) 
 
 
 def out_of_view(station: Station, targets: Array, facing: Array | None = None) -> dict[str, Mask]:
-    """Which poses hold a target that the tracker cannot see, reason by reason.
+    """Which poses, (poses,), hold a target that the tracker cannot see, by reason in a fixed order.
 
-    Args:
-        station: The tracker.
-        targets: Targets of every pose in the world, (poses, m, 3) [m].
-        facing: Unit vectors along which the targets face, world axes, (poses, m, 3) [1]; used with an
-            acceptance only.
-
-    Returns:
-        Of each reason, in a fixed order, the poses that it refuses, (poses,).
+    Targets, (poses, m, 3) [m], face along unit vectors, (poses, m, 3) [1], which count with an acceptance
+    only; all in world axes.
 
     Raises:
         BenchError: When an argument has the wrong shape or is not finite, or facing is missing.

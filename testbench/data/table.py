@@ -27,11 +27,7 @@ class Table:
         return InputError(self.path, f"line {row + 2}" + (f", column {column}" if column else ""), problem)
 
     def integers(self, name: str) -> Ids:
-        """A column of integers of 64 bits, (rows,).
-
-        Raises:
-            InputError: At the first cell that holds none.
-        """
+        """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
         found = np.zeros(self.rows, dtype=int)
         for row, text in enumerate(self.columns[name]):
             try:
@@ -42,11 +38,7 @@ class Table:
         return found
 
     def numbers(self, names: Sequence[str], absent: Mask | None = None) -> Array:
-        """Columns of finite numbers, (rows, names).
-
-        Args:
-            names: Of the columns.
-            absent: Rows that are zero instead, (rows,).
+        """Columns of finite numbers, (rows, names); rows under the mask `absent` are zero.
 
         Raises:
             InputError: At the first cell of a column that holds none.

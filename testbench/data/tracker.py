@@ -24,28 +24,14 @@ class Instrument(Protocol):
     """Whatever reads positions."""
 
     def covariance(self, positions: Array) -> Array:
-        """Covariance of the noise of one reading at each position, world axes.
-
-        Args:
-            positions: True positions, (..., 3) [m].
-
-        Returns:
-            (..., 3, 3) [m^2].
-        """
+        """Covariance of one reading's noise at positions, (..., 3) [m], world axes, (..., 3, 3) [m^2]."""
         ...
 
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """Noise of that covariance: its symmetric root times standard normal numbers.
+        """Noise of that covariance, (..., 3) [m]: its symmetric root times standard normal numbers.
 
-        The root is unique and smooth in the position. One from a decomposition is not: where eigenvalues
-        are equal, the last digit of a position turns the axes.
-
-        Args:
-            positions: True positions, (..., 3) [m].
-            rng: Source of the normal numbers.
-
-        Returns:
-            (..., 3) [m].
+        The root is unique and smooth in the position. One from a decomposition is not: where eigenvalues are
+        equal, the last digit of a position turns the axes.
         """
         ...
 
@@ -59,11 +45,7 @@ class Tracker:
     sigma_rotation: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a negative or infinite sigma.
-
-        Raises:
-            BenchError: When a sigma is not a finite number of at least zero.
-        """
+        """Refuse a sigma that is not a finite number of at least zero, by BenchError."""
         for name in ("sigma", "sigma_rotation"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < np.inf:
@@ -105,12 +87,7 @@ class LaserTracker:
     repeats: int = 1  #: Readings that are averaged into one.
 
     def __post_init__(self) -> None:
-        """Refuse an instrument that cannot be.
-
-        Raises:
-            BenchError: When an error is negative, too large or zero at the station, repeats is below 1, or
-                the station is no place.
-        """
+        """Refuse by BenchError an error or a station that cannot be, and an average of no readings."""
         for name in ("radial", "transverse"):
             own = getattr(self, name)
             if not (0 < own.base <= LONGEST and 0 <= own.slope <= LONGEST):
@@ -158,63 +135,32 @@ class Drift:
     turn: float  #: The same of its rotation about each axis through the station [rad].
 
     def __post_init__(self) -> None:
-        """Refuse a drift that is no slow one.
-
-        Raises:
-            BenchError: When a number is below 0 or too large.
-        """
+        """Refuse, by BenchError, a number below 0 or too large for a slow drift."""
         for name in ("shift", "turn"):
             if not 0 <= getattr(self, name) <= LONGEST:
                 raise BenchError(f"drift, {name}: expected 0 to {LONGEST:g}, got {getattr(self, name)}")
 
 
 def read_positions(tracker: Instrument, positions: Array, rng: np.random.Generator) -> Array:
-    """One reading of every target.
-
-    Args:
-        tracker: The instrument.
-        positions: True positions, (..., 3) [m].
-        rng: Source of the noise.
-    """
+    """One reading of every target, of its true position, (..., 3) [m]."""
     return positions + tracker.noise(positions, rng)
 
 
 def drifted(
     readings: Array, drift: Drift, station: tuple[float, float, float], rng: np.random.Generator
 ) -> Array:
-    """Readings in a frame that has moved, all targets of a run together.
-
-    Args:
-        readings: (runs, m, 3) [m].
-        drift: How far.
-        station: About which the frame turns, (3,) [m].
-        rng: Source of the motion.
-    """
+    """Readings, (runs, m, 3) [m], in a frame that has moved, and turned about its station, for each run."""
     shift, turn = (size * rng.standard_normal((len(readings), 1, 3)) for size in (drift.shift, drift.turn))
     return np.asarray(readings + shift + np.cross(turn, readings - np.array(station)))
 
 
 def precision(tracker: Instrument, before: Array, after: Array) -> Array:
-    """Inverse covariance of deflections, from where the targets were read, (..., 3, 3) [1/m^2].
-
-    Args:
-        tracker: The instrument.
-        before: Readings unloaded, (..., 3) [m].
-        after: Readings loaded, (..., 3) [m].
-    """
+    """Inverse covariance, (..., 3, 3) [1/m^2], of deflections between two readings, (..., 3) [m]."""
     return np.asarray(np.linalg.inv(tracker.covariance(before) + tracker.covariance(after)))
 
 
 def read_orientations(tracker: Tracker, rotations: Array, rng: np.random.Generator) -> Array:
-    """One reading of every target's orientation, as rotation vectors in world axes.
-
-    Args:
-        tracker: The instrument; its sigma_rotation must be set.
-        rotations: True orientations, world from target, (runs, 3, 3).
-        rng: Source of the noise.
-
-    Returns:
-        Rotation vectors, (runs, 3) [rad].
+    """Orientations, (runs, 3, 3), read as rotation vectors in world axes, (runs, 3) [rad].
 
     Raises:
         BenchError: When the tracker reads positions only.

@@ -17,20 +17,14 @@ from testbench.identify.regularised import fit_reduced
 def bootstrap(
     estimate: Estimate, functionals: Array, confidence: float, *, draws: int, rng: np.random.Generator
 ) -> Intervals:
-    """Basic bootstrap intervals: errors of refits around the fitted prediction, turned round.
+    """Basic bootstrap intervals of functionals a . pi, rows of (k, n): errors of refits, turned round.
 
     A refit errs about the fit as the fit errs about the truth, so the truth lies at the prediction LESS such
     an error. Where the cone binds it pushes both errors the same way, and the basic interval takes the push
-    back; a percentile interval would add it a second time. Order statistics k and draws + 1 - k with
-    k = (draws + 1) (1 - confidence) / 2 make it exact for least squares. Where a functional is not seen the
-    refits fill it as the fit did, which proves nothing: the interval is infinite.
-
-    Args:
-        estimate: The fit, by least squares or GCO without a prior.
-        functionals: Rows a of a . pi, (k, n).
-        confidence: Of each interval, such as 0.95.
-        draws: Datasets; 39 is the least for 95 %.
-        rng: Source of their noise.
+    back; a percentile interval would add it a second time. Order statistics k and draws + 1 - k with k =
+    (draws + 1) (1 - confidence) / 2 make it exact for least squares; 39 draws are the least for 95 %. Where a
+    functional is not seen the refits fill it as the fit, made without a prior, did, which proves nothing: the
+    interval is infinite.
 
     Raises:
         BenchError: When the confidence is outside (0, 1), there are too few draws for it, or a functional has
@@ -54,16 +48,10 @@ def bootstrap(
 
 
 def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:
-    """Reduced datasets of new readings in the same poses under the same loads.
+    """Draws of reduced datasets, at parameters, (n,), in the same poses under the same loads.
 
     The rows are divided by sqrt(2) sigma sqrt(N): each orthonormal coordinate in the range of R has noise of
     deviation 1 / sqrt(N), and the rest is chi squared of all other equations over N.
-
-    Args:
-        regression: Poses, loads, sigmas.
-
-    Returns:
-        A function from parameters, (n,), and a source of noise to a dataset.
     """
     unit = sensitivity_units(regression)
     spans = [_range(term.R * unit) for term in regression.terms]

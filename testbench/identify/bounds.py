@@ -68,13 +68,9 @@ class Bounds:
 
 
 def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceiling: float = CEILING) -> FitSet:
-    """The conservative models that fit a dataset.
+    """The conservative models, no block above `ceiling` times the prior, that fit a dataset.
 
-    Args:
-        regression: The reduced dataset.
-        metric: The structure in the metric of a prior.
-        confidence: Least probability that the truth is inside, such as 0.95.
-        ceiling: Times the prior that no block exceeds.
+    The truth is among them with at least the probability `confidence`, such as 0.95.
 
     Raises:
         BenchError: When the confidence is outside (0, 1), the ceiling is not above 0, or the metric is of
@@ -100,11 +96,7 @@ def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceilin
 
 
 def bounds(models: FitSet, functionals: Array) -> Bounds:
-    """Least and greatest value of linear functionals of pi, such as deflections.
-
-    Args:
-        models: The set.
-        functionals: Rows a of a . pi, (k, n) [m per unit of pi].
+    """Least and greatest value of functionals a . pi, rows of (k, n) [m per unit of pi], such as deflections.
 
     Raises:
         BenchError: When a functional has another length or is not finite.

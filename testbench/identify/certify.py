@@ -39,17 +39,11 @@ def scaled_units(structure: Structure) -> Array:
 def certify(
     estimate: Estimate, trace_bounds: Array | None = None, *, dual: Dual | None = None
 ) -> Certificate:
-    """Bound the optimality gap of a conservative estimate.
+    """Bound by how much F_M of a conservative estimate, from any method, is above its least value.
 
-    Args:
-        estimate: Any conservative estimate, from any method.
-        trace_bounds: t_i, bound of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
-            `default_trace_bounds`.
-        dual: Proof of the bound, such as that of a better estimate; None for the estimate's own gradients,
-            which prove much only near an optimum.
-
-    Returns:
-        How far F_M is at most above its least value, and the traces within which that holds.
+    The bound holds within `trace_bounds`, the trace of each block in scaled units, (blocks,) [rad/(N m)];
+    None for `default_trace_bounds`. Its proof is the dual, such as that of a better estimate; None for the
+    estimate's own gradients, which prove much only near an optimum.
 
     Raises:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or a trace bound
@@ -85,16 +79,9 @@ def bound_gap(
     *,
     trace_weight: float = 0.0,
 ) -> Certificate:
-    """Gap between the cost of a conservative parameter vector and the lower bound of a dual vector.
+    """Gap between the cost of a conservative pi, (n,), and the lower bound of a dual vector from anywhere.
 
-    The cost is F_M + trace_weight * total trace; the weight adds itself to every eigenvalue of S_i.
-
-    Args:
-        regression: The reduced dataset.
-        pi: Parameters of a conservative model, (n,).
-        dual: Unit vectors, from anywhere.
-        trace_bounds: As in `certify`.
-        trace_weight: Weight of the total trace in the cost [N m/rad].
+    The cost is F_M + trace_weight * total trace [N m/rad]; the weight adds itself to every eigenvalue of S_i.
     """
     s = regression.structure
     unit = scaled_units(s)
@@ -117,17 +104,10 @@ def bound_gap(
 
 
 def default_trace_bounds(regression: Regression, pi: Array) -> Array:
-    """Bounds that no arm near the data exceeds, whatever the estimate.
+    """Bounds in scaled units that no arm near the data exceeds, whatever the estimate, (blocks,) [rad/(N m)].
 
     Every axis is allowed a compliance that explains all the data by itself, an axis that the data hardly load
     that of one a hundredth as sensitive as the most sensitive; and twice the estimate's own, if that is more.
-
-    Args:
-        regression: The reduced dataset.
-        pi: Parameters of the estimate, (n,).
-
-    Returns:
-        t_i of each block in scaled units, (blocks,) [rad/(N m)].
     """
     s, weight = regression.structure, regression.weight
     unit = scaled_units(s) ** 2

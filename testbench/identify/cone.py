@@ -95,25 +95,12 @@ class Solution:
 
 
 def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
-    """Solve a conic program; a solver that stalls has found what it found, and the status says so.
-
-    Args:
-        problem: The program.
-        tolerance: Feasibility and gap that are asked.
-    """
+    """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
     return _solution(_set_up(problem, _settings(tolerance)), problem)
 
 
 def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Array], Solution]:
-    """The same program for one cost after another: set up once.
-
-    Args:
-        problem: The program; its own cost is not used.
-        tolerance: Feasibility and gap that are asked.
-
-    Returns:
-        A function from c, (n,), to the solution.
-    """
+    """The same program, set up once, as a function of its cost c, (n,); the program's own is not used."""
     settings = _settings(tolerance)
     settings.presolve_enable = False  # or the cost could not be changed
     solver = _set_up(problem, settings)

@@ -140,10 +140,7 @@ def trace_cost(program: Program) -> Array:
 def f_m_norms(terms: tuple[Term, ...], rows: list[Array], unit: float) -> tuple[cone.Rows, ...]:
     """|(R x - z, sqrt(rest))| <= t_k for every term of F_M; the unknowns are all t_k, then x.
 
-    Args:
-        terms: Of F_M.
-        rows: R of each in units of x over that of F_M, (n, k).
-        unit: That of F_M.
+    `rows` are R of each in units of x over that of F_M, (n, k); `unit` is that of F_M.
     """
     count = len(terms)
     found = []

@@ -58,11 +58,7 @@ class Candidate:
 
 
 def fold_poses(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """Split a dataset by pose into at most `FOLDS` folds, each reduced; poses are dealt out in turn.
-
-    Raises:
-        BenchError: When there is only one pose.
-    """
+    """Deal the poses, two at least (BenchError), out in turn to at most `FOLDS` folds, each reduced."""
     poses = np.unique(data.pose)
     if len(poses) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
@@ -83,11 +79,7 @@ def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
 
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """Folds over poses and over load levels, of the runs in which a target was read at all.
-
-    Raises:
-        BenchError: When there is only one pose.
-    """
+    """Folds over poses (two at least, or BenchError) and over load levels, of the runs with a reading."""
     data = select(data, np.asarray(data.seen.any(axis=1)))
     return fold_poses(vjm, structure, data) + fold_loads(vjm, structure, data)
 

@@ -109,17 +109,7 @@ def make_estimate(
     constraint: Constraint = "none",
     advice: tuple[str, ...] = (),
 ) -> Estimate:
-    """Judge a parameter vector: the last line of every estimator; what else is known, `replace` adds.
-
-    Args:
-        regression: The reduced dataset.
-        pi: Parameters, (n,).
-        method: Name of the method, for reports.
-        constraint: What the method asked of the blocks.
-        advice: Sentences for a person.
-
-    Returns:
-        The estimate: costs, eigenvalues of every block, whether it is conservative.
+    """Judge parameters, (n,): the last line of every estimator; what else is known, `replace` adds.
 
     Raises:
         BenchError: When pi has another shape or is not finite.
@@ -142,12 +132,9 @@ def make_estimate(
 
 
 def is_conservative(C: Array) -> bool:
-    """Whether a compliance is symmetric and positive semi-definite, up to rounding (Section 2.2).
+    """Whether a compliance, (n, n), is symmetric and positive semi-definite, up to rounding (Section 2.2).
 
     Judged on the matrix of unit diagonal, so that metres and radians do not mix.
-
-    Args:
-        C: Compliance, (n, n).
     """
     scale = eigenvalue_scale(C)
     unitless = C / np.outer(scale, scale)

@@ -37,15 +37,9 @@ class Normality:
 
 
 def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
-    """Deflections of a dataset's markers by a model, Eq. (11).
+    """Deflections by a model, Eq. (11): world x, y and z of every marker in every run, (runs, m, 3) [m].
 
-    Args:
-        vjm: The model's kinematics.
-        estimate: The identified compliances.
-        data: Gives poses, loads and markers; its readings are not used.
-
-    Returns:
-        World x, y and z of every marker in every run, (runs, m, 3) [m].
+    Of the dataset poses, loads and markers count, not the readings.
     """
     points = marker_points(vjm, data.markers)
     blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
@@ -61,15 +55,9 @@ def _deflections(vjm: Vjm, C_theta: Array, data: Dataset, runs: slice, points: A
 
 
 def score(predicted: Array, reference: Array) -> Score:
-    """Distance errors of predictions against measured (or true) deflections.
+    """Distance errors of predicted against measured (or true) deflections, both (runs, m, 3) [m].
 
-    Args:
-        predicted: Such as `predict` returns, (runs, m, 3) [m].
-        reference: Such as `Dataset.deflection`, (runs, m, 3) [m]; index both with `Dataset.seen` where
-            targets were lost.
-
-    Returns:
-        Root mean square, 95th percentile and largest error, absolute and relative.
+    Index both with `Dataset.seen` where targets were lost.
     """
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
@@ -84,14 +72,10 @@ def score(predicted: Array, reference: Array) -> Score:
 
 
 def normality(residuals: Array, rng: np.random.Generator) -> Normality:
-    """Lilliefors test of residual components (Lilliefors 1967).
+    """Lilliefors test of residual components of any shape, pooled [m] (Lilliefors 1967).
 
     The Kolmogorov-Smirnov distance to the normal of the sample's own mean and standard deviation; its null
     distribution is simulated.
-
-    Args:
-        residuals: Any shape, all components pooled [m].
-        rng: Source of the simulated null distribution.
     """
     x = residuals.ravel()
     fit = stats.goodness_of_fit(stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=rng)

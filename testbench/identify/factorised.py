@@ -78,11 +78,7 @@ Evaluate = Callable[[Factorised, Array], tuple[float, Array]]
 
 
 def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
-    """The factorised problem of a reduced dataset.
-
-    Args:
-        regression: The reduced dataset.
-        m: Order of the vector space of Eq. (16); no compliance of a rank above m is reached.
+    """The factorised problem of a reduced dataset; no compliance of a rank above m, Eq. (16), is reached.
 
     Raises:
         BenchError: When m is not 1 to 6, or the structure is not symmetric.
@@ -101,12 +97,7 @@ def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
 
 
 def vectors(problem: Factorised, b: Array) -> Array:
-    """The vectors v_j as columns, (m, n_theta, ...), zero where C_theta is known.
-
-    Args:
-        problem: The problem.
-        b: One b, (size,), or many as columns, (size, points).
-    """
+    """The vectors v_j as columns, (m, n_theta, ...), of b, (size, ...); zero where C_theta is known."""
     V = np.zeros((problem.m, problem.program.structure.n_theta, *b.shape[1:]))
     part = np.zeros((*problem.free.shape, *b.shape[1:]))
     part[problem.free] = b
@@ -163,14 +154,7 @@ def descend(
     evaluate: Evaluate = cost,
     observe: Observe | None = None,
 ) -> Descent:
-    """The b that is best near a start, by L-BFGS on the gradient.
-
-    Args:
-        problem: The problem.
-        start: Where to begin, (size,).
-        evaluate: F_M and its gradient.
-        observe: Told of every least F_M.
-    """
+    """The b that is best near a start, (size,), by L-BFGS on the gradient of `evaluate`."""
     best, least = start, np.inf
 
     def watched(b: Array) -> tuple[float, Array]:
@@ -205,18 +189,13 @@ class LocalSolves:
         """Identify a structure from a dataset.
 
         Raises:
-            BenchError: When m is not 1 to 6, starts is below 1, the dataset is empty or names a marker that
-                the arm lacks, or the structure is not symmetric.
+            BenchError: When m is not 1 to 6, starts is below 1, or as `reduce` and `factorise` say.
         """
         return best_of(factorise(reduce(vjm, structure, data), self.m), self.rng, starts=self.starts)
 
 
 def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Estimate:
-    """The best of several local solves, certified by its own gradient.
-
-    Raises:
-        BenchError: When starts is below 1.
-    """
+    """The best of several local solves (1 at least, or BenchError), certified by its own gradient."""
     found = descents(problem, rng, starts=starts)
     best = min(found, key=lambda descent: descent.f_m)
     word = "one local solve" if starts == 1 else f"best of {starts} local solves"
@@ -237,11 +216,7 @@ def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Es
 def descents(
     problem: Factorised, rng: np.random.Generator, *, starts: int, observe: Observe | None = None
 ) -> list[Descent]:
-    """Local solves from random starts, one after the other.
-
-    Raises:
-        BenchError: When starts is below 1.
-    """
+    """Local solves (1 at least, or BenchError) from random starts, one after the other."""
     if starts < 1:
         raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
     tell = falling(observe)
@@ -262,14 +237,11 @@ def falling(observe: Observe | None) -> Observe:
 
 
 def order_range(structure: Structure, runs: int) -> tuple[float, float]:
-    """Least and greatest order m of the vector space by counting, Eq. (20).
+    """Least and greatest order m of the vector space by counting, Eq. (20), for so many measured runs N.
 
-    (n + 1) / 2 <= m <= 6 N / (n n_theta), with n the size of a compliance and n_theta their number. The
-    lower bound counts parameters; a smaller order than n still caps the rank.
-
-    Args:
-        structure: The unknowns; the larger blocks are counted, joints are of size one.
-        runs: Number of measured runs N.
+    (n + 1) / 2 <= m <= 6 N / (n n_theta), with n the size of a compliance and n_theta their number: the
+    larger blocks are counted, joints are of size one. The lower bound counts parameters; a smaller order than
+    n still caps the rank.
     """
     sizes = [len(block) for block in structure.blocks]
     n = max(sizes)

@@ -64,17 +64,9 @@ class Huber:
 def without_outliers(
     vjm: Vjm, data: Dataset, regression: Regression, constraint: Constraint, belief: Belief | None
 ) -> Estimate:
-    """The plain estimate from the readings that Huber's loss does not reject.
+    """The plain estimate from the readings that Huber's loss does not reject; for GCO of whole blocks.
 
-    Args:
-        vjm: The model.
-        data: The runs.
-        regression: The same, reduced to a structure; for GCO one of whole blocks.
-        constraint: What is asked of the blocks.
-        belief: The prior; None for none.
-
-    Returns:
-        The estimate; F_M, its floor and the rank are of the readings that are left.
+    F_M, its floor and the rank are of the readings that are left.
 
     Raises:
         BenchError: When the dataset is too large, or too few readings are left.
@@ -117,15 +109,10 @@ def search(
 def huber(A: Array, y: Array, B: Array, c: Array, sizes: tuple[int, ...] = ()) -> Huber:
     """Minimise sum_i h(|A_i x - y_i|) + 1/2 |B x - c|^2, h Huber's loss, as a conic program.
 
-    Its variables are x, what noise explains of every reading, e_i, and bounds t_i >= |y_i - A_i x - e_i|.
-
-    Args:
-        A: Rows of every reading, (readings, 3, n).
-        y: Measured, (readings, 3) [1].
-        B: Rows of the prior, (any, n).
-        c: What it expects of them, (any,).
-        sizes: Sizes of the blocks of x, each the svec of a matrix that must be positive semi-definite; none
-            for least squares.
+    Its variables are x, what noise explains of every reading, e_i, and bounds t_i >= |y_i - A_i x - e_i|. A
+    is (readings, 3, n), y (readings, 3) [1], B (any, n) and c (any,) are those of the prior. `sizes` are
+    those of the blocks of x, each the svec of a matrix that must be positive semi-definite; none for least
+    squares.
     """
     N, _, n = A.shape
     rows = np.zeros((N, 4, n))
@@ -160,11 +147,7 @@ def _column_space(A: Array) -> Array:
 
 
 def _check_left(keep: Mask, rank: int) -> None:
-    """Refuse a search that left too little.
-
-    Raises:
-        BenchError: When no reading is left, or fewer equations than directions that all readings see.
-    """
+    """Refuse a search that left no reading, or fewer equations than directions that all readings see."""
     left = int(keep.sum())
     if not left or 3 * left < rank:
         raise BenchError(

@@ -81,9 +81,7 @@ class Identifiability:
 def describe(
     vjm: Vjm, structure: Structure, data: Dataset, prior: Prior, strength: Strength
 ) -> Identifiability:
-    """What a dataset can tell of a structure, before any solve.
-
-    Of the readings only their sigma counts.
+    """What a dataset, of which only poses, loads and sigmas count, can tell of a structure, before any solve.
 
     Raises:
         BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
@@ -140,8 +138,7 @@ def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
 def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     """The metric of the prior; for blocks that lack entries that of its entries taken one by one.
 
-    Raises:
-        BenchError: As `metric` does for a prior of another size, not symmetric or not positive definite.
+    It refuses what `metric` refuses, but for the entries that are lacking.
     """
     check_symmetric(structure)
     if structure.whole:

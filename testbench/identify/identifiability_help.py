@@ -60,11 +60,7 @@ def imagined(data: Dataset, **changes: object) -> Dataset:
 def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
     """Runs in random poses within the joint limits, under the loads of the data in turn.
 
-    Args:
-        vjm: The model, for the limits.
-        data: Source of the loads: evenly spaced runs if it has more of them.
-        count: How many runs.
-        seed: Of the poses; the report is the same every time.
+    Where the data have more runs than are asked for, these are evenly spaced among them.
     """
     lower, upper = vjm.arm.limits
     rng = np.random.Generator(np.random.Philox(seed))
@@ -86,22 +82,14 @@ def tasks(vjm: Vjm, data: Dataset, metric: Metric) -> Tasks:
 
 
 def posterior(*rows: Array) -> Array | None:
-    """Triangular factor R of data and prior, so that x has the covariance (R^T R)^-1, (n, n).
-
-    None where they leave a direction without any bound.
-    """
+    """Triangular factor R, (n, n): x has the covariance (R^T R)^-1; None where a direction has no bound."""
     R: Array = np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
     size = np.abs(np.diag(R))
     return R if size.min() > BLIND * size.max() else None
 
 
 def variances(R: Array | None, rows: Array) -> Array:
-    """Posterior variance of linear functions of x, (k,).
-
-    Args:
-        R: Triangular factor of the posterior, (n, n); None for none.
-        rows: The functions, (k, n).
-    """
+    """Posterior variance, (k,), of linear functions of x, (k, n), by the posterior's factor or None."""
     if R is None:
         return np.full(len(rows), np.inf)
     return np.asarray((solve_triangular(R, rows.T, trans="T") ** 2).sum(axis=0))
@@ -117,15 +105,7 @@ def expected_error(wanted: Tasks, R: Array | None) -> float:
 def proposals(
     vjm: Vjm, data: Dataset, regression: Regression, metric: Metric, prior_rows: Array
 ) -> tuple[Proposal, ...]:
-    """Every way to measure more, the best first.
-
-    Args:
-        vjm: The model.
-        data: What is measured now.
-        regression: The same, reduced.
-        metric: The structure in the metric of the prior.
-        prior_rows: What the prior adds to the rows of the data, (n, n).
-    """
+    """Every way to measure more, the best first; `prior_rows`, (n, n), add to those of the data."""
     wanted = tasks(vjm, data, metric)
     now = whitened(regression, metric)[0]
     seen = np.vstack([term.R for term in regression.terms])

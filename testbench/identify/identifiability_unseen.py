@@ -37,14 +37,7 @@ class Direction:
 
 
 def null_space(A: Array) -> Array:
-    """Directions that a matrix with columns of unlike units does not see; as many as `rank` leaves.
-
-    Args:
-        A: Rows of observations, (rows, n).
-
-    Returns:
-        One direction a column, (n, n - rank).
-    """
+    """Basis of what rows, (rows, n), with columns of unlike units do not see, (n, n - rank)."""
     n = A.shape[1]
     seen = np.flatnonzero(~idle(A))
     norm = np.linalg.norm(A, axis=0)
@@ -60,16 +53,10 @@ def null_space(A: Array) -> Array:
 
 
 def directions(A: Array, unit: Array, groups: Sequence[Ids], known: Array) -> Array:
-    """A sparse basis of what a matrix does not see, beyond what is known.
+    """A sparse basis of what a matrix, (rows, n), does not see, beyond what is known, (m, n): (k, n).
 
-    Args:
-        A: Rows of observations, (rows, n).
-        unit: What is expected of every parameter, (n,) [m/N, rad/(N m), rad/N].
-        groups: Parameters of every link and joint, in the order of the chain.
-        known: Directions that are not seen anyway, relative to what is expected, (m, n).
-
-    Returns:
-        The others, relative to what is expected, (k, n).
+    Rows are relative to `unit`, what is expected of every parameter, (n,) [m/N, rad/(N m), rad/N]; `groups`
+    has the parameters of every link and joint, in the order of the chain.
     """
     R: Array = np.array(np.linalg.qr(A, mode="r"))
     R[:, idle(A)] = 0
@@ -106,15 +93,7 @@ def _windows(groups: Sequence[Ids]) -> Iterator[Ids]:
 
 
 def circuits(N: Array, unit: Array) -> Array:
-    """Reduced echelon form of a basis of a null space, pivots by size.
-
-    Args:
-        N: Any basis, (n, k).
-        unit: What is expected of every parameter, (n,).
-
-    Returns:
-        One direction a row, relative to what is expected, (k, n).
-    """
+    """Reduced echelon form of a null space, (n, k), pivots by size: (k, n), relative to `unit`, (n,)."""
     T = (N / unit[:, None]).T
     T = T / np.linalg.norm(T, axis=1, keepdims=True)
     pivots: list[int] = []
@@ -138,13 +117,7 @@ def direction(row: Array) -> Direction:
 
 
 def whereabouts(N: Array, within: Array, unit: Array) -> Array:
-    """How many of the directions of N that are not in `within` each parameter holds, (n,); their sum is k.
-
-    Args:
-        N: Basis of a null space, (n, k + m).
-        within: Basis of a null space inside it, (n, m).
-        unit: What is expected of every parameter, (n,).
-    """
+    """How many directions of N, (n, k + m), beyond those of `within`, (n, m), each parameter holds, (n,)."""
     inner, outer = (np.linalg.qr(_balanced(M / unit[:, None]))[0] for M in (within, N))
     values, V = np.linalg.eigh(np.eye(outer.shape[1]) - outer.T @ inner @ (inner.T @ outer))
     more = outer @ V[:, len(values) - (N.shape[1] - within.shape[1]) :]

@@ -49,13 +49,7 @@ class Linearised:
     on_boundary: bool  #: Whether the cone holds the estimate.
 
     def deviations(self, functionals: Array) -> Array:
-        """Standard deviations of linear functionals of pi, infinite where they are not seen.
-
-        Args:
-            functionals: Rows a of a . pi, (k, n); the unit matrix for the parameters themselves.
-
-        Returns:
-            (k,).
+        """Standard deviations of functionals a . pi, rows of (k, n), infinite where they are not seen, (k,).
 
         Raises:
             BenchError: When a functional has another length or is not finite.
@@ -67,11 +61,7 @@ class Linearised:
         return np.where(unseen, np.inf, seen)
 
     def intervals(self, functionals: Array, confidence: float = CONFIDENCE) -> Intervals:
-        """Normal quantiles around the estimate.
-
-        Args:
-            functionals: Rows a of a . pi, (k, n).
-            confidence: Of each interval.
+        """Normal quantiles of functionals a . pi, rows of (k, n), around the estimate.
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
@@ -83,16 +73,10 @@ class Linearised:
 
 
 def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
-    """Intervals of the deflections that an estimate predicts.
+    """Intervals of predicted deflections, world x, y and z of every marker in every run, (runs, m, 3) [m].
 
-    Args:
-        vjm: The model.
-        estimate: From least squares, or with a prior; of GCO without a prior away from the cone's boundary.
-        data: Gives poses, loads and markers; its readings are not used.
-        confidence: Of each interval by itself.
-
-    Returns:
-        World x, y and z of every marker in every run, (runs, m, 3) [m].
+    Exact for least squares, with a prior, and for GCO without one away from the cone's boundary. Of the data
+    poses, loads and markers count, not the readings.
 
     Raises:
         BenchError: When the confidence is outside (0, 1).
@@ -132,10 +116,7 @@ def linearise(estimate: Estimate) -> Linearised:
 def _pull(estimate: Estimate, steps: list[Array], residuals: list[Array]) -> float:
     """Length of the step to the optimum without a cone, Eq. (14) or (19), whichever is nearer.
 
-    Args:
-        estimate: The estimate.
-        steps: The step that every term asks for, in standard deviations along the seen directions.
-        residuals: Of every term, in standard deviations.
+    Every term asks for a step along the seen directions; steps and residuals are in standard deviations.
     """
     pull = float(np.linalg.norm(sum(steps)))
     if estimate.belief is None and len(steps) > 1:  # F_M weights its terms by their residuals
@@ -146,10 +127,6 @@ def _pull(estimate: Estimate, steps: list[Array], residuals: list[Array]) -> flo
 
 
 def check_confidence(confidence: float) -> None:
-    """Refuse what is no confidence.
-
-    Raises:
-        BenchError: When it is not between 0 and 1.
-    """
+    """Refuse what is not between 0 and 1 by BenchError."""
     if not 0 < confidence < 1:
         raise BenchError(f"confidence: expected a number between 0 and 1, got {confidence}")

@@ -50,15 +50,10 @@ class Belief:
 
 
 def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
-    """A structure in the metric of a prior.
+    """A structure, every block with all its entries, in the metric of a prior.
 
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
     paper's aggregation. A link that it leaves out is rigid.
-
-    Args:
-        prior: Expected compliances.
-        vjm: The model, for the joints' axes.
-        structure: The unknowns: every block with all its entries.
 
     Raises:
         BenchError: When the prior has another size, is not symmetric or not positive definite in a block, or
@@ -83,35 +78,24 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
 
 
 def check_metric(metric: Metric, structure: Structure) -> None:
-    """Refuse the metric of another structure.
-
-    Raises:
-        BenchError: When its parameters are not those of the structure.
-    """
+    """Refuse by BenchError the metric of another structure."""
     own = metric.structure
     if not (np.array_equal(own.a, structure.a) and np.array_equal(own.b, structure.b)):
         raise BenchError(f"metric: expected one of {structure.name}, got one of {own.name}")
 
 
 def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
-    """All terms' rows in the metric, so that |A x - y|^2 is chi squared less what nothing explains.
-
-    Returns:
-        A, (terms n, n) [1], and y, (terms n,).
-    """
+    """Rows A, (terms n, n) [1], and y in the metric: |A x - y|^2 is chi squared but for the rest."""
     rows = [math.sqrt(term.equations / 3) * np.c_[term.R @ metric.L, term.z] for term in regression.terms]
     A, y = np.split(np.vstack(rows), [metric.structure.n], axis=1)
     return A, y[:, 0]
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
-    """Rows that the prior adds to those of the data: B and c with |B x - c|^2 its penalty.
+    """Rows that the prior adds to those of the data: B, (n, n), and c with |B x - c|^2 its penalty.
 
     With s left to the data, |x - s e|^2 is least at s = <x, e> / <e, e>: a projection. A finite uncertainty v
     of s gives back (s - 1)^2 / v^2 along e.
-
-    Returns:
-        B, (n, n), and c, (n,).
     """
     size = np.linalg.norm(metric.expected)
     e = metric.expected / size
@@ -121,11 +105,7 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
 
 
 def with_prior_rows(regression: Regression, metric: Metric, strength: Strength) -> tuple[Array, Array]:
-    """Rows of the data and of the prior: what weighted least squares with a prior solves.
-
-    Returns:
-        M, (rows, n), and r, (rows,).
-    """
+    """Rows M, (rows, n), and r of data and prior: what weighted least squares with a prior solves."""
     (A, y), (B, c) = whitened(regression, metric), precision_root(metric, strength)
     return np.vstack([A, B]), np.r_[y, c]
 
@@ -150,11 +130,7 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
 
 
 def _root(P: Array, what: str) -> Array:
-    """Symmetric square root of a block of the prior.
-
-    Raises:
-        BenchError: When it is not symmetric positive definite.
-    """
+    """Symmetric square root of a block of the prior, refused if not symmetric positive definite."""
     d = np.sqrt(np.maximum(np.diag(P), 0))
     if not (d > 0).all() or np.abs(P - P.T).max() > 1e-9 * np.abs(P).max():
         raise BenchError(f"{what}: expected a symmetric block with a positive diagonal")

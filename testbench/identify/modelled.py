@@ -27,11 +27,7 @@ Entries = Callable[[Structure, list[Any]], Any]
 
 
 def cvxpy(solver: str) -> Any:
-    """The module cvxpy, with this solver.
-
-    Raises:
-        BenchError: When cvxpy or the solver is not installed.
-    """
+    """The module cvxpy with this solver; BenchError where one of them is not installed."""
     try:
         module: Any = importlib.import_module("cvxpy")
     except ImportError:

@@ -31,11 +31,7 @@ class Strength:
     scale_uncertainty: float = np.inf
 
     def __post_init__(self) -> None:
-        """Refuse what is no standard deviation.
-
-        Raises:
-            BenchError: When the uncertainty is out of RANGE, or that of the scale not above 0.
-        """
+        """Refuse an uncertainty out of RANGE, or one of the scale not above 0, by BenchError."""
         low, high = RANGE
         if not low <= self.uncertainty <= high:
             raise BenchError(f"uncertainty: expected {low:g} to {high:g}, got {self.uncertainty}")
@@ -44,25 +40,14 @@ class Strength:
 
 
 def cad_prior(arm: Arm) -> Prior:
-    """The compliances of the arm's folder: beams of the links' dimensions, catalogue values of the joints.
-
-    Args:
-        arm: The arm.
-
-    Returns:
-        Expected compliances, as right as the folder.
-    """
+    """The compliances of the arm's folder: beams of the links' dimensions, catalogue values of the joints."""
     return Prior(f"CAD of {arm.name}", arm.C_theta)
 
 
 def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:
-    """A prior that is wrong: by a common factor, and axis by axis.
+    """A prior that is wrong: by a common factor, and each diagonal entry by one of its own.
 
-    Args:
-        prior: The right one.
-        scale: Factor of all compliances.
-        shape: Standard deviation of the logarithm of each axis's own factor, that of its diagonal entry [1].
-        rng: Source of those factors.
+    `shape` is the standard deviation of the logarithm of these [1].
 
     Raises:
         BenchError: When scale is not above 0 or shape is below 0.
@@ -75,13 +60,7 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
 
 
 def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
-    """C_theta with the joints that a structure leaves out put into the links before them.
-
-    Args:
-        C: Aggregated joint compliance, (n_theta, n_theta) [m/N, rad/(N m)].
-        vjm: The model, for the joints' axes.
-        structure: The unknowns.
-    """
+    """C_theta, (n_theta, n_theta), the joints that a structure leaves out put into the links before them."""
     C, first = C.copy(), 6 * len(vjm.arm.links)
     used = np.union1d(structure.a, structure.b)
     for j, link in enumerate(vjm.arm.links[:-1]):

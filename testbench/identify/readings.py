@@ -27,11 +27,7 @@ class Readings:
 
 
 def weigh(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
-    """A dataset reading by reading, none folded into another; `reduce` has checked it.
-
-    Raises:
-        BenchError: When there are more readings than MOST_READINGS.
-    """
+    """A dataset of at most MOST_READINGS (BenchError) reading by reading; `reduce` has checked it."""
     points = marker_points(vjm, data.markers)
     args = (chain(vjm, data.q), structure, data.wrench, data.point)
     turned = data.sigma_rotation is not None

@@ -13,17 +13,10 @@ GENERIC_RUNS = 60
 
 
 def generic_rows(vjm: Vjm, structure: Structure) -> Array:
-    """Observation matrix, Eq. (12), of an experiment that sees all that any experiment can.
+    """Observation matrix, Eq. (12), of an experiment that sees all that any can: positions, then rotations.
 
-    Random poses within the joint limits, a random full wrench at a random point, the full pose read. Its rank
-    is generic: it does not depend on the draw.
-
-    Args:
-        vjm: The model.
-        structure: The unknowns, n of them.
-
-    Returns:
-        Rows of positions, then of rotations, (rows, n).
+    Random poses within the joint limits, a random full wrench at a random point, the full pose read, (rows,
+    n). Its rank is generic: it does not depend on the draw.
     """
     rng = np.random.Generator(np.random.Philox(0))
     lower, upper = vjm.arm.limits

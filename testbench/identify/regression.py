@@ -66,9 +66,7 @@ class Regression:
 
 
 def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
-    """Boil a dataset down to the triangular factors of its weighted rows.
-
-    Memory does not grow with the number of runs.
+    """Boil a dataset down to the triangular factors of its weighted rows; memory does not grow with the runs.
 
     Raises:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
@@ -91,12 +89,7 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
 
 
 def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
-    """The regression of terms reduced elsewhere.
-
-    Args:
-        structure: The unknowns.
-        terms: At least one.
-    """
+    """The regression of terms, at least one, reduced elsewhere."""
     columns = np.sqrt(sum((term.R**2).sum(axis=0) for term in terms))
     columns[columns <= ROUNDING * columns.max()] = 0
     weight = np.zeros(structure.n_theta)
@@ -112,11 +105,7 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
 
 
 def check_symmetric(structure: Structure) -> None:
-    """Refuse a structure that no Gramian has.
-
-    Raises:
-        BenchError: When it leaves the symmetry open.
-    """
+    """Refuse by BenchError a structure that no Gramian has: one that leaves the symmetry open."""
     if not structure.symmetric:
         raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
 
@@ -159,15 +148,9 @@ def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: boo
 def _weighted(precision: Array, rotation: Array, motion: Array, y: Array) -> tuple[Array, Array]:
     """Readings with a covariance each: QR of every run's own weighted motion of the markers.
 
-    Args:
-        precision: Inverse covariances, world axes, (runs, m, 3, 3).
-        rotation: World from tool, (runs, 3, 3).
-        motion: Markers per unit twist of the tool, in its axes, (3 m, 6).
-        y: Deflections, world axes, (runs, m, 3).
-
-    Returns:
-        Triangular factors, (runs, k, 6), and the readings in their coordinates, k and then those that no
-        rigid tool can do, (3 m, runs).
+    Of inverse covariances, (runs, m, 3, 3), rotations from the tool, (runs, 3, 3), the motion of the markers,
+    (3 m, 6), and deflections, (runs, m, 3): triangular factors, (runs, k, 6), and the readings in their
+    coordinates, k and then those that no rigid tool can do, (3 m, runs).
     """
     runs, m = precision.shape[:2]
     values, V = np.linalg.eigh(precision)
@@ -187,23 +170,12 @@ def on_a_cache_line(shape: tuple[int, int]) -> Array:
 
 
 def marker_motion(points: Array) -> Array:
-    """How markers move per unit twist of the tool, all in the tool's frame.
-
-    Args:
-        points: Positions of the markers, (m, 3) [m].
-
-    Returns:
-        (3 m, 6) [1, m].
-    """
+    """How markers at (m, 3) [m] move per unit twist of the tool, all in the tool's frame, (3 m, 6) [1, m]."""
     return np.vstack([np.hstack([np.eye(3), np.cross(np.eye(3), point).T]) for point in points])
 
 
 def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
-    """Positions of these markers in the tool's frame, (m, 3) [m].
-
-    Raises:
-        BenchError: When the arm lacks one of them.
-    """
+    """Positions of these markers in the tool's frame, (m, 3) [m]; BenchError when the arm lacks one."""
     have = vjm.arm.markers
     for name in names:
         if name not in have:
@@ -222,15 +194,7 @@ def rank(A: Array) -> int:
 
 
 def f_m(regression: Regression, pi: Array) -> float:
-    """Cost F_M of a parameter vector, Eq. (19): position-only data have its position term alone.
-
-    Args:
-        regression: The reduced dataset.
-        pi: Parameters, (n,).
-
-    Returns:
-        Sum of the terms' RMS over sqrt(2) sigma [1].
-    """
+    """Cost F_M of parameters, (n,), Eq. (19): the sum of its terms' RMS over sqrt(2) sigma [1]."""
     return float(sum(_rms(term, pi) for term in regression.terms))
 
 

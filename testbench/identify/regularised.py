@@ -107,11 +107,7 @@ WITH_PRIOR: dict[Constraint, Callable[[Regression, Metric, Strength], Estimate]]
 
 
 def fit_reduced(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:
-    """The estimate of a reduced dataset: least squares or GCO, with or without a prior.
-
-    Raises:
-        BenchError: When GCO is asked of a structure that is not symmetric.
-    """
+    """Least squares or GCO of a reduced dataset; GCO refuses by BenchError what is not symmetric."""
     if belief is None:
         return optimum(regression) if constraint == "psd" else minimum_norm(regression)
     return WITH_PRIOR[constraint](regression, belief.metric, belief.strength)

@@ -42,11 +42,7 @@ class Budget:
     stage_one_points: int = 200  #: Of these, the ones of which only the best starts a local solve.
 
     def __post_init__(self) -> None:
-        """Refuse a budget that lets nothing happen.
-
-        Raises:
-            BenchError: When a number is below 1, or stage one has more trial points than there are.
-        """
+        """Refuse a number below 1, and a stage one of more trial points than there are, by BenchError."""
         numbers = self.population, self.generations, self.trial_points, self.stage_one_points
         if min(numbers) < 1 or self.stage_one_points > self.trial_points:
             raise BenchError(f"expected numbers of at least 1, stage one within the trial points, got {self}")

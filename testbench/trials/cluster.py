@@ -36,14 +36,10 @@ TLS = (
 
 
 def check_address(address: str, *, insecure: bool = False) -> None:
-    """Refuse a scheduler's address that is wrong or would let others in.
-
-    Args:
-        address: Such as "tls://host:8786".
-        insecure: Whether plain tcp:// may leave this machine.
+    """Refuse a scheduler's address, such as "tls://host:8786", that is wrong or would let others in.
 
     Raises:
-        BenchError: When it is neither tls:// nor plain tcp:// on this machine.
+        BenchError: When it is neither tls:// nor, unless insecure, plain tcp:// on this machine.
     """
     expected = "expected tls://host:port, or tcp://127.0.0.1:port on this machine"
     try:
@@ -78,14 +74,8 @@ def on_cluster(
 ) -> Chunks:
     """The backend of a Dask cluster. Trials of a worker that is lost are done by others.
 
-    Certificates of tls:// are those of Dask's own settings.
-
-    Args:
-        work: Does a chunk of seeds; its module has to be installed on the workers.
-        chunks: The seeds.
-        address: Of the scheduler, see `check_address`.
-        insecure: Whether plain tcp:// may leave this machine.
-        patience: Time that scheduler and workers have to answer [s].
+    Certificates of tls:// are those of Dask's own settings. The module of the work has to be installed on the
+    workers, which have `patience` seconds to answer, as the scheduler has.
 
     Raises:
         BenchError: When the address is refused, nobody answers there, or a worker has other packages than we.

@@ -14,19 +14,12 @@ RETRIES = 3
 
 
 def run_study(work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1) -> Iterator[int]:
-    """Do all trials that are not stored yet.
+    """Do all trials that are not stored yet; yields how many are, first those from before.
 
     Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
-    where a run was stopped and resumed. (Processors of another kind give other last digits.)
-
-    Args:
-        work: Does a chunk of seeds; see `chunk.Work` for what keeps its results bit-equal.
-        store: Where the trials are and go.
-        backend: `on_cores` or `on_cluster`, its options bound by partial.
-        size: Seeds of a chunk: 0.1 to 1 s of work; a stop loses the chunks under way and no more.
-
-    Yields:
-        Trials stored so far, first those from before.
+    where a run was stopped and resumed. (Processors of another kind give other last digits.) See `chunk.Work`
+    for what keeps them bit-equal. A chunk has `size` seeds, 0.1 to 1 s of work: a stop loses the chunks under
+    way.
 
     Raises:
         BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.

@@ -29,10 +29,9 @@ class Experiment:
 
     @property
     def header(self) -> dict[str, Any]:
-        """What its files say of it. How many trials is not in it: a study may be resumed with more.
+        """What its files say of it: plain finite JSON data, or BenchError.
 
-        Raises:
-            BenchError: When the scenario is no plain finite JSON data.
+        How many trials is not in it: a study may be resumed with more.
         """
         try:
             scenario = json.dumps(self.scenario, sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -56,16 +55,7 @@ def numeric_versions() -> dict[str, str]:
 
 
 def check_header(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Refuse to go on with trials of something else.
-
-    Args:
-        path: Their file.
-        found: Its header.
-        wanted: That of the experiment.
-
-    Raises:
-        InputError: Naming what differs.
-    """
+    """Refuse to go on with trials of something else: InputError names what differs in their header."""
     pairs = {
         "format": (found.get("format"), wanted["format"]),
         "scenario": (found.get("scenario"), wanted["scenario"]),

@@ -22,12 +22,9 @@ IDLE = 60
 
 
 def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None = None) -> Chunks:
-    """The backend of one machine.
+    """The backend of one machine: so many processes with one BLAS thread each; one a core if None.
 
-    Args:
-        work: Does a chunk of seeds.
-        chunks: The seeds.
-        workers: Processes, each with one BLAS thread; None for one a core. A single one is this process.
+    A single one is this process.
 
     Raises:
         BenchError: When workers is below 1.

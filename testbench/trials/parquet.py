@@ -26,14 +26,7 @@ Trial = tuple[int, list[Flat]]
 def write_trials(
     path: Path, header: Mapping[str, Any], columns: Mapping[str, Column], count: int, trials: Iterable[Trial]
 ) -> None:
-    """Write trials: None becomes null, NaN stays NaN.
-
-    Args:
-        path: The file.
-        header: Of the experiment, the metadata "testbench".
-        columns: Of a row.
-        count: How many trials, the metadata "trials": some may have no rows.
-        trials: In the order of their seeds.
+    """Write `count` trials, of which some may have no rows, by seed: None becomes null, NaN stays NaN.
 
     Raises:
         InputError: When the file cannot be written; an earlier one then stands.
@@ -62,11 +55,7 @@ def _groups(rows: Iterator[Flat]) -> Iterator[list[Flat]]:
 
 
 def read_trials(path: Path, header: Mapping[str, Any]) -> Iterator[Trial]:
-    """Trials of a file, a few rows at a time in memory.
-
-    Args:
-        path: The file.
-        header: Of the experiment that it has to be of.
+    """Trials of a file of this experiment's header, a few rows at a time in memory.
 
     Raises:
         InputError: When it is damaged, or of another experiment.

@@ -30,14 +30,10 @@ class Column:
 
 
 def columns(row: type, prefix: str = "") -> dict[str, Column]:
-    """Columns of a dataclass of rows, from the types of its fields.
+    """Columns of a dataclass of rows as `flatten` describes it, from the types of its fields.
 
     A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
     a truth value or a float, is a truth value in the rows of a trial.
-
-    Args:
-        row: The dataclass, as `flatten` describes it; its fields have types such as float | None or Literal.
-        prefix: Of the columns' names.
 
     Raises:
         BenchError: When a field has another type, or the name of the seed's column.
@@ -89,12 +85,8 @@ def _column(name: str, kinds: set[Any]) -> Column:
 def flatten(row: object, prefix: str = "") -> Flat:
     """Columns of a row: `check.rms_mm` is the field rms_mm of the field check.
 
-    Args:
-        row: A dataclass of numbers, words, truth values, None, tuples of those, and such dataclasses or None.
-        prefix: Of the columns' names.
-
-    Raises:
-        BenchError: When a field holds something else.
+    A row is a dataclass of numbers, words, truth values, None, tuples of those, and such dataclasses or None;
+    anything else raises BenchError.
     """
     found: Flat = {}
     kind: type = type(row)
@@ -112,11 +104,7 @@ def flatten(row: object, prefix: str = "") -> Flat:
 
 
 def check_types(row: Flat, table: Mapping[str, Column]) -> None:
-    """Check a row against its columns.
-
-    Raises:
-        BenchError: When it has others, or a value of another type, or an integer of more than 64 bits.
-    """
+    """Refuse, by BenchError, a row with other columns, values of other types or integers above 64 bits."""
     if row.keys() != table.keys():
         differ = ", ".join(sorted(row.keys() ^ table.keys()))
         raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
@@ -145,13 +133,9 @@ def _plain(name: str, value: object) -> Plain:
 
 
 def restorer(kind: type[R]) -> Callable[[Mapping[str, Any]], R]:
-    """What makes rows of the columns that `flatten` took them apart to; it checks their types.
+    """What makes rows of a dataclass of the columns that `flatten` took them apart to.
 
-    Args:
-        kind: The dataclass.
-
-    Returns:
-        A function; it raises BenchError when a column is missing, unknown or of another type.
+    It raises BenchError when a column is missing, unknown or of another type.
     """
     adapter = TypeAdapter(kind)
 

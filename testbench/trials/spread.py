@@ -47,13 +47,10 @@ def ends(value: Number) -> tuple[float, float]:
 
 
 def merge(values: Sequence[T]) -> T:
-    """Records of several trials as one: every number becomes its median and spread.
+    """Records of several trials, all of one type, as one: every number becomes its median and spread.
 
     A truth value becomes the share of trials in which it holds; what is the same in all trials stays;
     different words are listed.
-
-    Args:
-        values: One a trial, all of one type: dataclasses, dictionaries or sequences of such, or plain values.
     """
     return _merge(list(values))  # type: ignore[return-value]  # a dataclass's fields are Numbers
 
@@ -81,12 +78,7 @@ def _sized(value: object) -> Sequence[object]:
 
 
 def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
-    """Rows by group, groups in the order in which they first appear.
-
-    Args:
-        rows: Of any number of trials.
-        key: Group of a row.
-    """
+    """Rows of any number of trials by group, groups in the order in which they first appear."""
     found: dict[K, list[T]] = {}
     for row in rows:
         found.setdefault(key(row), []).append(row)

@@ -34,14 +34,7 @@ R = TypeVar("R")
 
 
 class TrialStore(Generic[R]):
-    """The stored trials of an experiment: a byte a trial in memory. Open one with `open_store`.
-
-    Args:
-        path: The file.
-        experiment: What is tried.
-        row: Dataclass of the rows.
-        database: The file, locked.
-    """
+    """The stored trials of an experiment: a byte a trial in memory. Open one with `open_store`."""
 
     def __init__(
         self, path: Path, experiment: Experiment, row: type[R], database: sqlite3.Connection
@@ -81,11 +74,7 @@ class TrialStore(Generic[R]):
                 yield seed, json.loads(rows)
 
     def append(self, seeds: Sequence[int], found: Iterable[list[Flat]]) -> None:
-        """Add finished trials; they are on the disk when this returns.
-
-        Args:
-            seeds: Of the trials, not stored yet.
-            found: Their flat rows, from `chunk.do_chunk`.
+        """Add finished trials' flat rows, from `chunk.do_chunk`; they are on the disk when this returns.
 
         Raises:
             BenchError: When rows are not of the store's type.
@@ -95,12 +84,7 @@ class TrialStore(Generic[R]):
         self._mark(seeds)
 
     def load(self, *, resume: bool) -> None:
-        """Find the trials of a run that was stopped, or has come to its end.
-
-        Raises:
-            InputError: When they are of another experiment (resume) or would be replaced (no resume), or the
-                file is damaged.
-        """
+        """Find the trials of a run that was stopped or has ended; InputError where `open_store` says."""
         with _told(self.path):
             ((header,),) = self._database.execute("SELECT header FROM about")
             ((held,),) = self._database.execute("SELECT count(*) FROM trials")
@@ -153,11 +137,7 @@ def open_store(
 ) -> Iterator[TrialStore[R]]:
     """The trial store of a run's folder; once the block has ended well `trials.parquet` takes its place.
 
-    Args:
-        folder: The run's; made where it does not exist.
-        experiment: What is tried.
-        row: Dataclass of the rows; see `rows.columns`.
-        resume: Whether to go on with the stored trials; without any it starts afresh.
+    To resume is to go on with the stored trials; without any it starts afresh.
 
     Raises:
         InputError: When another run writes it; when it cannot be written or is damaged; when it holds

@@ -24,14 +24,9 @@ SWITCHES: dict[str, str] = {
 
 
 def cases(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
-    """Disturbances by name: none, each alone, the compensator's other reading, all together.
+    """Disturbances, `scale` times the typical: none, each alone, another compensator, all together.
 
-    Args:
-        scale: Size of those that have one, over the typical one.
-        only: Cases to keep beside none; then all together are these alone.
-
-    Raises:
-        BenchError: When there is no such case.
+    Those of `only` are kept beside none, and all together are these alone; BenchError for one unknown.
     """
     for name in only:
         if name not in SWITCHES:

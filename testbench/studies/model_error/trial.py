@@ -114,14 +114,7 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
 def disturbed(
     cell: Cell, campaign: Campaign, disturbances: Disturbances, seed: int
 ) -> tuple[Dataset, Dataset]:
-    """Noise-free runs to identify from, and those to be judged by, of a disturbed arm.
-
-    Args:
-        cell: The nominal arm.
-        campaign: Its poses and recorded loads.
-        disturbances: What the true arm does.
-        seed: Root of the disturbances' sizes; the same for every case.
-    """
+    """Noise-free runs to identify from, and those to be judged by, of a disturbed arm, one for every case."""
     true = disturb(cell.plant, disturbances, stream(seed, 20))
     exact = replace(disturbances, mass_error=0.0, centre_error=0.0)
     judge = disturb(cell.plant, exact, stream(seed, 20))

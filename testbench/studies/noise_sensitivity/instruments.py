@@ -24,13 +24,9 @@ DRIFT = Drift(shift=20e-6, turn=5e-6)
 def readings(
     clean: Dataset, flat: Dataset, distances: Sequence[float], seed: int
 ) -> Iterator[tuple[str, float, Dataset]]:
-    """Name of the instrument, its distance [m], its readings; the flat one is nowhere.
+    """Name of the instrument, its distance from the work area [m], its readings; the flat one is nowhere.
 
-    Args:
-        clean: Readings without noise.
-        flat: The same with noise alike along all axes.
-        distances: From the middle of the work area [m].
-        seed: Root of all noise.
+    `clean` readings are without noise, `flat` ones have noise alike along all axes.
     """
     yield FLAT, 0.0, flat
     for distance in distances:
@@ -48,14 +44,7 @@ def readings(
 
 
 def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | None = None) -> Dataset:
-    """A noise-free dataset read by a laser tracker, weighted by what it knows of itself.
-
-    Args:
-        clean: Readings without noise.
-        tracker: The instrument.
-        seed: Root of noise and drift.
-        drift: Of its frame before the loaded reading; the weights do not know of it.
-    """
+    """A noise-free dataset read by a laser tracker, weighted by what it knows of itself: not of its drift."""
     rng = stream(seed, 1)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     if drift is not None:

@@ -153,13 +153,7 @@ def _models(part: Part, levels: Sequence[Level]) -> list[ModelAt]:
 
 
 def model_at(fit: FitRow, where: str, judged: Literal["check", "workspace"]) -> ModelAt:
-    """A fit over all trials as a row of the contract.
-
-    Args:
-        fit: The model.
-        where: Behind its name.
-        judged: By which deflections.
-    """
+    """A fit over all trials as a row of the contract, judged by its check set or over the workspace."""
     scores = Scores(_mm(fit.rms_um), _mm(fit.p95_um))
     return ModelAt(
         name=f"{fit.model}, {where}",

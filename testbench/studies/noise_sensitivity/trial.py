@@ -177,13 +177,7 @@ def fit(cell: Cell, model: Model, data: Dataset, truth: Dataset) -> FitRow:
 
 
 def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
-    """A noise-free dataset read with noise; the same normal numbers for every sigma.
-
-    Args:
-        clean: Readings without noise.
-        sigma: Standard deviation of a position reading along an axis [m]; orientations in proportion.
-        rng: Source of the noise.
-    """
+    """A noise-free dataset read with noise: for every sigma [m] the same numbers; orientations follow it."""
     tracker = Tracker(sigma, ANGLE_PER_LENGTH * sigma)
     before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
     data = replace(clean, before=before, after=after, sigma=sigma or WEIGHT)

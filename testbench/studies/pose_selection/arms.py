@@ -25,12 +25,7 @@ def draw(own: Metric, uncertainty: float, rng: np.random.Generator) -> Array:
     """Compliances of an arm that the prior could have drawn, conservative, (n_theta, n_theta).
 
     X of every block is Wishart with 2 / u^2 degrees of freedom and mean one: x then has the mean and the
-    covariance u^2 of the prior, and C = P^1/2 X P^1/2 is positive definite.
-
-    Args:
-        own: A structure in the metric of the prior.
-        uncertainty: u, relative [1].
-        rng: Source of the arm.
+    covariance u^2 of the prior, u its relative uncertainty [1], and C = P^1/2 X P^1/2 is positive definite.
     """
     freedom, parts = 2 / uncertainty**2, []
     for n in own.sizes:

@@ -49,14 +49,7 @@ def build_bench(cell: Cell, asked: Settings, truth: Truth = "nonlinear") -> Benc
 
 
 def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
-    """Runs of the true arm, every pose once.
-
-    Args:
-        bench: The arm.
-        spec: Markers, sigma and loads.
-        chosen: Poses and their loads.
-        rng: Source of the noise; None for no noise.
-    """
+    """Runs of the true arm, every pose once; without a source of noise they have none."""
     return _read(spec, _settle(bench.cell, bench.truth, chosen.q, loads_of(spec, chosen.load)), rng)
 
 

@@ -30,15 +30,7 @@ Job = tuple[str, str, Specification]
 
 
 def prepare(asked: Settings, everywhere: Everywhere) -> Settings:
-    """The scene and all plans: what is dear and the same for all trials.
-
-    Args:
-        asked: What is tried.
-        everywhere: Does pieces of work on all cores.
-
-    Raises:
-        PoseError: When too few feasible poses exist.
-    """
+    """The scene and all plans, the same for all trials; PoseError for too few feasible poses."""
     cell, scope, rng = build_cell(find_arm(asked.arm)), asked.scope, stream(asked.seed, 0)
     inside, anywhere = (build_checks(cell, Conditions(area=area)) for area in (scope.area, scope.anywhere))
     found = candidates(cell, scope, stream(asked.seed, 1))
@@ -96,14 +88,9 @@ def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
 
 
 def plan(cell: Cell, scope: Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
-    """A plan by a criterion.
+    """A plan of poses among those drawn, (candidates, n) [rad], by a criterion, a key of planning.CRITERIA.
 
-    Args:
-        cell: The arm.
-        scope: For the conditions of a pose.
-        spec: What it is for.
-        criterion: Key of planning.CRITERIA.
-        drawn: Feasible poses, (candidates, n) [rad], and the root of the search's randomness.
+    Beside the poses `drawn` has the root of the search's randomness.
     """
     checks, (q, seed) = build_checks(cell, _conditions(scope)), drawn
     return make_plan(spec, criterion, q, Reach(lambda q: feasible(checks, q)), stream(seed, 2))

@@ -125,11 +125,7 @@ def _possible(groups: Groups, plan: r.Level, chance: r.Level) -> r.Possible:
 
 
 def recommend(errors: Levels) -> r.Recommendation:
-    """How many poses: the fewest that are enough in 95 % of all trials, and where more bring little.
-
-    Args:
-        errors: Of one way to identify, by plan.
-    """
+    """How many poses: the fewest that are enough in 95 % of all trials, and where more bring little."""
     fewest = {
         name: next((level.poses for level in errors[name] if ends(level.tasks_mm)[1] <= ENOUGH), None)
         for name in ("test", RANDOM)
@@ -203,14 +199,7 @@ def verdict(
     forecasts: Sequence[r.ForecastReport],
     variants: Sequence[r.VariantReport],
 ) -> r.Verdict:
-    """Who is best and whether forecasts hold.
-
-    Args:
-        criteria: The featured number of poses, random ones among them.
-        best: The plans for the tasks.
-        forecasts: Of drawn arms.
-        variants: The featured plan first.
-    """
+    """Who is best and whether forecasts hold; of the variants the featured plan is the first."""
     planned = [c for c in criteria if c.plan != RANDOM]
     chance = next(middle(c.tasks_mm) for c in criteria if c.plan == RANDOM)
     ratio, inside = [f.gco_over_expected for f in forecasts], [f.inside_90_percent for f in forecasts]

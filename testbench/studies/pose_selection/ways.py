@@ -27,13 +27,7 @@ CHANCE = 300
 
 
 def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:
-    """The featured number of poses under one weight, with the arm's own markers.
-
-    Args:
-        cell: The arm.
-        asked: What is tried.
-        prior: What the planner believes.
-    """
+    """The featured number of poses under one weight, with the arm's own markers and the planner's prior."""
     scope, scene = asked.scope, asked.scene
     load = hung(cell, scope.payload)
     own = metric(prior, cell.vjm, PLANNED.structure(cell.arm))
@@ -80,14 +74,7 @@ class Chosen:
 
 
 def poses_of(asked: Settings, name: str, poses: int, seed: int) -> Chosen:
-    """The poses of a plan, or random ones of a trial.
-
-    Args:
-        asked: With the plans.
-        name: Criterion of the plan, or "random".
-        poses: How many.
-        seed: Of the trial.
-    """
+    """The poses of a plan, or random ones of a trial."""
     if name == RANDOM:
         return at_random(np.array(asked.scene.candidates), poses, stream(seed, CHANCE + poses))
     return planned(asked.scene.plan(name, poses))

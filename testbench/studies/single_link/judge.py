@@ -56,13 +56,7 @@ class Judged:
 
 
 def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
-    """Eigenvalues of a compliance, its errors in entries and in predictions.
-
-    Args:
-        cell: The link; its compliance is the truth.
-        C: Compliance, (6, 6) [m/N, rad/N, rad/(N m)].
-        truth: Noise-free readings under check loads.
-    """
+    """Eigenvalues of C, (6, 6) [m/N, rad/N, rad/(N m)], and its errors, those under noise-free check loads."""
     matrix, symmetric = eigenvalues(C)
     zero = -CONSERVATIVE_TOLERANCE * np.abs(matrix).max()
     error = C - cell.arm.C_theta

@@ -32,11 +32,7 @@ LEAST = 1e-8
 
 
 def orders(draws: Sequence[Sequence[LinkRow]]) -> list[Order]:
-    """Every order over the draws in which it was tried.
-
-    Args:
-        draws: All rows of every draw.
-    """
+    """Every order over the draws in which it was tried."""
     optimum = {id(row): _optimum(rows) for rows in draws for row in rows}
     by_m = grouped([row for rows in draws for row in rows if row.m is not None], lambda row: row.m or 0)
     return [_order(m, rows, [optimum[id(row)] for row in rows]) for m, rows in by_m.items()]

@@ -86,13 +86,7 @@ class PrintedMatrices:
 
 
 def printed_matrices(cell: Cell, asked: Settings, truth: Dataset) -> PrintedMatrices:
-    """What the printed Eq. (22) and (23) tell of the paper's experiment.
-
-    Args:
-        cell: The link.
-        asked: Noise and starts.
-        truth: Noise-free readings under check loads.
-    """
+    """What the printed Eq. (22) and (23) tell of the paper's experiment, under noise-free check loads."""
     ours = np.array(EQ_23)
     return PrintedMatrices(
         pinning=pinning(cell, asked.campaign),
@@ -148,14 +142,7 @@ def _rounded(C: Array) -> Array:
 
 
 def readings(cell: Cell, campaign: FullPose, wrench: Array, twist: Array) -> Dataset:
-    """A dataset of given deflections.
-
-    Args:
-        cell: The link.
-        campaign: The sigmas.
-        wrench: Loads, (runs, 6) [N, N m].
-        twist: What they caused, (runs, 6) [m, rad].
-    """
+    """A dataset of loads, (runs, 6) [N, N m], and the twists that they caused, (runs, 6) [m, rad]."""
     runs = len(wrench)
     return Dataset(
         markers=cell.arm.markers,
