@@ -10,8 +10,9 @@ from measure import MODELS, Row, at_most, interleave, spread
 from testbench.bench.campaign import Result, Scenario, build_cell, identify, named_models, simulate
 from testbench.bench.rows import FitRow, fit_row
 from testbench.model.poses import WorkArea
-from testbench.views.recording import write_calibration
+from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
+from testbench.views.recording.stream import Header
 from testbench.views.schema import Column, Table
 
 POSES, CHECK_POSES = 140, 60
@@ -39,8 +40,7 @@ def logging_two_hundred_poses() -> list[Row]:
     campaign = simulate(cell, scenario, 1)
     results = identify(cell, campaign, named_models(cell), time.perf_counter)
     about = Calibration(
-        scenario="recordings",
-        parameters=scenario.model_dump_json(),
+        header=Header("recordings", scenario.model_dump_json(), 1),
         summary="",
         notes="",
         errors=Table((Column("name", "model"), Column("f_m", "F_M")), rows := [_row(r) for r in results]),

@@ -63,15 +63,16 @@ class Words:
         text = "".join(self._template.blocks[name](context)).strip()
         return line(text) if name in ("question", "title", "answer") else text
 
-    def summary(self, *tables: Table) -> str:
-        """What a recording says first: question, answer, tables, what else is to be said."""
-        parts = [
-            f"### {self.block('question')}",
-            f"#### **{self.block('answer')}**",
-            *map(grid, tables),
-            self.block("statements"),
-        ]
-        return "\n\n".join(parts)
+    def summary(self, *parts: Table | str, then: Sequence[str] = ("statements",)) -> str:
+        """What a recording says first: question, answer in bold, tables, what else is to be said.
+
+        Args:
+            parts: Tables, and words as they are.
+            then: Names of the blocks at the end.
+        """
+        texts = [part if isinstance(part, str) else grid(part) for part in parts]
+        head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**"]
+        return "\n\n".join([*head, *texts, *map(self.block, then)])
 
     def has(self, name: str) -> bool:
         """Whether the template fills a block."""

@@ -27,7 +27,11 @@ from testbench.studies.six_dof_arm import trial as six_dof
 from testbench.studies.solver_comparison import STUDY as SOLVERS
 from testbench.studies.solver_comparison import trial as solvers
 from testbench.studies.study import Run
-from testbench.views.recording import Point, Sweep, write_sweep
+from testbench.views.colours import look
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column
 
 BUDGET = 2 * 2**20
 TIMELINES = {
@@ -281,10 +285,11 @@ def test_sweep_has_the_median_and_spread_of_every_row(made):
 
 
 def test_sweep_values_that_round_to_the_same_step_are_refused(tmp_path):
-    points = [Point(x, "LS", 1.0, 0.5, 2.0) for x in (0.1, 0.2)]
-    words = ["load", "N", "error", "mm"]
+    points = [Point(x, "LS", 1.0) for x in (0.1, 0.2)]
+    axes = Column("load", "load", "N"), Column("error", "error", "mm")
+    sweep = Sweep(*axes, points, {"LS": look("MLS56", "none")})
     with pytest.raises(BenchError, match="differ after rounding"):
-        write_sweep(tmp_path / "x.rrd", Sweep("name", {}, 1, *words, points))
+        write_sweep(tmp_path / "x.rrd", Header("name", "{}", 1), sweep, "")
 
 
 def test_matrices_of_the_single_link_are_the_reports(made):

@@ -8,22 +8,31 @@ from read_back import chunks_of, columns, document, layout, on, panes, rerun, se
 
 from testbench.model.vjm import chain
 from testbench.plant.shapes import body_names, rigid_frames
-from testbench.views.recording import PlanScene, Point, Sweep, write_plan
-from testbench.views.recording.error_map import shades, shares, sizes
+from testbench.trials.spread import Spread, triple
+from testbench.views.colours import look
+from testbench.views.recording.error_map import ErrorMap, shades, shares, sizes
+from testbench.views.recording.plan import write_plan
+from testbench.views.recording.plan_world import PlanScene
+from testbench.views.recording.stream import Header
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column
 
 BUDGET = 2**20
 POSES, STATION, LOADS = 5, (4.5, -2.5, 1.6), (230.0, 460.3)
 CHART = "/other_plans_mm"
+HEADER = Header("pose_selection", "{}", 1)
+WORDS = "expected error after identification (mm)"
 
 
 def sweep():
     points = [
-        Point(n, name, a / n, 0.8 * a / n, 1.3 * a / n)
+        Point(n, name, Spread(a / n, 0.8 * a / n, 1.3 * a / n))
         for n in (4, 8)
         for name, a in (("plan", 1), ("random", 2))
     ]
-    words = "### How many poses are enough?"
-    return Sweep("plan", {}, 1, "poses", "1", "RMS error in the tasks", "mm", points, words=words)
+    error = Column("error", "RMS error in the tasks", "mm")
+    looks = {"plan": look("MGCO56", "psd"), "random": look("MLS56", "none")}
+    return Sweep(Column("poses", "poses"), error, points, looks)
 
 
 def plan(cell, poses=POSES, candidates=300, field=40, **changes):
@@ -34,31 +43,24 @@ def plan(cell, poses=POSES, candidates=300, field=40, **changes):
     some = chain(cell.vjm, rng.uniform(lower, upper, (candidates + field + 9, len(lower)))).position
     error = 0.05 + 0.02 * np.linalg.norm(some - [2, 0, 1.5], axis=1)
     every = {
-        "scenario": "pose_selection",
-        "parameters": {"poses": poses},
-        "seed": 1,
         "station": STATION,
-        "loads_kg": LOADS,
-        "load": np.arange(poses) % 2,
+        "payload": np.array(LOADS)[np.arange(poses) % 2],
         "candidates": some[field + 9 :],
         "q": q,
         "pose_words": [f"**Step {k + 1}**" for k in range(poses)],
         "deflection_mm": np.linspace(3, 9, poses),
         "error_mm": np.linspace(0.2, 0.05, poses),
-        "tasks": some[:9],
-        "task_error_mm": error[:9],
-        "field": some[9 : field + 9],
-        "field_error_mm": error[9 : field + 9],
-        "field_words": "expected error after identification (mm)",
+        "error_map": ErrorMap(WORDS, some[9 : field + 9], error[9 : field + 9], some[:9], error[:9]),
         "summary": "### Which poses?\n\n#### **These 5: 0.07 mm**",
-        "tables": {"Criteria compared": "| D | 0.1 |"},
+        "tables": "### Criteria compared\n\n| D | 0.1 |",
         "sweep": sweep(),
+        "sweep_words": "### How many poses are enough?",
     }
     return PlanScene(cell=cell, **every | changes)
 
 
 def recorded(path, scene):
-    write_plan(path, scene)
+    write_plan(path, HEADER, scene)
     return chunks_of(path)
 
 
@@ -70,7 +72,7 @@ def scene(kr500):
 @pytest.fixture(scope="module")
 def file(scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("plan") / "recording.rrd"
-    write_plan(path, scene)
+    write_plan(path, HEADER, scene)
     return path
 
 
@@ -89,7 +91,7 @@ def markers(kr500, scene):
 def test_the_file_is_one_whole_recording_and_equal_plans_are_equal(file, scene, tmp_path):
     assert "1 file verified without error" in rerun("verify", file)[1]
     again = tmp_path / "again.rrd"
-    write_plan(again, scene)
+    write_plan(again, HEADER, scene)
     assert rerun("compare", "--unordered", file, again)[0] == 0
 
 
@@ -153,10 +155,10 @@ def test_planned_positions_are_numbered_and_joined_in_the_order_of_measuring(chu
 
 def test_the_weight_of_every_step_hangs_below_the_load_point(chunks, kr500, scene):
     labels = columns(chunks, "/world/load/label")["Points3D:labels"]
-    assert labels == [[f"{LOADS[k]:.4g} kg"] for k in scene.load]
+    assert labels == [[f"{kg:.4g} kg"] for kg in scene.payload]
     data = columns(chunks, "/world/load/weight")
     half = np.array(data["Boxes3D:half_sizes"])[:, 0]
-    assert 7850 * (2 * half).prod(axis=1) == pytest.approx(np.array(LOADS)[scene.load], rel=1e-6)
+    assert 7850 * (2 * half).prod(axis=1) == pytest.approx(scene.payload, rel=1e-6)
     where = chain(kr500.vjm, scene.q)
     hook = where.position + where.rotation @ kr500.vjm.load
     hangs = np.array(data["Boxes3D:centers"])[:, 0] - hook
@@ -177,8 +179,8 @@ def test_the_greater_the_error_the_brighter_and_the_larger(chunks, scene):
     low, high = scene.error_map.ends
     assert (np.diff(brightness(shades(np.linspace(0, 1, 50)))) > 0).all()
     for path, kind, size, mm in (
-        ("field", "Points3D", "radii", scene.field_error_mm),
-        ("tasks", "Boxes3D", "half_sizes", scene.task_error_mm),
+        ("field", "Points3D", "radii", scene.error_map.field_mm),
+        ("tasks", "Boxes3D", "half_sizes", scene.error_map.tasks_mm),
     ):
         data, order = columns(chunks, f"/world/error_map/{path}"), np.argsort(mm)
         packed = np.array(data[f"{kind}:colors"][0], dtype=np.uint32)
@@ -190,9 +192,11 @@ def test_the_greater_the_error_the_brighter_and_the_larger(chunks, scene):
 
 
 def test_equal_errors_have_one_colour(kr500, tmp_path):
+    places = np.random.default_rng(1).uniform(-1, 1, (9, 3))
+    equal = ErrorMap(WORDS, places, np.full(9, 0.1), places, np.full(9, 0.1))
     same = shares(np.full(3, 0.1), (0.1, 0.1))
     assert len(np.unique(shades(same), axis=0)) == len(np.unique(sizes(same))) == 1
-    recorded(tmp_path / "x.rrd", plan(kr500, field_error_mm=np.full(40, 0.1), task_error_mm=np.full(9, 0.1)))
+    recorded(tmp_path / "x.rrd", plan(kr500, error_map=equal))
 
 
 def test_the_map_says_its_ends_with_their_unit(chunks, scene):
@@ -203,8 +207,8 @@ def test_the_map_says_its_ends_with_their_unit(chunks, scene):
     numbers = columns(chunks, "/error_key_mm/number")["Points2D:labels"][0]
     assert (numbers[0], numbers[-1]) == (f"{low:.3f} mm", f"{high:.3f} mm")
     labels = columns(chunks, "/world/error_map/label")["Points3D:labels"][0]
-    assert f"greatest {scene.field_error_mm.max():.3f} mm" in labels
-    assert f"worst task {scene.task_error_mm.max():.3f} mm" in labels
+    assert f"greatest {scene.error_map.field_mm.max():.3f} mm" in labels
+    assert f"worst task {scene.error_map.tasks_mm.max():.3f} mm" in labels
 
 
 def test_the_summary_is_the_callers_with_colours_and_scrubbing(chunks, scene):
@@ -241,16 +245,16 @@ def test_errors_of_other_plans_stand_still_in_a_chart(chunks, scene):
         strict=True,
     ):
         drawn = [10 ** np.interp(at, list(x.values()), np.log10(list(x))) for at in (place, low[0], high[0])]
-        assert drawn == pytest.approx([point.median, point.p05, point.p95], rel=1e-5)  # single precision
+        assert drawn == pytest.approx(triple(point.y), rel=1e-5)  # single precision
     assert columns(chunks, f"{CHART}/name")["Points2D:labels"][0] == ["4 poses", "8 poses"]
     legend = columns(chunks, f"{CHART}/legend")
     assert legend["Points2D:labels"][0] == ["plan", "random"]
     assert dots["Points2D:colors"][0] == 2 * legend["Points2D:colors"][0]
-    assert document(chunks, "/sweep_words") == scene.sweep.words
+    assert document(chunks, "/sweep_words") == scene.sweep_words
 
 
 @pytest.mark.parametrize(
-    ("without", "tabs"), [({"station": None}, 4), ({"sweep": None}, 3), ({"tables": {}, "sweep": None}, 2)]
+    ("without", "tabs"), [({"station": None}, 4), ({"sweep": None}, 3), ({"tables": "", "sweep": None}, 2)]
 )
 def test_a_plan_without_tracker_sweep_or_tables_is_drawn_too(without, tabs, kr500, tmp_path):
     path = tmp_path / "less.rrd"
@@ -270,5 +274,5 @@ def test_one_pose_without_candidates_is_a_plan(arm_6r, tmp_path):
 
 def test_a_large_plan_stays_within_its_budget(kr500, tmp_path):
     path = tmp_path / "large.rrd"
-    write_plan(path, plan(kr500, poses=12, candidates=5000, field=200))
+    write_plan(path, HEADER, plan(kr500, poses=12, candidates=5000, field=200))
     assert path.stat().st_size < BUDGET

@@ -26,7 +26,8 @@ from testbench.plant import settle
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
 from testbench.studies.gravity_calibration import STUDY, recording, summary, trial
 from testbench.studies.study import Run
-from testbench.views.recording import calibration, write_calibration
+from testbench.views.recording import calibration
+from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.compliance import compress, scaled
 from testbench.views.recording.drawing import build_drawing
 

@@ -6,17 +6,23 @@ import subprocess
 import pytest
 
 from testbench.errors import BenchError
-from testbench.views.recording import Point, Sweep, viewer, write_sweep
+from testbench.views.colours import look
+from testbench.views.recording import viewer
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column
 
 
 @pytest.fixture
 def folder(tmp_path):
     """Two recordings, the one in the inner folder newer."""
     (tmp_path / "inner").mkdir()
-    words = ["load", "N", "error", "mm"]
-    points = [Point(x, "LS", 0.1 * x, 0.05 * x, 0.2 * x) for x in (1, 2)]
+    points = [Point(x, "LS", 0.1 * x) for x in (1, 2)]
+    axes = Column("load", "load", "N"), Column("error", "error", "mm")
+    sweep = Sweep(*axes, points, {"LS": look("MLS56", "none")})
     for path, age in ((tmp_path / "old.rrd", 100), (tmp_path / "inner" / "new.rrd", 0)):
-        write_sweep(path, Sweep("test", {}, 1, *words, points))
+        write_sweep(path, Header("test", "{}", 1), sweep, "### How much?")
         time = path.stat().st_mtime - age
         os.utime(path, (time, time))
     return tmp_path

@@ -19,7 +19,6 @@ from testbench.studies.identifiability.summary import (
 )
 from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle
-from testbench.views.recording import write_sweep
 
 KINDS = {
     "MLS56": ("MLS56", "none", "none", "least squares"),
@@ -250,7 +249,7 @@ def test_the_figure_draws_the_reports_numbers(report):
 def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     words = STUDY.words(report)
     run = Run(None, range(4, 7), report, words, STUDY.tables(report), tmp_path, "{}")
-    write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    recording.write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
     for name in OVER_POSES:
         path = "/rms_error_over_the_workspace_mm/" + name.lower().replace(", ", "_").replace(" + ", "_")

@@ -13,7 +13,6 @@ from testbench.studies.loaded_stiffness.summary import LoadedReport, LoadedRow, 
 from testbench.studies.loaded_stiffness.trial import Settings
 from testbench.studies.study import Run
 from testbench.views.colours import GREENS, LOAD, ORANGES, hexadecimal
-from testbench.views.recording import write_sweep
 
 LOADS = [1100.0, 4300.0, 9700.0]
 TRUTHS = {"weightless": "-", "own weight": "--"}
@@ -162,7 +161,7 @@ def legend_of(axes):
 def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     words = STUDY.words(report)
     run = Run(Settings(arm="kr500_l480"), range(3, 4), report, words, STUDY.tables(report), tmp_path, "{}")
-    write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    recording.write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
     summary = document(chunks, "/summary")
     assert all(words.block(name) in summary for name in ("question", "answer", "statements"))

@@ -214,7 +214,7 @@ def test_the_figure_draws_the_reports_numbers_and_joins_no_two_cases(report):
 def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     words, tables = STUDY.words(report), STUDY.tables(report)
     run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
-    recording.write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    recording.write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
     ticks = columns(chunks, f"{CHART}/ticks")
     tens = [float(text) for text in ticks["Points2D:labels"][0]]

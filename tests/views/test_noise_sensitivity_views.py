@@ -239,7 +239,7 @@ def test_the_figure_draws_the_reports_numbers(report):
 def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     words, tables = STUDY.words(report), STUDY.tables(report)
     run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
-    recording.write_sweep(tmp_path / "recording.rrd", recording.sweep(run))
+    recording.write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
     for name in MODELS:
         path = name.lower().replace(" + ", "_")

@@ -19,7 +19,8 @@ from testbench.views.plan.figure import overview
 from testbench.views.plan.files import write_poses, write_tasks
 from testbench.views.plan.scene import BEST, RANDOM, scene
 from testbench.views.plan.tables import tables, words
-from testbench.views.recording import write_plan
+from testbench.views.recording.plan import write_plan
+from testbench.views.recording.stream import Header
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from read_back import chunks_of, columns, document, series
@@ -305,8 +306,8 @@ def recorded(report, rng, kr500, tmp_path):
     spec = SimpleNamespace(workspace=rng.uniform(-1, 1, (5, 6)))
     plan = SimpleNamespace(q=q, load=np.array([0, 0, 1, 1]), specification=spec)
     errors = SimpleNamespace(error=np.array([1e-4, 3e-4, np.inf, 2e-4, 5e-4]))
-    made = scene(kr500, Planned(None, plan, errors, report), rng.uniform(-3, 3, (30, 3)), {"task": "x.csv"})
-    write_plan(tmp_path / "recording.rrd", made)
+    made = scene(kr500, Planned(None, plan, errors, report), rng.uniform(-3, 3, (30, 3)))
+    write_plan(tmp_path / "recording.rrd", Header("testbench plan", "{}", 1), made)
     return chunks_of(tmp_path / "recording.rrd")
 
 

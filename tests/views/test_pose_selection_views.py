@@ -17,9 +17,10 @@ from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, R
 from testbench.studies.pose_selection.settings import BARE, FITS, ON_ARMS, PLANNED, Scope, Settings
 from testbench.studies.pose_selection.trial import first_runs
 from testbench.studies.study import Run
-from testbench.trials.spread import Spread, ends, middle
+from testbench.trials.spread import Spread, ends, middle, triple
 from testbench.views import markdown
-from testbench.views.recording import write_plan
+from testbench.views.recording.plan import write_plan
+from testbench.views.recording.stream import Header
 
 CRITERIA, NAMES, POSES, SEEDS = ("test", "I", "D"), ("test", "I", "D", "random"), (8, 12), range(4, 7)
 OTHERS = ("12 poses, one weight, three markers", "4 more poses", "a fourth marker")
@@ -350,7 +351,7 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500,
     bench = build_bench(kr500, asked)
     first = first_runs(bench, asked, SEEDS[0])
     scene = recording.scene(run, bench, first)
-    write_plan(tmp_path / "recording.rrd", scene)
+    write_plan(tmp_path / "recording.rrd", Header("pose_selection", "{}", 1), scene)
     chunks = chunks_of(tmp_path / "recording.rrd")
     text = document(chunks, "/summary")
     assert words.block("question") in text
@@ -365,12 +366,13 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500,
     assert f"**{' '.join(words.block('number').split())}**" in many
     moved = 1e3 * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
     np.testing.assert_allclose(series(chunks, "/expected_deflection_mm", "run"), moved, rtol=1e-12)
-    assert scene.task_error_mm.tolist() == [v.median for v in report.where.tasks_mm]
-    assert scene.field_error_mm.tolist() == [v.median for v in report.where.workspace_mm]
-    for places, q in ((scene.tasks, asked.scene.tasks), (scene.field, asked.scene.workspace)):
+    assert scene.error_map.tasks_mm.tolist() == [v.median for v in report.where.tasks_mm]
+    assert scene.error_map.field_mm.tolist() == [v.median for v in report.where.workspace_mm]
+    drawn = scene.error_map
+    for places, q in ((drawn.tasks, asked.scene.tasks), (drawn.field, asked.scene.workspace)):
         np.testing.assert_allclose(places, chain(kr500.vjm, np.array(q)).position)
-    points = {(p.model, p.x): (p.median, p.p05, p.p95) for p in scene.sweep.points}
+    points = {(p.model, p.x): triple(p.y) for p in scene.sweep.points}
     for name, own in report.errors[PLANNED.name].items():
         for level in own:
-            assert points[name, level.poses] == (level.tasks_mm.median, *ends(level.tasks_mm))
+            assert points[name, level.poses] == triple(level.tasks_mm)
     assert columns(chunks, "/other_plans_mm/legend")["Points2D:labels"][0] == list(NAMES)

@@ -7,9 +7,9 @@ from testbench.studies.gravity_calibration import figure, trial
 from testbench.studies.gravity_calibration.summary import GravityReport
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.study import Run
-from testbench.views.markdown import grid
-from testbench.views.recording import write_calibration
+from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
+from testbench.views.recording.stream import Header
 
 
 def write(run: Run[Settings, GravityReport]) -> None:
@@ -24,21 +24,14 @@ def write(run: Run[Settings, GravityReport]) -> None:
 
 def about(run: Run[Settings, GravityReport]) -> Calibration:
     """Words and models; runs are sorted by the recommended model, the best without prior are shown too."""
-    report, words = run.report, run.words
+    report = run.report
     names = [m.name for m in report.models]
     best = names.index(report.recommended) if report.recommended else 0
     first = [names.index(w.names[0]) for w in report.winners if not w.prior]
-    parts = [
-        f"### {words.block('question')}",
-        f"#### **{words.block('answer')}**",
-        grid(run.tables["recorded"]),
-        words.block("statements"),
-    ]
     return Calibration(
-        scenario=report.scenario,
-        parameters=run.parameters,
-        summary="\n\n".join(parts),
-        notes=words.block("title"),
+        header=Header(report.scenario, run.parameters, run.seeds[0]),
+        summary=run.words.summary(run.tables["recorded"]),
+        notes=run.words.block("title"),
         errors=run.tables["errors"],
         models=report.models,
         best=best,

@@ -7,39 +7,31 @@ from testbench.studies.identifiability.summary import IdentifiabilityReport
 from testbench.studies.identifiability.tables import POSES, rms
 from testbench.studies.identifiability.trial import Settings
 from testbench.studies.study import Run
-from testbench.trials.spread import ends, middle
 from testbench.views.colours import look
-from testbench.views.recording import Point, Sweep, write_sweep
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column
 
 
 def write(run: Run[Settings, IdentifiabilityReport]) -> None:
     """dataset.csv and recording.rrd."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
-    write_csv(campaign.measured, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
-    write_sweep(run.folder / "recording.rrd", sweep(run))
+    write_csv(campaign.measured, cell.arm, run.folder / "dataset.csv")
+    write_recording(run)
 
 
-def sweep(run: Run[Settings, IdentifiabilityReport]) -> Sweep:
+def write_recording(run: Run[Settings, IdentifiabilityReport]) -> None:
     """Error over the workspace against the number of poses, with and without a prior."""
-    report, words = run.report, run.words
-    models = [m for m in report.models if m.name in report.poses[0]]
-    return Sweep(
-        scenario=report.scenario,
-        parameters=run.parameters,
-        seed=run.seeds[0],
-        question=words.block("question"),
-        answer=words.block("answer"),
-        swept=POSES.heading,
-        swept_unit="",
-        measured="RMS error over the workspace",
-        unit=rms("").unit,
-        points=[
-            Point(middle(row["poses"]), m.name, middle(row[m.name]), *ends(row[m.name]))
-            for row in report.poses
-            for m in models
-        ],
-        colours={},
-        looks={m.name: look(m.structure, m.constraint, m.prior) for m in models},
-        remarks="\n\n".join([words.block("statements"), words.block("seen")]),
+    rows = run.report.poses
+    models = [m for m in run.report.models if m.name in rows[0]]
+    sweep = Sweep(
+        POSES,
+        Column("", "RMS error over the workspace", rms("").unit),
+        [Point(POSES.value(row), m.name, row[m.name]) for row in rows for m in models],
+        {m.name: look(m.structure, m.constraint, m.prior) for m in models},
     )
+    header = Header(run.report.scenario, run.parameters, run.seeds[0])
+    words = run.words.summary(sweep.medians(), then=("statements", "seen"))
+    write_sweep(run.folder / "recording.rrd", header, sweep, words)

@@ -1,9 +1,9 @@
 """What the study of Eq. (7) leaves beside its report: every error of the first seed, and a recording."""
 
 import csv
-import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from testbench.arm.folder import Arm, load_arm
@@ -11,8 +11,12 @@ from testbench.arm.library import find_arm
 from testbench.studies.loaded_stiffness.summary import MEDIAN, NAMES, P05, P95, LoadedReport
 from testbench.studies.loaded_stiffness.trial import Method, PoseRow, Settings, Truth, trials
 from testbench.studies.study import Run
-from testbench.views.colours import GREENS, LOAD, ORANGES, Colour
-from testbench.views.recording import Point, Sweep, write_sweep
+from testbench.trials.spread import Spread
+from testbench.views.colours import GREENS, LOAD, ORANGES, Colour, Look
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column
 
 COLOURS: dict[Method, tuple[Colour, Colour]] = {
     "linear": (ORANGES[0], ORANGES[1]),
@@ -28,36 +32,28 @@ def write(run: Run[Settings, LoadedReport]) -> None:
     """errors.csv and recording.rrd."""
     [rows] = trials(run.settings, run.seeds[:1])
     write_errors(run.folder / "errors.csv", load_arm(find_arm(run.settings.arm)), rows)
-    write_sweep(run.folder / "recording.rrd", sweep(run))
+    write_recording(run)
 
 
-def sweep(run: Run[Settings, LoadedReport]) -> Sweep:
+def write_recording(run: Run[Settings, LoadedReport]) -> None:
     """Error of Eq. (6) and (7) against the hung weight; what is exact is no line worth looking at."""
-    report, words = run.report, run.words
-    cases = {
-        f"{NAMES[method]}, {whose}": (report.line(truth, method), COLOURS[method][shade])
-        for shade, (truth, whose) in enumerate(TRUTHS.items())
-        for method in NAMES
-    }
-    drawn = {name: case for name, case in cases.items() if not all(row.exact for row in case[0])}
-    return Sweep(
-        scenario=report.scenario,
-        parameters=json.loads(run.parameters),
-        seed=run.seeds[0],
-        question=words.block("question"),
-        answer=words.block("answer"),
-        swept="load",
-        swept_unit="N",
-        measured="error of the tool's deflection",
-        unit=MEDIAN.unit,
-        points=[
-            Point(row.load_N, name, MEDIAN.value(row), P05.value(row), P95.value(row))
-            for name, (line, _) in drawn.items()
-            for row in line
-        ],
-        colours={name: colour for name, (_, colour) in drawn.items()},
-        remarks=words.block("statements"),
-    )
+    points: list[Point] = []
+    looks: dict[str, Look] = {}
+    for shade, (truth, whose) in enumerate(TRUTHS.items()):
+        for method, name in NAMES.items():
+            line, own = run.report.line(truth, method), f"{name}, {whose}"
+            if not all(row.exact for row in line):
+                looks[own] = Look(COLOURS[method][shade], len(looks), prior=False)
+                points += [Point(row.load_N, own, error(row)) for row in line]
+    y = replace(MEDIAN, heading="error of the tool's deflection")
+    sweep = Sweep(Column("load_N", "load", "N"), y, points, looks)
+    header = Header(run.report.scenario, run.parameters, run.seeds[0])
+    write_sweep(run.folder / "recording.rrd", header, sweep, run.words.summary(sweep.medians()))
+
+
+def error(row: object) -> Spread:
+    """Of the tool's deflection over the poses, in the unit of its columns."""
+    return Spread(MEDIAN.value(row), P05.value(row), P95.value(row))
 
 
 def write_errors(file: Path, arm: Arm, rows: Sequence[PoseRow]) -> None:

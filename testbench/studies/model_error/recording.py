@@ -1,5 +1,7 @@
 """What the study of model error leaves beside its report: a dataset of the disturbed arm, cases as dots."""
 
+from dataclasses import replace
+
 from testbench.arm.library import find_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.csvfile import write_csv
@@ -9,9 +11,10 @@ from testbench.studies.model_error.tables import CASE, MODEL, RMS
 from testbench.studies.model_error.trial import Settings, disturbed
 from testbench.studies.noise_sensitivity.trial import reread
 from testbench.studies.study import Run
-from testbench.trials.spread import ends, middle
 from testbench.views.colours import look
-from testbench.views.recording import Point, Sweep, write_sweep
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Point, Sweep
 
 
 def write(run: Run[Settings, ModelErrorReport]) -> None:
@@ -20,25 +23,22 @@ def write(run: Run[Settings, ModelErrorReport]) -> None:
     cell = build_cell(find_arm(asked.arm))
     campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)
     clean, _ = disturbed(cell, campaign, cases(asked.scale, asked.only)[ALL], seed)
-    joints = tuple(j.name for j in cell.arm.joints)
-    write_csv(reread(clean, asked.sigma, stream(seed, 1)), joints, run.folder / "dataset.csv")
-    write_sweep(run.folder / "recording.rrd", sweep(run))
+    write_csv(reread(clean, asked.sigma, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")
+    write_recording(run)
 
 
-def sweep(run: Run[Settings, ModelErrorReport]) -> Sweep:
+def write_recording(run: Run[Settings, ModelErrorReport]) -> None:
     """Error over the workspace by disturbance, with noise."""
-    names = list(run.report.sizes)
-    noisy = [cell for cell in run.report.cells if cell.noise_um > 0]
-    return Sweep(
-        scenario=run.report.scenario,
-        parameters=run.parameters,
-        seed=run.seeds[0],
-        words=run.words.summary(run.tables["noisy_short"]),
-        swept=CASE.heading,
-        swept_unit="",
-        measured=f"{RMS.heading} over the workspace with noise of {run.report.sigma_um:g} um",
-        unit=RMS.unit,
-        points=[Point(names.index(c.case), MODEL.cell(c), middle(c.rms_um), *ends(c.rms_um)) for c in noisy],
-        looks={c.model: look(c.structure, c.constraint, c.prior) for c in noisy},
+    report, names = run.report, list(run.report.sizes)
+    noisy = [cell for cell in report.cells if cell.noise_um > 0]
+    noise = f"{RMS.heading} over the workspace with noise of {report.sigma_um:g} um"
+    sweep = Sweep(
+        CASE,
+        replace(RMS, heading=noise),
+        [Point(names.index(c.case), MODEL.cell(c), c.rms_um) for c in noisy],
+        {c.model: look(c.structure, c.constraint, c.prior) for c in noisy},
         labels=dict(enumerate(names)),
     )
+    header = Header(report.scenario, run.parameters, run.seeds[0])
+    words = run.words.summary(run.tables["noisy_short"])
+    write_sweep(run.folder / "recording.rrd", header, sweep, words)

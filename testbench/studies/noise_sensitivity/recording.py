@@ -1,5 +1,7 @@
 """What the study of noise leaves beside its report: the first dataset, and the sweep under gravity."""
 
+from dataclasses import replace
+
 from testbench.arm.library import find_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.csvfile import write_csv
@@ -9,8 +11,9 @@ from testbench.studies.noise_sensitivity.tables import MODEL, RMS, SIGMA
 from testbench.studies.noise_sensitivity.trial import HEAVY, Settings, reread
 from testbench.studies.study import Run
 from testbench.views.colours import look
-from testbench.views.recording import Sweep, write_sweep
-from testbench.views.recording.sweep import points
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Sweep, points
 
 
 def write(run: Run[Settings, NoiseReport]) -> None:
@@ -18,23 +21,16 @@ def write(run: Run[Settings, NoiseReport]) -> None:
     seed = run.seeds[0]
     cell = build_cell(find_arm(HEAVY))
     clean = simulate(cell, Scenario(arm=HEAVY, noise=False), seed).identification
-    joints = tuple(j.name for j in cell.arm.joints)
-    write_csv(reread(clean, FLAT_SIGMA, stream(seed, 1)), joints, run.folder / "dataset.csv")
-    write_sweep(run.folder / "recording.rrd", sweep(run))
+    write_csv(reread(clean, FLAT_SIGMA, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")
+    write_recording(run)
 
 
-def sweep(run: Run[Settings, NoiseReport]) -> Sweep:
+def write_recording(run: Run[Settings, NoiseReport]) -> None:
     """Error over the workspace against noise, the KR 500 under its payload."""
     rows = run.report.sweeps["gravity"]
-    return Sweep(
-        scenario=run.report.scenario,
-        parameters=run.parameters,
-        seed=run.seeds[0],
-        words=run.words.summary(run.tables["gravity_short"]),
-        swept=SIGMA.heading,
-        swept_unit=SIGMA.unit,
-        measured=f"{RMS.heading} over the workspace",
-        unit=RMS.unit,
-        points=points(rows, MODEL, SIGMA, RMS),
-        looks={row.model: look(row.structure, row.constraint, row.prior) for row in rows},
-    )
+    y = replace(RMS, heading=f"{RMS.heading} over the workspace")
+    looks = {row.model: look(row.structure, row.constraint, row.prior) for row in rows}
+    sweep = Sweep(SIGMA, y, points(rows, MODEL, SIGMA, y), looks)
+    header = Header(run.report.scenario, run.parameters, run.seeds[0])
+    words = run.words.summary(run.tables["gravity_short"])
+    write_sweep(run.folder / "recording.rrd", header, sweep, words)

@@ -1,5 +1,7 @@
 """What pose selection leaves beside its report: dataset and recording of the featured plan, first seed."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from testbench.arm.library import find_arm
@@ -20,10 +22,13 @@ from testbench.studies.pose_selection.tables import PLAN, POSES, TASKS
 from testbench.studies.pose_selection.trial import first_runs
 from testbench.studies.pose_selection.ways import poses_of
 from testbench.studies.study import Run
-from testbench.trials.spread import Number, middle
+from testbench.trials.spread import middle
 from testbench.views.markdown import grid, line
-from testbench.views.recording import PlanScene, Sweep, write_plan
-from testbench.views.recording.sweep import points
+from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.plan import write_plan
+from testbench.views.recording.plan_world import PlanScene
+from testbench.views.recording.stream import Header
+from testbench.views.recording.swept import Sweep, points
 
 
 def write(run: Run[Settings, PoseReport]) -> None:
@@ -31,25 +36,30 @@ def write(run: Run[Settings, PoseReport]) -> None:
     cell = build_cell(find_arm(run.settings.arm))
     bench = build_bench(cell, run.settings)
     first = first_runs(bench, run.settings, run.seeds[0])
-    write_csv(first, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
-    write_plan(run.folder / "recording.rrd", scene(run, bench, first))
+    write_csv(first, cell.arm, run.folder / "dataset.csv")
+    header = Header(run.report.scenario, run.parameters, run.seeds[0])
+    write_plan(run.folder / "recording.rrd", header, scene(run, bench, first))
 
 
 def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanScene:
     """The featured plan: its poses, where errors remain, the curve of accuracy."""
-    report, words, asked, spec = run.report, run.words, run.settings, bench.spec
+    where, words, asked, spec = run.report.where, run.words, run.settings, bench.spec
     chosen = poses_of(asked, "test", spec.poses, run.seeds[0])
     ahead = deflection_rows(spec.experiment, chosen.q, spec.loads[0])
     error = MM * promise_of(spec, chosen.q, chosen.load, ahead).error
     moved = MM * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
+    number = f"{run.report.dataset.poses} poses, RMS errors of {PLANNED.name}:"
+    tables = {
+        "Answers": words.block("statements"),
+        "Other ways to measure": grid(run.tables["variants"]),
+        "Forecasts on arms drawn from the prior": grid(run.tables["forecasts"]),
+    }
+    levels = [level for own in run.report.errors[PLANNED.name].values() for level in own]
+    y = replace(TASKS, heading="RMS error at the tasks")
     return PlanScene(
         cell=bench.cell,
-        scenario=report.scenario,
-        parameters=run.parameters,
-        seed=run.seeds[0],
         station=asked.scope.station,
-        loads_kg=(asked.scope.payload,),
-        load=chosen.load,
+        payload=np.full(spec.poses, asked.scope.payload),
         candidates=_tool(bench.cell, asked.scene.candidates),
         q=chosen.q,
         pose_words=[
@@ -57,37 +67,24 @@ def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanS
         ],
         deflection_mm=moved,
         error_mm=error,
-        tasks=_tool(bench.cell, asked.scene.tasks),
-        task_error_mm=_middles(report.where.tasks_mm),
-        field=_tool(bench.cell, asked.scene.workspace),
-        field_error_mm=_middles(report.where.workspace_mm),
-        field_words="median error of the predicted deflection (mm)",
-        summary=_summary(run),
-        tables={
-            "Answers": words.block("statements"),
-            "Other ways to measure": grid(run.tables["variants"]),
-            "Forecasts on arms drawn from the prior": grid(run.tables["forecasts"]),
-        },
-        sweep=sweep(run),
+        error_map=ErrorMap(
+            words="median error of the predicted deflection (mm)",
+            field=_tool(bench.cell, asked.scene.workspace),
+            field_mm=np.array([middle(v) for v in where.workspace_mm]),
+            tasks=_tool(bench.cell, asked.scene.tasks),
+            tasks_mm=np.array([middle(v) for v in where.tasks_mm]),
+        ),
+        summary=words.summary(number, run.tables["recorded"], then=()),
+        tables="\n\n".join(f"### {name}\n\n{text}" for name, text in tables.items()),
+        sweep=Sweep(replace(POSES, unit=""), y, points(levels, PLAN, POSES, TASKS), LOOKS),
+        sweep_words="### How many poses, chosen by which criterion?\n\n"
+        f"#### **{line(words.block('number'))}**\n\nMedian error at the tasks, {TASKS.unit}:\n\n"
+        f"{grid(run.tables['medians'])}",
     )
-
-
-def _summary(run: Run[Settings, PoseReport]) -> str:
-    parts = [
-        f"### {run.words.block('question')}",
-        f"#### **{run.words.block('answer')}**",
-        f"{run.report.dataset.poses} poses, RMS errors of {PLANNED.name}:",
-        grid(run.tables["recorded"]),
-    ]
-    return "\n\n".join(parts)
 
 
 def _tool(cell: Cell, q: Angles) -> Array:
     return chain(cell.vjm, np.array(q)).position
-
-
-def _middles(values: tuple[Number, ...]) -> Array:
-    return np.array([middle(v) for v in values])
 
 
 def _pose_words(number: int, q: Array, moved: float, error: float) -> str:
@@ -95,31 +92,4 @@ def _pose_words(number: int, q: Array, moved: float, error: float) -> str:
     return (
         f"**Run {number}**: joints {angles} deg. Measured deflection {moved:.2f} mm RMS. Error to expect "
         f"after identification {error:.3f} mm."
-    )
-
-
-def sweep(run: Run[Settings, PoseReport]) -> Sweep:
-    """Error at the tasks against the number of poses, a line a criterion."""
-    report = run.report
-    parts = [
-        "### How many poses, chosen by which criterion?",
-        f"#### **{line(run.words.block('number'))}**",
-        f"Median error at the tasks, {TASKS.unit}:",
-        grid(run.tables["medians"]),
-    ]
-    levels = [level for own in report.errors[PLANNED.name].values() for level in own]
-    return Sweep(
-        scenario=report.scenario,
-        parameters=run.parameters,
-        seed=run.seeds[0],
-        question="",
-        answer="",
-        swept="poses",
-        swept_unit="1",
-        measured="RMS error at the tasks",
-        unit=TASKS.unit,
-        points=points(levels, PLAN, POSES, TASKS),
-        colours={},
-        looks=LOOKS,
-        words="\n\n".join(parts),
     )

@@ -1,5 +1,6 @@
 """What section 5.1 leaves beside its report: the readings of the first draw, and a recording."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,10 @@ from testbench.studies.single_link.trial import GCO, NAME, Settings, measure
 from testbench.studies.study import Run
 from testbench.views.colours import look
 from testbench.views.markdown import grid
-from testbench.views.recording.single_link import Matrices, write_single_link
-from testbench.views.recording.sweep import Sweep, points
+from testbench.views.recording.chart import Chart, dots
+from testbench.views.recording.single_link import Matrices, snake, write_single_link
+from testbench.views.recording.stream import Header
+from testbench.views.recording.swept import Sweep, points
 from testbench.views.schema import Column, Table
 
 
@@ -27,47 +30,35 @@ def write(run: Run[Settings, LinkReport]) -> None:
 
 def write_recording(run: Run[Settings, LinkReport], path: Path) -> None:
     """The recording alone."""
-    report, words = run.report, run.words
-    found = {name: np.array(C) for name, C in list(matrices(report).items())[:-1]}
+    report, tables = run.report, run.tables
     shown = Matrices(
-        scenario=report.scenario,
-        parameters=run.parameters,
-        seed=report.seed,
         documents={
-            "summary": "\n\n".join(
-                [
-                    f"### {words.block('question')}",
-                    f"#### **{words.block('answer')}**",
-                    grid(run.tables["recorded"]),
-                    words.block("statements"),
-                    words.block("pictures"),
-                ]
-            ),
-            "eigenvalue": f"### Eigenvalues\n\n{grid(run.tables['eigenvalues'])}\n\n{report.which_m}",
-            "table": "\n\n".join(grid(run.tables[f"matrix {name}"]) for name in matrices(report)),
+            "summary": run.words.summary(tables["recorded"], then=("statements", "pictures")),
+            "eigenvalue": f"### Eigenvalues\n\n{grid(tables['eigenvalues'])}\n\n{report.which_m}",
+            "table": "\n\n".join(grid(tables[f"matrix {name}"]) for name in matrices(report)),
         },
-        matrices=found,
-        looks=[look(m.structure, m.constraint) for m in report.models],
-        errors=Table((*run.tables["errors"].columns[:1], POSITION, ROTATION), report.models),
+        matrices={name: np.array(C) for name, C in list(matrices(report).items())[:-1]},
+        errors=[_errors(run, column) for column in (POSITION, ROTATION)],
         orders=[_over_m(run, column) for column in (ORDER[2], POSITION)],
     )
-    write_single_link(path, shown)
+    write_single_link(path, Header(report.scenario, run.parameters, report.seed), shown)
+
+
+def _errors(run: Run[Settings, LinkReport], column: Column) -> Chart:
+    """Errors model by model, with their spread over draws."""
+    models = run.report.models
+    path, title = f"error_{column.unit}/{snake(column.heading)}", f"RMS {column.heading} ({column.unit})"
+    table = Table((*run.tables["errors"].columns[:1], column), models)
+    return Chart(
+        path, f"{title}, logarithmic", dots(table, [look(m.structure, m.constraint).colour for m in models])
+    )
 
 
 def _over_m(run: Run[Settings, LinkReport], column: Column) -> Sweep:
     """A quantity of GCO over the order m."""
     ours = run.report.model(GCO)
-    return Sweep(
-        scenario=run.report.scenario,
-        parameters=run.parameters,
-        seed=run.report.seed,
-        question="",
-        answer="",
-        swept="order m",
-        swept_unit="",
-        measured=column.heading,
-        unit=column.unit,
-        points=points(run.report.order, Column("name", ""), ORDER[0], column),
-        colours={},
-        looks={ours.name: look(ours.structure, ours.constraint)},
+    x, own = (
+        replace(ORDER[0], heading="order m", unit=""),
+        points(run.report.order, Column("name", ""), ORDER[0], column),
     )
+    return Sweep(x, column, own, {ours.name: look(ours.structure, ours.constraint)})

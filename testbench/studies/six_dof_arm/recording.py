@@ -10,8 +10,9 @@ from testbench.studies.six_dof_arm.summary import SixDofReport
 from testbench.studies.six_dof_arm.trial import MODELS, Settings
 from testbench.studies.study import Run
 from testbench.views.markdown import grid
-from testbench.views.recording import write_calibration
+from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
+from testbench.views.recording.stream import Header
 
 
 def write(run: Run[Settings, SixDofReport]) -> None:
@@ -30,15 +31,9 @@ def about(run: Run[Settings, SixDofReport]) -> Calibration:
     held = [name for name in report.best if report.models[names.index(name)].constraint == "psd"]
     best = names.index((held or report.best)[0])
     rivals = [m for m in report.models if m.constraint != report.models[best].constraint]
-    parts = [
-        f"### {words.block('question')}",
-        f"#### **{words.block('answer')}**",
-        grid(run.tables["short"]),
-    ]
     return Calibration(
-        scenario=report.scenario,
-        parameters=run.parameters,
-        summary="\n\n".join(parts),
+        header=Header(report.scenario, run.parameters, run.seeds[0]),
+        summary=words.summary(run.tables["short"], then=()),
         notes="\n\n".join([words.block("title"), grid(run.tables["claims"]), words.block("statements")]),
         errors=run.tables["errors"],
         models=report.models,

@@ -10,59 +10,43 @@ from testbench.studies.solver_comparison.looks import COLOURS
 from testbench.studies.solver_comparison.summary import COLUMNS, SolverComparisonReport
 from testbench.studies.solver_comparison.trial import ARM, Settings
 from testbench.studies.study import Run
-from testbench.trials.spread import ends, middle
 from testbench.views.markdown import grid
-from testbench.views.recording import write_solver
-from testbench.views.recording.chart import Dot
-from testbench.views.recording.solver import TIMELINE, Race
+from testbench.views.recording.chart import dots
+from testbench.views.recording.solver import TIMELINE, Race, write_solver
+from testbench.views.recording.stream import Header
+from testbench.views.schema import Column, Table
 
 TIMES = ("seconds_to_1_percent", "seconds")
-LEAST = 1e-12
-"""A time below is drawn here [s]: the axis is logarithmic."""
 
 
 def write(run: Run[Settings, SolverComparisonReport]) -> None:
     """dataset.csv and recording.rrd."""
     cell = build_cell(find_arm(ARM))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
-    write_csv(campaign.identification, tuple(j.name for j in cell.arm.joints), run.folder / "dataset.csv")
-    write_solver(run.folder / "recording.rrd", race(run))
+    write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
+    header = Header(run.report.scenario, run.parameters, run.report.convergence.seed)
+    write_solver(run.folder / "recording.rrd", header, race(run))
 
 
 def race(run: Run[Settings, SolverComparisonReport]) -> Race:
-    """Words and numbers of the recording."""
+    """Words and numbers of the recording; times to within 1 % of the optimum, then to the end."""
     report, words = run.report, run.words
-    parts = [
-        f"### {words.block('question')}",
-        f"#### **{words.block('answer')}**",
-        grid(run.tables["recorded"]),
+    summary = words.summary(
+        run.tables["recorded"],
         "\n".join(f"- {row.title}" for row in report.solvers),
         f"Medians of {len(report.seed)} seeds; ways and gap are those of seed {report.convergence.seed}. "
         "Gap: F_M over its proven lower bound, minus 1.",
         "**Colours** Green: the conic program (d). The other solvers have a colour of their own.",
         f"**Scrub** `{TIMELINE}` counts the improvements of F_M of every solver (tab Iterations).",
-    ]
+        then=(),
+    )
+    columns = (Column("name", "solver"), *(c for c in COLUMNS if c.key in TIMES))
+    times = Table(columns, [vars(row) | {"name": f"({row.key})"} for row in report.solvers])
     return Race(
-        scenario=report.scenario,
-        parameters=run.parameters,
-        seed=report.convergence.seed,
-        summary="\n\n".join(parts),
+        summary=summary,
         notes="\n\n".join([words.block("statements"), grid(run.tables["minima"])]),
         ways={key: np.array(way) for key, way in report.convergence.points.items()},
         colours=COLOURS,
         bold="d",
-        times=time_dots(report),
+        times=dots(times, [COLOURS[row.key] for row in report.solvers]),
     )
-
-
-def time_dots(report: SolverComparisonReport) -> list[Dot]:
-    """Time to within 1 % of the optimum, then to the end, with their spread over seeds."""
-    dots = []
-    for column in (c for c in COLUMNS if c.key in TIMES):
-        for row in report.solvers:
-            value = column.value(row)
-            if value is not None:
-                low, mid, high = (max(x, LEAST) for x in (ends(value)[0], middle(value), ends(value)[1]))
-                text = f"{column.cell(row)} {column.unit}"
-                dots.append(Dot(f"{column.heading}: ({row.key})", low, mid, high, COLOURS[row.key], text))
-    return dots

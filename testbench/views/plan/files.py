@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -40,7 +41,8 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
         InputError: When it cannot be written.
     """
     from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
-    from testbench.views.recording import write_plan
+    from testbench.views.recording.plan import write_plan
+    from testbench.views.recording.stream import Header
 
     report = planned.report
     own = {field.name: getattr(report, field.name) for field in fields(PlanSettings)}
@@ -52,8 +54,9 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
         files.write_json(asdict(report), folder / "plan.json")
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png", dpi=120)
-        write_plan(folder / "recording.rrd", scene(cell, planned, tools, asked))
         command, seeds = "testbench plan", range(report.seed, report.seed + 1)
+        header = Header(command, json.dumps(asked, sort_keys=True), report.seed)
+        write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
         files.write_manifest(folder, command=command, scenario=asked, seeds=seeds, arms=[where.arm])
 
 

@@ -1,102 +1,98 @@
 """Any MJCF arm from its geometry: bodies rigid and, magnified, deflected; and the weight that it carries."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.components import FillMode
 from scipy.spatial.transform import Rotation
 
 from testbench.bench.campaign import Cell
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visual_shapes
+from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import GHOST, LOAD, Colour
 
 ARROW = 0.2
 """Length of the load's arrow over the reach of the arm [1]."""
 STEEL = 7850.0
 """Density [kg/m^3] of the drawn weight, a cube."""
+LABEL = "world/load/label"
 
 
-def write_shapes(stream: rr.RecordingStream, cell: Cell, moving: Sequence[int]) -> None:
+def write_shapes(pen: Pen, cell: Cell, moving: Sequence[int]) -> None:
     """The shapes of every body of the arm, and once more those of the bodies that deflect visibly.
 
     Args:
-        stream: Where to.
+        pen: Where to.
         cell: The arm.
         moving: Bodies with a ghost: one that stays where it is would flicker through the body's surface.
     """
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     shapes = visual_shapes(cell.room)
     for body, name in drawn_bodies(cell):
         own = [shape for shape in shapes if shape.body == body]
-        stream.log(_path("arm", name), *_solids(own, None), static=True)
+        pen.still(_path("arm", name), *_solids(own, None))
         if body in moving:
-            stream.log(_path("arm_deflected", name), *_solids(own, GHOST), static=True)
+            pen.still(_path("arm_deflected", name), *_solids(own, GHOST))
 
 
-@dataclass(frozen=True)
-class Places:
-    """Where every body is at every time, and where its ghost is."""
+def write_places(
+    pen: Pen, cell: Cell, rigid: Frames, ghost: Frames | None = None, moving: Sequence[int] = ()
+) -> None:
+    """Transforms of the bodies of an arm.
 
-    times: Sequence[rr.TimeColumn]  #: Of the rows of the frames.
-    rigid: Frames  #: Without load.
-    ghost: Frames | None = None  #: Under load, magnified; None where no body has a ghost.
-    moving: Sequence[int] = ()  #: Bodies with a ghost.
-
-
-def write_places(stream: rr.RecordingStream, cell: Cell, places: Places) -> None:
-    """Transforms of the bodies of an arm."""
+    Args:
+        pen: On the times of the frames.
+        cell: The arm.
+        rigid: The arm without load.
+        ghost: Under load, magnified; None where no body has a ghost.
+        moving: Bodies with a ghost.
+    """
     for body, name in drawn_bodies(cell):
-        for entity, frames in (("arm", places.rigid), ("arm_deflected", places.ghost)):
-            if frames is not None and (entity == "arm" or body in places.moving):
+        for entity, frames in (("arm", rigid), ("arm_deflected", ghost)):
+            if frames is not None and (entity == "arm" or body in moving):
                 turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
                 at = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
-                stream.send_columns(_path(entity, name), places.times, at)
+                pen.rows(_path(entity, name), at)
 
 
-@dataclass(frozen=True)
-class Weight:
-    """A weight on the hook."""
-
-    hook: Array  #: Load point, (rows, 3) [m].
-    payload: Array  #: Mass of the weight, (rows,) [kg].
-    share: Array  #: How much of it the arm carries, (rows,) [1].
-
-
-def write_weight(
-    stream: rr.RecordingStream, times: Sequence[rr.TimeColumn], weight: Weight, reach: float
-) -> None:
+def write_weight(pen: Pen, hook: Array, payload: Array, share: Array, size: float) -> None:
     """The hung weight, a cube of steel; its label stands below it, away from the markers.
 
     Args:
-        stream: Where to.
-        times: Of the rows.
-        weight: What hangs.
-        reach: Of the arm, the scale of symbols [m].
+        pen: On the times of the rows.
+        hook: Load point, (rows, 3) [m].
+        payload: Mass of the weight, (rows,) [kg].
+        share: How much of it the arm carries, (rows,) [1].
+        size: Reach of the arm, the scale of symbols [m].
     """
-    hook, share = weight.hook, weight.share
-    half = np.cbrt(weight.payload / STEEL) / 2
-    look = rr.Boxes3D.from_fields(colors=LOAD, fill_mode=FillMode.Solid)
-    stream.log("world/load/weight", look, static=True)
+    half = np.cbrt(payload / STEEL) / 2
+    pen.still("world/load/weight", rr.Boxes3D.from_fields(colors=LOAD, fill_mode=FillMode.Solid))
     down = np.array([0.0, 0.0, -1.0])
-    centre = hook + np.outer(ARROW * reach * share + half, down)
+    centre = hook + np.outer(ARROW * size * share + half, down)
     cubes = rr.Boxes3D.columns(centers=centre, half_sizes=np.column_stack([half] * 3))
-    stream.send_columns("world/load/weight", times, cubes)
-    below = centre + np.outer(half + 0.04 * reach, down)
-    write_load_label(stream, times, below, [f"{kg:.4g} kg" for kg in share * weight.payload])
+    pen.rows("world/load/weight", cubes)
+    below = centre + np.outer(half + 0.04 * size, down)
+    pen.label(LABEL, below, [f"{kg:.4g} kg" for kg in share * payload], LOAD)
 
 
-def write_load_label(
-    stream: rr.RecordingStream, times: Sequence[rr.TimeColumn], at: Array, texts: Sequence[str]
-) -> None:
-    """What the load is: a text a row, at points (rows, 3) [m]."""
-    look = rr.Points3D.from_fields(colors=LOAD, radii=0.0, show_labels=True)
-    stream.log("world/load/label", look, static=True)
-    columns = rr.Points3D.columns(positions=at, labels=texts).partition([1] * len(at))
-    stream.send_columns("world/load/label", times, columns)
+def reach(frames: Frames) -> float:
+    """Largest distance of a body from the foot of the arm, the scale of symbols [m]."""
+    return float(np.linalg.norm(frames.positions - frames.positions[:, :1], axis=-1).max())
+
+
+def origins(cell: Cell, names: Sequence[str], frames: Frames) -> Array:
+    """Origins of named bodies, (rows, len(names), 3) [m]."""
+    known = body_names(cell.room)
+    return frames.positions[:, [known.index(name) for name in names]]
+
+
+def orbit(eye: Array, target: Array) -> rrb.EyeControls3D:
+    """A camera that turns about its target; both (3,) [m]."""
+    return rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1))
 
 
 def drawn_bodies(cell: Cell) -> list[tuple[int, str]]:

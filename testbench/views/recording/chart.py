@@ -8,7 +8,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.errors import Array
+from testbench.trials.spread import Number, triple
+from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import NOISE, Colour
+from testbench.views.schema import Table
 
 ROW, TALL, WIDTH = 60.0, 100.0, 1000.0
 """Height of a line, of one that several dots share, and width of the axis, in the chart's own units."""
@@ -20,6 +23,8 @@ PANE = 1580.0, 760.0
 """About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
 BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
 """How far a label stands below its point, half the width of a letter, space before a number [ui points]."""
+SMALLEST = 1e-9
+"""Values below are drawn here: the axis is logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -27,111 +32,109 @@ class Dot:
     """A value of the chart, on a line of its own or on one with others."""
 
     name: str  #: What it is; dots of the same name share a line.
-    low: float  #: Low end of the spread; the value itself where there is none.
-    value: float  #: Positive.
-    high: float  #: High end of the spread.
+    value: Number  #: Not negative.
     colour: Colour  #: Of its role.
     text: str  #: The value for people, unit included; on a shared line what the colour means.
 
 
-def write_chart(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> None:
-    """Dots, whiskers, names and a grid of powers of ten.
+def dots(table: Table, colours: Sequence[Colour]) -> list[Dot]:
+    """A table's numbers, column by column and row by row; those that are None are left out.
 
     Args:
-        stream: Where to.
-        path: Root of the chart's entities.
-        dots: From top to bottom.
+        table: Its first column names the rows, its bold row is the recommended one.
+        colours: One a row.
     """
-    first, last = _decades(dots)
-    names = _names(dots)
-    tall = TALL if _shared(dots) else ROW
-    rows = tall * _heights(dots)
-    x = np.array([[_place(v, first, last) for v in (d.low, d.value, d.high)] for d in dots])
-    colours = [d.colour for d in dots]
-    bottom = tall * len(names)
-    unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (bottom + ROW) / PANE[1])  # of the chart a ui point
-    ticks = [_place(10.0**k, first, last) for k in range(first, last + 1)]
-    lines = [[(t, 0), (t, bottom)] for t in ticks]
-    stream.log(f"{path}/axis", rr.LineStrips2D(lines, colors=(*NOISE, 120), radii=-0.5), static=True)
-    marks = rr.Points2D(
-        [(t, bottom + ROW / 2) for t in ticks],
-        labels=[f"{10.0**k:g}" for k in range(first, last + 1)],
-        colors=NOISE,
-        radii=-1.0,
-        show_labels=True,
-    )
-    stream.log(f"{path}/ticks", marks, static=True)
-    spread = [[(low, y), (high, y)] for (low, _, high), y in zip(x, rows, strict=True)]
-    stream.log(f"{path}/spread", rr.LineStrips2D(spread, colors=colours, radii=-2.0), static=True)
-    stream.log(
-        f"{path}/value",
-        rr.Points2D(np.column_stack([x[:, 1], rows]), colors=colours, radii=-6.0),
-        static=True,
-    )
-    lift = BELOW * unit
-    own = [dots[[d.name for d in dots].index(name)].colour for name in names]
-    places = [(-LEFT / 2, tall * (k + 0.5) - lift) for k in range(len(names))]
-    _write_labels(stream, f"{path}/name", places, names, NOISE if _shared(dots) else own)
-    if _shared(dots):
-        _write_legend(stream, path, dots)
-        return
-    texts = [d.text for d in dots]
-    ahead = [x[k, 2] + unit * (SPACE + LETTER * len(text)) for k, text in enumerate(texts)]
-    _write_labels(stream, f"{path}/number", list(zip(ahead, rows - lift, strict=True)), texts, colours)
+    name, *columns = table.columns
+    found = []
+    for column in columns:
+        head = f"{column.heading}: " if len(columns) > 1 else ""
+        for row, colour in zip(table.rows, colours, strict=True):
+            if column.value(row) is not None:
+                mark = ", recommended" if table.bold == name.cell(row) else ""
+                text = f"{column.cell(row)} {column.unit}{mark}"
+                found.append(Dot(head + name.cell(row), column.value(row), colour, text))
+    return found
 
 
-def _write_labels(
-    stream: rr.RecordingStream,
-    path: str,
-    places: Sequence[tuple[float, float]],
-    texts: Sequence[str],
-    colours: Colour | Sequence[Colour],
-) -> None:
-    labels = rr.Points2D(places, labels=texts, colors=colours, radii=0.0, show_labels=True)
-    stream.log(path, labels, static=True)
+@dataclass(frozen=True)
+class Chart:
+    """Dots from top to bottom."""
 
+    path: str  #: Root of its entities.
+    title: str  #: Of its view, unit included.
+    dots: Sequence[Dot]
 
-def _write_legend(stream: rr.RecordingStream, path: str, dots: Sequence[Dot]) -> None:
-    """What the colours mean, in a line above the others."""
-    meaning = {d.text: d.colour for d in dots}
-    places = [(WIDTH * (k + 0.5) / len(meaning), -ROW) for k in range(len(meaning))]
-    marks = rr.Points2D(
-        places, labels=list(meaning), colors=list(meaning.values()), radii=-6.0, show_labels=True
-    )
-    stream.log(f"{path}/legend", marks, static=True)
+    @property
+    def names(self) -> list[str]:
+        """Of the lines, from top to bottom."""
+        return list(dict.fromkeys(d.name for d in self.dots))
 
+    @property
+    def shared(self) -> bool:
+        """Whether several dots are on one line."""
+        return len(self.names) < len(self.dots)
 
-def _names(dots: Sequence[Dot]) -> list[str]:
-    """Of the lines, from top to bottom."""
-    return list(dict.fromkeys(d.name for d in dots))
+    @property
+    def bottom(self) -> float:
+        """Where the lines end."""
+        return self._tall * len(self.names)
 
+    @property
+    def _tall(self) -> float:
+        return TALL if self.shared else ROW
 
-def _shared(dots: Sequence[Dot]) -> bool:
-    return len(_names(dots)) < len(dots)
+    def view(self) -> rrb.Spatial2DView:
+        """The view of the chart."""
+        top = -1.5 * ROW if self.shared else -ROW / 4
+        bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, self.bottom + ROW))
+        return rrb.Spatial2DView(origin=self.path, name=self.title, visual_bounds=bounds)
 
+    def write(self, pen: Pen) -> None:
+        """Dots, whiskers, names and a grid of powers of ten."""
+        values = np.array([triple(d.value) for d in self.dots])
+        logs = np.log10(np.maximum(values, SMALLEST))
+        first = int(np.floor(logs.min()))
+        last = max(int(np.ceil(logs.max())), first + 1)
+        ticks = WIDTH * np.linspace(0, 1, last - first + 1)
+        x, y = WIDTH * (logs - first) / (last - first), self._tall * self._heights()
+        lines = [[(t, 0), (t, self.bottom)] for t in ticks]
+        pen.still(f"{self.path}/axis", rr.LineStrips2D(lines, colors=(*NOISE, 120), radii=-0.5))
+        marks = rr.Points2D(
+            [(t, self.bottom + ROW / 2) for t in ticks],
+            labels=[f"{10.0**k:g}" for k in range(first, last + 1)],
+            colors=NOISE,
+            radii=-1.0,
+            show_labels=True,
+        )
+        pen.still(f"{self.path}/ticks", marks)
+        colours = [d.colour for d in self.dots]
+        spread = np.stack([x[:, 1:], np.column_stack([y, y])], axis=2)
+        pen.still(f"{self.path}/spread", rr.LineStrips2D(spread, colors=colours, radii=-2.0))
+        places = rr.Points2D(np.column_stack([x[:, 0], y]), colors=colours, radii=-6.0)
+        pen.still(f"{self.path}/value", places)
+        self._write_words(pen, x[:, 2], y)
 
-def _heights(dots: Sequence[Dot]) -> Array:
-    """Height of every dot [lines]: the middle of its line; several share it out."""
-    names = [d.name for d in dots]
-    order = [names[:k].count(name) for k, name in enumerate(names)]
-    line = [_names(dots).index(name) for name in names]
-    within = [(k + 0.5) / names.count(name) - 0.5 for k, name in zip(order, names, strict=True)]
-    return np.array(line) + 0.5 + SHARE * np.array(within)
+    def _write_words(self, pen: Pen, right: Array, y: Array) -> None:
+        """Names of the lines; numbers, or on shared lines what the colours mean, in a line above."""
+        unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (self.bottom + ROW) / PANE[1])  # of the chart a ui point
+        lift = BELOW * unit
+        own = [next(d.colour for d in self.dots if d.name == name) for name in self.names]
+        places = [(-LEFT / 2, self._tall * (k + 0.5) - lift) for k in range(len(own))]
+        pen.names(f"{self.path}/name", np.array(places), self.names, NOISE if self.shared else own)
+        if not self.shared:
+            texts = [d.text for d in self.dots]
+            ahead = right + unit * (SPACE + LETTER * np.array([len(text) for text in texts]))
+            colours = [d.colour for d in self.dots]
+            pen.names(f"{self.path}/number", np.column_stack([ahead, y - lift]), texts, colours)
+            return
+        meaning = {d.text: d.colour for d in self.dots}
+        places = [(WIDTH * (k + 0.5) / len(meaning), -ROW) for k in range(len(meaning))]
+        colours = list(meaning.values())
+        marks = rr.Points2D(places, labels=list(meaning), colors=colours, radii=-6.0, show_labels=True)
+        pen.still(f"{self.path}/legend", marks)
 
-
-def chart_view(path: str, name: str, dots: Sequence[Dot]) -> rrb.Spatial2DView:
-    """The view of a chart, its unit in the name."""
-    top, tall = (-1.5 * ROW, TALL) if _shared(dots) else (-ROW / 4, ROW)
-    bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, tall * len(_names(dots)) + ROW))
-    return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
-
-
-def _decades(dots: Sequence[Dot]) -> tuple[int, int]:
-    """Powers of ten that hold all dots."""
-    low, high = min(d.low for d in dots), max(d.high for d in dots)
-    first = int(np.floor(np.log10(low)))
-    return first, max(int(np.ceil(np.log10(high))), first + 1)
-
-
-def _place(value: float, first: int, last: int) -> float:
-    return float(WIDTH * (np.log10(value) - first) / (last - first))
+    def _heights(self) -> Array:
+        """Height of every dot [lines]: the middle of its line; several share it out."""
+        names = [d.name for d in self.dots]
+        within = [(names[:k].count(n) + 0.5) / names.count(n) - 0.5 for k, n in enumerate(names)]
+        return np.array([self.names.index(n) for n in names]) + 0.5 + SHARE * np.array(within)

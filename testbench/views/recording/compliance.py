@@ -12,12 +12,11 @@ from testbench.arm.stiffness import eigenvalue_scale
 from testbench.errors import Array
 from testbench.views.markdown import lines
 from testbench.views.recording.drawing import Drawing
+from testbench.views.recording.pen import Pen, text_view
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 RANGE = 2.0
 """Colours end here: about eleven times the true diagonal [1]."""
-GAP = 1
-"""Empty columns between two matrices of a heatmap."""
 FRAME = (1, 0), (1, 0)
 """Empty rows above and columns on the left, where the viewer writes the names of the axes."""
 
@@ -38,21 +37,15 @@ def compress(x: Array) -> Array:
     return np.asarray(np.sign(x) * np.log10(1 + 9 * np.abs(x)))
 
 
-def side_by_side(matrices: Sequence[Array]) -> Array:
-    """Matrices of one size in a row with empty columns between them."""
-    gap = np.zeros((len(matrices[0]), GAP))
-    return np.hstack([part for C in matrices for part in (C, gap)][:-1])
-
-
-def write_heatmap(stream: rr.RecordingStream, path: str, matrices: Sequence[Array]) -> None:
-    """Matrices without unit as one picture of one range of colours."""
-    data = np.pad(side_by_side([compress(C) for C in matrices]), FRAME)
-    tensor = rr.Tensor(data, dim_names=("row", "column"), value_range=(-RANGE, RANGE))
-    stream.log(path, tensor, static=True)
+def write_heatmap(pen: Pen, path: str, matrices: Sequence[Array]) -> None:
+    """Matrices without unit as one picture of one range of colours, an empty column left of each."""
+    data = np.hstack([np.pad(compress(C), FRAME) for C in matrices])
+    pen.still(path, rr.Tensor(data, dim_names=("row", "column"), value_range=(-RANGE, RANGE)))
 
 
 def heatmap_view(path: str, name: str) -> rrb.TensorView:
     """The view of a heatmap; grey is zero, the brighter the larger."""
+    name += " (signed log; 1 = true diagonal)"
     mapping = rrb.TensorScalarMapping(colormap=Colormap.CyanToYellow, mag_filter=MagnificationFilter.Nearest)
     return rrb.TensorView(
         origin=path, name=name, scalar_mapping=mapping, view_fit=ViewFit.FillKeepAspectRatio
@@ -74,26 +67,25 @@ def link_matrices(drawing: Drawing) -> dict[str, list[Array]]:
     }
 
 
-def write_compliances(stream: rr.RecordingStream, drawing: Drawing) -> None:
+def write_compliances(pen: Pen, drawing: Drawing) -> None:
     """One heatmap a link."""
     for link, matrices in link_matrices(drawing).items():
-        write_heatmap(stream, f"compliance/{link}", [scaled(C, matrices[0]) for C in matrices])
+        write_heatmap(pen, f"compliance/{link}", [scaled(C, matrices[0]) for C in matrices])
 
 
 def compliance_grid(drawing: Drawing) -> rrb.Grid:
     """All links on one screen."""
     heads = " | ".join(columns(drawing))
-    views = [
-        heatmap_view(f"compliance/{link}", f"{link}: {heads} (signed log; 1 = true diagonal)")
-        for link in link_matrices(drawing)
-    ]
-    legend = rrb.TextDocumentView(origin="compliance_legend", name="How to read it")
-    return rrb.Grid(*views, legend, grid_columns=2, name="Compliance")
+    views = [heatmap_view(f"compliance/{link}", f"{link}: {heads}") for link in link_matrices(drawing)]
+    return rrb.Grid(
+        *views, text_view("compliance_legend", "How to read it"), grid_columns=2, name="Compliance"
+    )
 
 
 def legend(drawing: Drawing) -> str:
     """What the heatmaps show, and what not to read into them."""
-    lumped = [drawing.names[k] for k in drawing.shown if not _has_joints(drawing, k)]
+    after = 6 * len(drawing.cell.arm.links)  # where the joints' compliances begin
+    lumped = [drawing.names[k] for k in drawing.shown if drawing.estimates[k].structure.a.max() < after]
     sentences = [
         f"Each picture: {', '.join(columns(drawing))} from left to right, rows and columns {', '.join(AXES)} "
         "in the link's beam frame. Entry ij over the root of the true entries ii and jj. Grey: 0; yellow: "
@@ -109,10 +101,6 @@ def legend(drawing: Drawing) -> str:
     return "\n\n".join(filter(None, sentences))
 
 
-def _has_joints(drawing: Drawing, k: int) -> bool:
-    return bool(drawing.estimates[k].structure.a.max() >= 6 * len(drawing.cell.arm.links))
-
-
 def numbers(drawing: Drawing) -> str:
     """Eigenvalues of every link, then every entry in SI units."""
     heads, eigen, matrices = columns(drawing), [], []
@@ -121,7 +109,10 @@ def numbers(drawing: Drawing) -> str:
             S = scaled(C, found[0])
             values = np.linalg.eigvalsh((S + S.T) / 2)
             eigen.append([link, head, *(f"{x:.2e}" for x in values)])
-        matrices += [f"### {link}", *matrix_tables(heads, found)]
+        matrices.append(f"### {link}")
+        for head, C in zip(heads, found, strict=True):
+            cells = [[axis, *(f"{x:.3e}" for x in row)] for axis, row in zip(AXES, C, strict=True)]
+            matrices.append(lines([f"{head} (m/N, rad/N, rad/(N m))", *AXES], cells))
     return "\n\n".join(
         [
             "### Eigenvalues of each link (1)",
@@ -130,16 +121,3 @@ def numbers(drawing: Drawing) -> str:
             *matrices,
         ]
     )
-
-
-def matrix_tables(heads: Sequence[str], matrices: Sequence[Array]) -> list[str]:
-    """A table a matrix, entries in m/N, rad/N and rad/(N m)."""
-    return [
-        (
-            lines(
-                [f"{head} (m/N, rad/N, rad/(N m))", *AXES],
-                [[axis, *(f"{x:.3e}" for x in row)] for axis, row in zip(AXES, C, strict=True)],
-            )
-        )
-        for head, C in zip(heads, matrices, strict=True)
-    ]

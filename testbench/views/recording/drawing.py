@@ -12,8 +12,10 @@ from testbench.bench.rows import FitRow
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.plant.shapes import Frames, body_names, elastic_frames, rigid_frames
+from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
 from testbench.views.colours import look
+from testbench.views.recording.arm import origins, reach
+from testbench.views.recording.stream import Header
 from testbench.views.recording.style import Drawn, drawn
 from testbench.views.schema import Table
 
@@ -40,8 +42,7 @@ class Loading:
 class Calibration:
     """What a recording of a calibration is made of."""
 
-    scenario: str  #: Name of the scenario.
-    parameters: str  #: The settings as JSON.
+    header: Header  #: Scenario, settings and seed.
     summary: str  #: Markdown: question, answer, table.
     notes: str  #: Markdown: what is said beside it.
     errors: Table  #: Errors by model over all seeds, in millimetres, for the tab of errors.
@@ -58,7 +59,6 @@ class Drawing:
     about: Calibration  #: Words and models.
     cell: Cell  #: The arm.
     data: Dataset  #: What was measured, identification and check runs.
-    seed: int  #: Root of what was measured.
     noise: bool  #: Whether readings are noisy.
     payload: float | None  #: Hung mass [kg]; None where wrenches act.
     estimates: Sequence[Estimate]  #: One a model.
@@ -104,6 +104,17 @@ class Drawing:
         ]
 
     @property
+    def lowest(self) -> int:
+        """Index of the marker that moves most while the load grows."""
+        return int(np.linalg.norm(self.loading.deflection[-1], axis=-1).argmax())
+
+    @property
+    def sag(self) -> Array:
+        """Deflection of that marker: the true one, then by each model, (1 + models, steps) [m]."""
+        every = np.stack([self.loading.deflection, *self.loading.predicted])
+        return np.asarray(np.linalg.norm(every[:, :, self.lowest], axis=-1))
+
+    @property
     def residual(self) -> Array:
         """Residual of the worst marker, (models, runs) [m]."""
         return np.asarray(np.linalg.norm(self.errors, axis=-1).max(axis=-1))
@@ -116,12 +127,11 @@ class Drawing:
     @property
     def reach(self) -> float:
         """Largest distance of a body from the foot of the arm in these runs, the scale of symbols [m]."""
-        return _reach(self.rigid)
+        return reach(self.rigid)
 
     def bodies(self, names: Sequence[str], frames: Frames) -> Array:
         """Origins of named bodies, (runs, len(names), 3) [m]."""
-        known = body_names(self.cell.room)
-        return frames.positions[:, [known.index(name) for name in names]]
+        return origins(self.cell, names, frames)
 
     def moving(self) -> list[int]:
         """Bodies whose ghost ever stands off them far enough not to flicker through their surface."""
@@ -153,7 +163,6 @@ def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: S
         about=about,
         cell=cell,
         data=data,
-        seed=campaign.seed,
         noise=scenario.noise,
         payload=scenario.payload if isinstance(scenario, Scenario) else None,
         estimates=[result.estimate for result in results],
@@ -163,7 +172,7 @@ def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: S
         rigid=rigid,
         ghost=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
         loading=_load_up(cell, data, int(np.argmin(rank)), (scenario.truth, M), data.deflection - errors),
-        residual_scale=_round_scale(RESIDUAL_REACH * _reach(rigid), residual.max()),
+        residual_scale=_round_scale(RESIDUAL_REACH * reach(rigid), residual.max()),
     )
 
 
@@ -189,10 +198,6 @@ def _load_up(cell: Cell, data: Dataset, run: int, shown: tuple[Truth, float], pr
         rigid=rigid_frames(cell.room, q),
         ghost=elastic_frames(cell.plant, q, magnification * (after.theta - before.theta)),
     )
-
-
-def _reach(frames: Frames) -> float:
-    return float(np.linalg.norm(frames.positions - frames.positions[:, :1], axis=-1).max())
 
 
 def _round_scale(drawn: float, true: float) -> float:

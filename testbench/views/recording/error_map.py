@@ -10,7 +10,8 @@ from rerun.components import FillMode
 
 from testbench.errors import Array
 from testbench.views.markdown import grid
-from testbench.views.recording.style import NOISE
+from testbench.views.recording.pen import Pen
+from testbench.views.recording.style import NOISE, Colour
 from testbench.views.schema import Column, Table, show
 
 ANCHORS = np.array([(86, 62, 148), (58, 100, 160), (33, 145, 140), (94, 201, 98), (240, 218, 50)])
@@ -61,53 +62,54 @@ def sizes(share: Array) -> Array:
     return SMALLEST + (1 - SMALLEST) * share
 
 
-def write_error_map(stream: rr.RecordingStream, path: str, error_map: ErrorMap, radius: float) -> None:
+def write_error_map(pen: Pen, path: str, error_map: ErrorMap, radius: float) -> None:
     """Balls over the workspace, cubes at the tasks, and labels at the ends of either.
 
     Args:
-        stream: Where to.
+        pen: Where to.
         path: Root of the map's entities.
         error_map: What to draw.
         radius: Of the largest ball [m].
     """
     field, tasks = (shares(mm, error_map.ends) for mm in (error_map.field_mm, error_map.tasks_mm))
-    balls = rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
-    stream.log(f"{path}/field", balls, static=True)
-    half = np.column_stack([radius * sizes(tasks)] * 3)
-    cubes = rr.Boxes3D(
-        centers=error_map.tasks, half_sizes=half, colors=shades(tasks), fill_mode=FillMode.Solid
+    pen.still(
+        f"{path}/field", rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
     )
-    stream.log(f"{path}/tasks", cubes, static=True)
+    write_cubes(pen, f"{path}/tasks", error_map.tasks, radius * sizes(tasks), shades(tasks))
     named = [
         (error_map.field, error_map.field_mm, error_map.field_mm.argmin(), "least"),
         (error_map.field, error_map.field_mm, error_map.field_mm.argmax(), "greatest"),
         (error_map.tasks, error_map.tasks_mm, error_map.tasks_mm.argmax(), "worst task"),
     ]
     at = np.array([places[k] for places, _, k, _ in named]) + np.array([0, 0, 3 * radius])
-    texts = [f"{name} {show(mm[k])} mm" for _, mm, k, name in named]
-    labels = rr.Points3D(at, labels=texts, colors=NOISE, radii=0.0, show_labels=True)
-    stream.log(f"{path}/label", labels, static=True)
+    pen.names(f"{path}/label", at, [f"{name} {show(mm[k])} mm" for _, mm, k, name in named], NOISE)
 
 
-def write_key(stream: rr.RecordingStream, path: str, error_map: ErrorMap) -> None:
+def write_cubes(
+    pen: Pen, path: str, centres: Array, half: Array, colours: Colour | npt.NDArray[np.uint8]
+) -> None:
+    """Cubes that stand still: centres (n, 3), halves of their edges (n,) [m], one colour or (n, 3)."""
+    cubes = rr.Boxes3D(
+        centers=centres, half_sizes=np.column_stack([half] * 3), colors=colours, fill_mode=FillMode.Solid
+    )
+    pen.still(path, cubes)
+
+
+def write_key(pen: Pen, path: str, error_map: ErrorMap) -> None:
     """Colours and sizes of the map with their errors, in a row; the path must name the unit, mm."""
     share = np.linspace(0, 1, KEYS)
     low, high = error_map.ends
     places = np.column_stack([STEP * np.arange(KEYS), np.zeros(KEYS)])
-    dots = rr.Points2D(places, colors=shades(share), radii=KEY * sizes(share))
-    stream.log(f"{path}/dot", dots, static=True)
+    pen.still(f"{path}/dot", rr.Points2D(places, colors=shades(share), radii=KEY * sizes(share)))
     beside = places + np.array([0.35 * STEP, -0.75 * KEY])  # a label hangs below its point
-    texts = [f"{show(mm)} mm" for mm in low + share * (high - low)]
-    labels = rr.Points2D(beside, labels=texts, colors=NOISE, radii=0.0, show_labels=True)
-    stream.log(f"{path}/number", labels, static=True)
+    pen.names(f"{path}/number", beside, [f"{show(mm)} mm" for mm in low + share * (high - low)], NOISE)
 
 
 def key_view(path: str) -> rrb.Spatial2DView:
     """The view of a key."""
     bounds = rrb.VisualBounds2D(x_range=(-0.3 * STEP, (KEYS - 0.2) * STEP), y_range=(-1.6 * KEY, 1.6 * KEY))
-    return rrb.Spatial2DView(
-        origin=path, name="Colour and size of balls and cubes (mm)", visual_bounds=bounds
-    )
+    name = "Colour and size of balls and cubes (mm)"
+    return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
 
 
 STATISTICS: tuple[tuple[str, float], ...] = (("least", 0), ("median", 0.5), ("95 %", 0.95), ("greatest", 1))

@@ -1,8 +1,5 @@
 """The recording of a measurement plan: which poses, in which order, seen from where, and what to expect."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,57 +7,44 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import MarkerShape
 
-from testbench.errors import Array
-from testbench.plant.shapes import Frames, rigid_frames
-from testbench.views.recording.chart import Dot, chart_view, write_chart
+from testbench.views.recording.chart import Chart
 from testbench.views.recording.error_map import key_view, key_words, write_key
+from testbench.views.recording.pen import Line, text_view
 from testbench.views.recording.plan_world import PlanScene, map_view, plan_view, write_world
-from testbench.views.recording.stream import Header, layout, recording, write_texts
-from testbench.views.recording.style import LOAD, NOMINAL, Colour
-from testbench.views.recording.sweep import Sweep
-
-__all__ = ["PlanScene", "write_plan"]
+from testbench.views.recording.stream import Header, layout, recording
+from testbench.views.recording.style import LOAD, NOMINAL
 
 TIMELINE, CHART, KEY = "run", "other_plans_mm", "error_key_mm"
-EXPECTED: dict[str, tuple[str, Colour]] = {
+EXPECTED = {
     "expected_deflection_mm": ("Expected deflection (mm)", LOAD),
     "expected_error_mm": ("Expected error (mm)", NOMINAL),
 }
-"""Plots over the order of measuring: path, title, colour."""
+"""Plots over the order of measuring: title and colour by path."""
 
 
-def write_plan(path: Path, scene: PlanScene) -> None:
+def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
     """Write a measurement plan for the Rerun viewer; an existing file is replaced only by a whole one."""
-    frames = rigid_frames(scene.cell.room, scene.q)
-    parameters = scene.parameters
-    text = parameters if isinstance(parameters, str) else json.dumps(parameters, sort_keys=True)
-    header = Header("plan", scene.scenario, text, scene.seed)
-    time = rr.TimeColumn(TIMELINE, sequence=np.arange(scene.poses) + 1)
-    with recording(path, header, _blueprint(scene, frames)) as stream:
-        write_world(stream, scene, frames, time)
-        _write_words(stream, scene, time)
-        write_key(stream, KEY, scene.error_map)
-        for name, values in zip(EXPECTED, (scene.deflection_mm, scene.error_mm), strict=True):
-            _write_expected(stream, name, values, time)
-        if scene.sweep is not None:
-            write_chart(stream, CHART, _dots(scene.sweep))
+    chart = _chart(scene)
+    with recording(path, "plan", header, _blueprint(scene, chart)) as pen:
+        run = pen.on(rr.TimeColumn(TIMELINE, sequence=np.arange(scene.poses) + 1))
+        write_world(run, scene)
+        pen.documents({"summary": _summary(scene), "error_words": key_words(scene.error_map)})
+        run.texts("this_step", scene.pose_words)
+        write_key(pen, KEY, scene.error_map)
+        values = (scene.deflection_mm, scene.error_mm)
+        for (name, (title, colour)), mm in zip(EXPECTED.items(), values, strict=True):
+            run.line(Line(name, title.lower(), colour, 2.0, MarkerShape.Circle), mm)
+        if scene.tables:
+            pen.documents({"tables": scene.tables})
+        if chart:
+            pen.documents({"sweep_words": scene.sweep_words})
+            chart.write(pen)
 
 
-def _dots(sweep: Sweep) -> Sequence[Dot]:
+def _chart(scene: PlanScene) -> Chart | None:
     """A line a number of poses, a dot a plan: a chart stands still, whatever the timeline."""
-    return replace(sweep, labels={p.x: f"{p.x:g} {sweep.swept}" for p in sweep.points}).dots
-
-
-def _write_words(stream: rr.RecordingStream, scene: PlanScene, time: rr.TimeColumn) -> None:
-    documents = {"summary": _summary(scene), "error_words": key_words(scene.error_map)}
-    if scene.tables:
-        documents["tables"] = "\n\n".join(f"### {name}\n\n{text}" for name, text in scene.tables.items())
-    if scene.sweep is not None:
-        documents["sweep_words"] = scene.sweep.words
-    write_texts(stream, documents)
-    kind = ["text/markdown"] * scene.poses
-    words = rr.TextDocument.columns(text=list(scene.pose_words), media_type=kind)
-    stream.send_columns("this_step", [time], words)
+    sweep = scene.sweep
+    return sweep.chart(CHART, {p.x: f"{p.x:g} {sweep.x.heading}" for p in sweep.points}) if sweep else None
 
 
 def _summary(scene: PlanScene) -> str:
@@ -78,60 +62,29 @@ def _summary(scene: PlanScene) -> str:
     )
 
 
-def _write_expected(stream: rr.RecordingStream, name: str, values: Array, time: rr.TimeColumn) -> None:
-    """One value a pose: a line with dots."""
-    title, colour = EXPECTED[name]
-    words = title.lower()
-    stream.log(name, rr.SeriesLines(colors=colour, names=words, widths=2.0), static=True)
-    dots = rr.SeriesPoints(colors=colour, names=words, marker_sizes=4.0, markers=MarkerShape.Circle)
-    stream.log(name, dots, static=True)
-    stream.send_columns(name, [time], rr.Scalars.columns(scalars=values))
-
-
-def _blueprint(scene: PlanScene, frames: Frames) -> rrb.Blueprint:
+def _blueprint(scene: PlanScene, chart: Chart | None) -> rrb.Blueprint:
     """Plan, error map, and where there are any tables and errors over the number of poses."""
-    overview = rrb.Horizontal(
-        plan_view(scene, frames),
-        rrb.Vertical(
-            rrb.TextDocumentView(origin="summary", name="Summary"),
-            rrb.TextDocumentView(origin="this_step", name="This step"),
-            rrb.Horizontal(*_expected_views(scene.poses)),
-            row_shares=[9, 4, 4],
-        ),
-        column_shares=[12, 9],
-        name="Overview",
-    )
-    errors = rrb.Horizontal(
-        rrb.Vertical(map_view(scene, frames), key_view(KEY), row_shares=[10, 1]),
-        rrb.TextDocumentView(origin="error_words", name="Error map in words"),
-        column_shares=[3, 1],
-        name="Error map",
-    )
-    tabs: list[rrb.Container | rrb.View] = [overview, errors]
-    if scene.tables:
-        tabs.append(rrb.TextDocumentView(origin="tables", name="Tables"))
-    if scene.sweep is not None:
-        tabs.append(_sweep_view(scene.sweep))
-    return layout(*tabs, timeline=TIMELINE)
-
-
-def _expected_views(poses: int) -> list[rrb.TimeSeriesView]:
-    ends = [rr.TimeRangeBoundary.absolute(seq=k) for k in (0, poses + 1)]
-    return [
+    ends = [rr.TimeRangeBoundary.absolute(seq=k) for k in (0, scene.poses + 1)]
+    expected = [
         rrb.TimeSeriesView(
-            origin=name,
+            origin=path,
             name=f"{title} over run",
             axis_x=rrb.TimeAxis(view_range=rr.TimeRange(*ends)),
             plot_legend=rrb.PlotLegend(visible=False),
         )
-        for name, (title, _) in EXPECTED.items()
+        for path, (title, _) in EXPECTED.items()
     ]
-
-
-def _sweep_view(sweep: Sweep) -> rrb.Container:
-    return rrb.Horizontal(
-        chart_view(CHART, f"{sweep.title} ({sweep.unit}), logarithmic", _dots(sweep)),
-        rrb.TextDocumentView(origin="sweep_words", name="In words"),
-        column_shares=[12, 9],
-        name="How many poses",
-    )
+    words = [text_view("summary", "Summary"), text_view("this_step", "This step")]
+    beside = rrb.Vertical(*words, rrb.Horizontal(*expected), row_shares=[9, 4, 4])
+    mapped = rrb.Vertical(map_view(scene), key_view(KEY), row_shares=[10, 1])
+    in_words = text_view("error_words", "Error map in words")
+    tabs: list[rrb.Container | rrb.View] = [
+        rrb.Horizontal(plan_view(scene), beside, column_shares=[12, 9], name="Overview"),
+        rrb.Horizontal(mapped, in_words, column_shares=[3, 1], name="Error map"),
+    ]
+    if scene.tables:
+        tabs.append(text_view("tables", "Tables"))
+    if chart:
+        both = chart.view(), text_view("sweep_words", "In words")
+        tabs.append(rrb.Horizontal(*both, column_shares=[12, 9], name="How many poses"))
+    return layout(*tabs, timeline=TIMELINE)

@@ -1,6 +1,5 @@
 """Residuals run by run, their histogram, and the sag while the load grows."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,8 @@ from testbench.bench.rows import MM, UM
 from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.views.recording.drawing import Drawing, noise_limit
-from testbench.views.recording.style import MEASURED, NOISE, Colour, Drawn
+from testbench.views.recording.pen import Line, Pen
+from testbench.views.recording.style import MEASURED, NOISE
 
 SETS = ("identification", "check")
 BINS = 17
@@ -26,27 +26,17 @@ ALIKE = 0.02
 """Models whose residuals differ by less than this share lie on each other in the plot."""
 
 
-def write_residuals(stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn]) -> None:
+def write_residuals(pen: Pen, drawing: Drawing) -> None:
     """Worst marker residual of every run and model, and what noise alone stays below in 95 % of runs."""
     size = 5.0 if drawing.data.runs <= MANY else 2.5
-    for k, (model, look) in enumerate(zip(drawing.names, drawing.looks, strict=True)):
-        path, name = f"residual_mm/{drawing.paths[k]}", f"{model} (mm)"
-        _line(stream, path, name, look)
-        shape = rr.SeriesPoints(colors=look.colour, markers=look.shape, names=name)
-        stream.log(path, shape, static=True)
-        sizes = rr.SeriesPoints.columns(marker_sizes=np.where(drawing.checked, size, 0.0))
-        values = rr.Scalars.columns(scalars=MM * drawing.residual[k])
-        # In one chunk: of two the viewer pairs the rows wrongly on a timeline that is not sorted.
-        stream.send_columns(path, times, [*values, *sizes])
+    sizes = np.where(drawing.checked, size, 0.0)
+    for k, look in enumerate(drawing.looks):
+        path, name = f"residual_mm/{drawing.paths[k]}", f"{drawing.names[k]} (mm)"
+        line = Line(path, name, look.colour, look.width, look.shape, None)
+        pen.line(line, MM * drawing.residual[k], sizes)
     if drawing.noise:
-        path, name = "residual_mm/noise_p95", "95 % of pure noise (mm)"
-        stream.log(path, rr.SeriesLines(colors=NOISE, widths=1.5, names=name), static=True)
-        limit = np.full(drawing.data.runs, MM * noise_limit(drawing))
-        stream.send_columns(path, times, rr.Scalars.columns(scalars=limit))
-
-
-def _line(stream: rr.RecordingStream, path: str, name: str, look: Drawn) -> None:
-    stream.log(path, rr.SeriesLines(colors=look.colour, widths=look.width, names=name), static=True)
+        line = Line("residual_mm/noise_p95", "95 % of pure noise (mm)", NOISE, 1.5)
+        pen.line(line, np.full(drawing.data.runs, MM * noise_limit(drawing)))
 
 
 def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
@@ -55,14 +45,10 @@ def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
     if drawing.noise:
         top = max(top, 1.2 * MM * noise_limit(drawing))
     largest = MM * drawing.residual.max(axis=1)
-    first = drawing.residual[drawing.best]
+    best, first = drawing.names[drawing.best], drawing.residual[drawing.best]
     off = np.abs(drawing.residual - first).max(axis=1)
-    same = [
-        n
-        for n, x in zip(drawing.names, off, strict=True)
-        if x < ALIKE * first.max() and n != drawing.names[drawing.best]
-    ]
-    twins = f"; {', '.join(same)} as {drawing.names[drawing.best]}" if same else ""
+    same = [n for n, x in zip(drawing.names, off, strict=True) if x < ALIKE * first.max() and n != best]
+    twins = f"; {', '.join(same)} as {best}" if same else ""
     names = [name for name, mm in zip(drawing.names, largest, strict=True) if mm > top]
     beyond = f"; {', '.join(names)} beyond, up to {largest.max():.3g} mm" if names else ""
     return rrb.TimeSeriesView(
@@ -74,22 +60,15 @@ def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
     )
 
 
-def write_sag(stream: rr.RecordingStream, drawing: Drawing, time: rr.TimeColumn) -> None:
+def write_sag(pen: Pen, drawing: Drawing) -> None:
     """Deflection of the marker that moves most while the load grows, and what the shown models miss of it."""
-    loading = drawing.loading
-    marker = int(np.linalg.norm(loading.deflection[-1], axis=-1).argmax())
-    true = np.linalg.norm(loading.deflection[:, marker], axis=-1)
-    stream.log("sag_mm/true", rr.SeriesLines(colors=MEASURED, widths=4.0, names="true (mm)"), static=True)
-    stream.send_columns("sag_mm/true", [time], rr.Scalars.columns(scalars=MM * true))
+    loading, (true, *models) = drawing.loading, drawing.sag
+    pen.line(Line("sag_mm/true", "true (mm)", MEASURED, 4.0), MM * true)
+    missed = np.linalg.norm(loading.predicted - loading.deflection, axis=-1)[:, :, drawing.lowest]
     for k in drawing.shown:
-        path = f"sag_mm/{drawing.paths[k]}"
-        sag = np.linalg.norm(loading.predicted[k, :, marker], axis=-1)
-        _line(stream, path, f"{drawing.names[k]} (mm)", drawing.looks[k])
-        stream.send_columns(path, [time], rr.Scalars.columns(scalars=MM * sag))
-        missed = UM * np.linalg.norm(loading.predicted[k] - loading.deflection, axis=-1)[:, marker]
-        path = f"sag_error_um/{drawing.paths[k]}"
-        _line(stream, path, f"{drawing.names[k]} (um)", drawing.looks[k])
-        stream.send_columns(path, [time], rr.Scalars.columns(scalars=missed))
+        for root, unit, values in (("sag_mm", "mm", MM * models[k]), ("sag_error_um", "um", UM * missed[k])):
+            path, look = f"{root}/{drawing.paths[k]}", drawing.looks[k]
+            pen.line(Line(path, f"{drawing.names[k]} ({unit})", look.colour, look.width), values)
 
 
 def sag_views(drawing: Drawing) -> list[rrb.TimeSeriesView]:
@@ -142,20 +121,20 @@ def histograms(drawing: Drawing, runs: Mask) -> tuple[Bars | None, list[Bars]]:
     return Bars(fine, wide * components.shape[1] * density, fine[1] - fine[0]), bars
 
 
-def write_histograms(stream: rr.RecordingStream, drawing: Drawing) -> None:
+def write_histograms(pen: Pen, drawing: Drawing) -> None:
     """Residual components of the best models before the normal curve of noise, for each set of runs."""
     for group, runs in zip(SETS, (~drawing.checked, drawing.checked), strict=True):
         curve, bars = histograms(drawing, runs)
-        path = f"histogram_um/{group}"
+        drawn = {
+            drawing.paths[k]: (own, drawing.looks[k].colour)
+            for k, own in zip(drawing.shown, bars, strict=True)
+        }
         if curve is not None:
-            stream.log(f"{path}/expected_noise", _chart(curve, (*NOISE, 90)), static=True)
-        for k, model in zip(drawing.shown, bars, strict=True):
-            stream.log(f"{path}/{drawing.paths[k]}", _chart(model, drawing.looks[k].colour), static=True)
-
-
-def _chart(bars: Bars, colour: Colour) -> rr.BarChart:
-    widths = np.full(len(bars.at), bars.width)
-    return rr.BarChart(bars.counts, color=colour, abscissa=bars.at, widths=widths)
+            drawn["expected_noise"] = curve, (*NOISE, 90)
+        for name, (own, colour) in drawn.items():
+            widths = np.full(len(own.at), own.width)
+            chart = rr.BarChart(own.counts, color=colour, abscissa=own.at, widths=widths)
+            pen.still(f"histogram_um/{group}/{name}", chart)
 
 
 def histogram_views(drawing: Drawing) -> list[rrb.BarChartView]:

@@ -52,15 +52,8 @@ def table(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> str
     """
     head = ["run", "pose", "set", "worst_first", "deflection, mm", *(f"{n}, mm" for n in names)]
     rows = [
-        [
-            str(run.run),
-            str(run.pose),
-            run.group,
-            str(run.place),
-            f"{run.sag_mm:.3f}",
-            *(f"{x:.3f}" for x in mm),
-        ]
-        for run, mm in zip(runs, MM * residual.T, strict=True)
+        [str(r.run), str(r.pose), r.group, str(r.place), f"{r.sag_mm:.3f}", *(f"{x:.3f}" for x in mm)]
+        for r, mm in zip(runs, MM * residual.T, strict=True)
     ]
     words = "Deflection of the marker that moves most; residual of the worst marker, for each model."
     return "\n".join(["### Every run", "", words, "", lines(head, rows)])
@@ -77,22 +70,19 @@ def captions(runs: Sequence[RunLine], names: Sequence[str], residual: Array) -> 
     return texts
 
 
-def load_captions(
-    run: RunLine, share: Array, names: Sequence[str], sag: Array, predicted: Array
-) -> list[str]:
+def load_captions(run: RunLine, share: Array, names: Sequence[str], sag: Array) -> list[str]:
     """What is on screen, for every step of loading.
 
     Args:
         run: The run that is loaded.
         share: Of the load, (steps,) [1].
         names: Of the shown models.
-        sag: True deflection of the marker that moves most, (steps,) [m].
-        predicted: The same by each model, (models, steps) [m].
+        sag: Deflection of the marker that moves most, true and by each of them, (1 + models, steps) [m].
     """
     return [
-        f"**{run.where.capitalize()}** under {100 * s:.0f} % of its load: truth {MM * true:.3f} mm, "
-        + ", ".join(f"{name} {MM * mm:.3f} mm" for name, mm in zip(names, by_model, strict=True))
-        for s, true, by_model in zip(share, sag, predicted.T, strict=True)
+        f"**{run.where.capitalize()}** under {100 * s:.0f} % of its load: "
+        + ", ".join(f"{name} {mm:.3f} mm" for name, mm in zip(["truth", *names], every, strict=True))
+        for s, every in zip(share, MM * sag.T, strict=True)
     ]
 
 

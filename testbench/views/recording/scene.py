@@ -1,26 +1,16 @@
 """The arm with its load and its markers, on the timelines of the runs and on that of the load."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.bench.rows import MM
 from testbench.errors import Array
-from testbench.plant.shapes import Frames, visual_shapes
-from testbench.views.recording.arm import (
-    ARROW,
-    Places,
-    Weight,
-    write_load_label,
-    write_places,
-    write_shapes,
-    write_weight,
-)
+from testbench.plant.shapes import visual_shapes
+from testbench.views.recording.arm import ARROW, LABEL, orbit, write_places, write_shapes, write_weight
 from testbench.views.recording.drawing import Drawing
-from testbench.views.recording.style import LOAD, MEASURED, NOMINAL, Colour
+from testbench.views.recording.pen import Pen
+from testbench.views.recording.style import LOAD, MEASURED, NOMINAL
 
 HALF_VIEW = np.tan(np.deg2rad(27.5))
 """Tangent of half the viewer's vertical angle of view."""
@@ -30,79 +20,63 @@ SIDE = (0.35, 0.9, 0.25)
 """Where the eye is: ahead along the reach of the arm, beside it, above [1]."""
 CLOSER = 0.6
 """The eye is at least at this share of the distance from which all runs are in view [1]."""
+MARKERS = "world/markers"
 
 
-def write_scene(
-    stream: rr.RecordingStream, drawing: Drawing, runs: Sequence[rr.TimeColumn], load: rr.TimeColumn
-) -> None:
+def write_scene(runs: Pen, load: Pen, drawing: Drawing) -> None:
     """Everything under `world`.
 
     Args:
-        stream: Where to.
+        runs: On the timelines of the runs, in the order of the dataset.
+        load: On the timeline of loading.
         drawing: What to draw.
-        runs: Timelines of the runs, in the order of the dataset.
-        load: Timeline of loading.
     """
-    moving = drawing.moving()
-    write_shapes(stream, drawing.cell, moving)
-    loading = drawing.loading
-    write_places(stream, drawing.cell, Places(runs, drawing.rigid, drawing.ghost, moving))
-    write_places(stream, drawing.cell, Places([load], loading.rigid, loading.ghost, moving))
-    _write_styles(stream, drawing)
-    _write_markers(stream, drawing, runs)
-    _write_loading(stream, drawing, load)
-    wrench = drawing.data.wrench
-    _write_load(stream, drawing, runs, _Load(_hook(drawing, drawing.ghost), wrench, wrench))
+    moving, loading, wrench = drawing.moving(), drawing.loading, drawing.data.wrench
+    write_shapes(runs, drawing.cell, moving)
+    _write_styles(runs, drawing)
+    _write_markers(runs, drawing)
+    _write_loading(load, drawing)
     whole = np.tile(wrench[loading.run], (len(loading.share), 1))
-    hook = _hook(drawing, loading.ghost)
-    _write_load(stream, drawing, [load], _Load(hook, whole, loading.share[:, None] * whole))
+    for pen, frames, most, acting in (
+        (runs, drawing, wrench, wrench),
+        (load, loading, whole, loading.share[:, None] * whole),
+    ):
+        write_places(pen, drawing.cell, frames.rigid, frames.ghost, moving)
+        _write_load(pen, drawing, drawing.bodies([drawing.cell.arm.load], frames.ghost)[:, 0], most, acting)
 
 
-def _write_styles(stream: rr.RecordingStream, drawing: Drawing) -> None:
+def _write_styles(pen: Pen, drawing: Drawing) -> None:
     """What does not change: colours and sizes."""
-    radius = 0.012 * drawing.reach
-    points: dict[str, tuple[Colour, float]] = {
-        "nominal": (NOMINAL, radius),
-        "measured": (MEASURED, radius),
-        "true": (MEASURED, radius),
-    }
+    radius, best = 0.012 * drawing.reach, drawing.looks[drawing.best].colour
+    for name, colour in (("nominal", NOMINAL), ("measured", MEASURED), ("true", MEASURED)):
+        pen.still(f"{MARKERS}/{name}", rr.Points3D.from_fields(colors=colour, radii=radius))
     for k, (path, look) in enumerate(zip(drawing.paths, drawing.looks, strict=True)):
-        points[f"predicted_{path}"] = (look.colour, 0.8 * radius)
+        dots = rr.Points3D.from_fields(colors=look.colour, radii=0.8 * radius)
+        pen.still(f"{MARKERS}/predicted_{path}", dots)
         slim = (0.5 if k == drawing.best else 0.8) * radius  # so that arrows on one line are both seen
-        stream.log(
-            _marker(f"residual_{path}"), rr.Arrows3D.from_fields(colors=look.colour, radii=slim), static=True
-        )
-    for name, (colour, size) in points.items():
-        stream.log(_marker(name), rr.Points3D.from_fields(colors=colour, radii=size), static=True)
+        arrows = rr.Arrows3D.from_fields(colors=look.colour, radii=slim)
+        pen.still(f"{MARKERS}/residual_{path}", arrows)
     thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
-    stream.log(_marker("deflection"), thin, static=True)
-    label = rr.Points3D.from_fields(colors=drawing.looks[drawing.best].colour, radii=0.0, show_labels=True)
-    stream.log(_marker("worst_label"), label, static=True)
-    leader = rr.LineStrips3D.from_fields(colors=drawing.looks[drawing.best].colour, radii=0.1 * radius)
-    stream.log(_marker("worst_leader"), leader, static=True)
+    pen.still(f"{MARKERS}/deflection", thin)
+    leader = rr.LineStrips3D.from_fields(colors=best, radii=0.1 * radius)
+    pen.still(f"{MARKERS}/worst_leader", leader)
 
 
-def _marker(name: str) -> str:
-    return f"world/markers/{name}"
-
-
-def _write_markers(stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn]) -> None:
+def _write_markers(pen: Pen, drawing: Drawing) -> None:
     """Markers without load, as measured and as predicted; arrows from measured to predicted."""
     data, M, scale = drawing.data, drawing.magnification, drawing.residual_scale
     nominal = drawing.bodies(data.markers, drawing.rigid)
     measured = nominal + M * data.deflection
-    write_points(stream, "nominal", times, nominal)
-    write_points(stream, "measured", times, measured)
-    _arrows(stream, "deflection", times, nominal, M * data.deflection)
+    pen.points(f"{MARKERS}/nominal", nominal)
+    pen.points(f"{MARKERS}/measured", measured)
+    pen.arrows(f"{MARKERS}/deflection", nominal, M * data.deflection)
     for path, errors in zip(drawing.paths, drawing.errors, strict=True):
-        write_points(stream, f"predicted_{path}", times, measured - M * errors)
-        _arrows(stream, f"residual_{path}", times, measured, -scale * errors)
-    _write_worst(stream, drawing, times, measured)
+        pen.points(f"{MARKERS}/predicted_{path}", measured - M * errors)
+        pen.arrows(f"{MARKERS}/residual_{path}", measured, -scale * errors)
+    _write_worst(pen, drawing, measured)
 
 
-def _write_worst(
-    stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn], measured: Array
-) -> None:
+def _write_worst(pen: Pen, drawing: Drawing, measured: Array) -> None:
     """One label a run, off its marker: labels at every marker would cover each other."""
     length = MM * np.linalg.norm(drawing.errors[drawing.best], axis=-1)
     worst, runs = length.argmax(axis=1), np.arange(len(length))
@@ -111,86 +85,57 @@ def _write_worst(
     away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * drawing.reach)
     away[:, 2] += 0.5
     at = measured[runs, worst] + 0.16 * drawing.reach * away
-    labels = [
-        f"{drawing.data.markers[k]}: {mm:.3f} mm" for k, mm in zip(worst, length[runs, worst], strict=True)
-    ]
-    columns = rr.Points3D.columns(positions=at, labels=labels).partition([1] * len(at))
-    stream.send_columns(_marker("worst_label"), times, columns)
+    names = [drawing.data.markers[k] for k in worst]
+    texts = [f"{name}: {mm:.3f} mm" for name, mm in zip(names, length[runs, worst], strict=True)]
+    pen.label(f"{MARKERS}/worst_label", at, texts, drawing.looks[drawing.best].colour)
     leaders = np.stack([measured[runs, worst], at], axis=1)
-    stream.send_columns(_marker("worst_leader"), times, rr.LineStrips3D.columns(strips=leaders))
+    pen.rows(f"{MARKERS}/worst_leader", rr.LineStrips3D.columns(strips=leaders))
 
 
-def _write_loading(stream: rr.RecordingStream, drawing: Drawing, time: rr.TimeColumn) -> None:
+def _write_loading(pen: Pen, drawing: Drawing) -> None:
     """The same markers while the load grows: true instead of measured, predicted by the shown models."""
     loading, M = drawing.loading, drawing.magnification
     nominal = drawing.bodies(drawing.data.markers, loading.rigid)
-    write_points(stream, "nominal", [time], nominal)
-    write_points(stream, "true", [time], nominal + M * loading.deflection)
-    _arrows(stream, "deflection", [time], nominal, M * loading.deflection)
+    pen.points(f"{MARKERS}/nominal", nominal)
+    pen.points(f"{MARKERS}/true", nominal + M * loading.deflection)
+    pen.arrows(f"{MARKERS}/deflection", nominal, M * loading.deflection)
     for k in drawing.shown:
-        write_points(stream, f"predicted_{drawing.paths[k]}", [time], nominal + M * loading.predicted[k])
+        pen.points(f"{MARKERS}/predicted_{drawing.paths[k]}", nominal + M * loading.predicted[k])
 
 
-def write_points(
-    stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], positions: Array
-) -> None:
-    """A point a marker: positions (times, m, 3) [m]."""
-    columns = rr.Points3D.columns(positions=positions.reshape(-1, 3))
-    stream.send_columns(_marker(name), times, columns.partition([positions.shape[1]] * len(positions)))
+def _write_load(pen: Pen, drawing: Drawing, hook: Array, whole: Array, wrench: Array) -> None:
+    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below.
 
-
-def _arrows(
-    stream: rr.RecordingStream, name: str, times: Sequence[rr.TimeColumn], origins: Array, vectors: Array
-) -> None:
-    """An arrow a marker: origins and vectors (times, m, 3) [m]."""
-    columns = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3))
-    stream.send_columns(_marker(name), times, columns.partition([origins.shape[1]] * len(origins)))
-
-
-@dataclass(frozen=True)
-class _Load:
-    """What acts on the arm."""
-
-    hook: Array  #: Load point of the ghost, (rows, 3) [m].
-    whole: Array  #: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
-    wrench: Array  #: What acts of it, (rows, 6) [N, N m].
-
-
-def _hook(drawing: Drawing, ghost: Frames) -> Array:
-    return drawing.bodies([drawing.cell.arm.load], ghost)[:, 0]
-
-
-def _write_load(
-    stream: rr.RecordingStream, drawing: Drawing, times: Sequence[rr.TimeColumn], load: _Load
-) -> None:
-    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below."""
-    hook, whole, wrench, payload = load.hook, load.whole, load.wrench, drawing.payload
+    Args:
+        pen: On the times of the rows.
+        drawing: What to draw.
+        hook: Load point of the ghost, (rows, 3) [m].
+        whole: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
+        wrench: What acts of it, (rows, 6) [N, N m].
+    """
     for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
         size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
-        if not size.any():
-            continue
-        look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * drawing.reach)
-        stream.log(f"world/load/{entity}", look, static=True)
-        vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
-        columns = rr.Arrows3D.columns(origins=hook, vectors=ARROW * drawing.reach * vectors)
-        stream.send_columns(f"world/load/{entity}", times, columns)
-    if payload is not None:
+        if size.any():
+            look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * drawing.reach)
+            pen.still(f"world/load/{entity}", look)
+            vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
+            pen.arrows(f"world/load/{entity}", hook[:, None], ARROW * drawing.reach * vectors[:, None])
+    if drawing.payload is not None:
         share = np.linalg.norm(wrench[:, :3], axis=1) / np.linalg.norm(whole[:, :3], axis=1)
-        write_weight(stream, times, Weight(hook, np.full(len(hook), payload), share), drawing.reach)
+        write_weight(pen, hook, np.full(len(hook), drawing.payload), share, drawing.reach)
         return
+    sizes = np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
     texts = [
-        " and ".join(f"{x:.0f} {unit}" for x, unit in zip(sizes, ("N", "N m"), strict=True) if x > 0)
-        or "no load"
-        for sizes in np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
+        " and ".join(f"{x:.0f} {u}" for x, u in zip(row, ("N", "N m"), strict=True) if x) for row in sizes
     ]
-    write_load_label(stream, times, hook - [0, 0, 0.5 * ARROW * drawing.reach], texts)
+    below = hook - [0, 0, 0.5 * ARROW * drawing.reach]
+    pen.label(LABEL, below, [text or "no load" for text in texts], LOAD)
 
 
 def world_view(drawing: Drawing) -> rrb.Spatial3DView:
     """The arm; of the markers, only the best model of each method is visible at first."""
-    eye, target = _camera(drawing)
     hidden: dict[str | rr.datatypes.EntityPath, rrb.EntityBehavior] = {
-        f"/world/markers/{what}_{name}": rrb.EntityBehavior(visible=False)
+        f"/{MARKERS}/{what}_{name}": rrb.EntityBehavior(visible=False)
         for k, name in enumerate(drawing.paths)
         if k not in drawing.shown
         for what in ("predicted", "residual")
@@ -198,9 +143,7 @@ def world_view(drawing: Drawing) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="world",
         name=f"Arm (m): deflection x {drawing.magnification:g}, residual arrows x {drawing.residual_scale:g}",
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
-        ),
+        eye_controls=orbit(*_camera(drawing)),
         overrides=hidden,
     )
 

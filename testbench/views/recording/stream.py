@@ -11,6 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.files import versions
+from testbench.views.recording.pen import Pen
 
 LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 1}
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
@@ -20,35 +21,37 @@ LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 
 class Header:
     """What identifies a recording."""
 
-    kind: str  #: Key of LAYOUTS.
     scenario: str  #: Name of the scenario.
     parameters: str  #: The scenario as JSON.
     seed: int  #: Root of what is drawn.
     scales: Mapping[str, float] = field(default_factory=dict)  #: Magnifications by name [1].
 
-    @property
-    def application(self) -> str:
-        """Application id, a version in it."""
-        return f"testbench_{self.kind}_v{LAYOUTS[self.kind]}"
-
 
 @contextlib.contextmanager
-def recording(path: Path, header: Header, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`."""
+def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -> Iterator[Pen]:
+    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`.
+
+    Args:
+        path: The .rrd file.
+        kind: Key of LAYOUTS.
+        header: What identifies it.
+        blueprint: Its layout, embedded.
+    """
     part = path.with_name(path.name + ".part")
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
     words = f"{header.scenario} {header.parameters} {header.seed}"
+    application = f"testbench_{kind}_v{LAYOUTS[kind]}"
     digest = hashlib.sha256(words.encode()).hexdigest()[:16]
     try:
         # The stream's own properties would hold the time of writing: equal seeds would differ.
-        stream = rr.RecordingStream(header.application, recording_id=digest, send_properties=False)
+        stream = rr.RecordingStream(application, recording_id=digest, send_properties=False)
         try:
             stream.set_log_time_enabled(False)
             stream.set_log_tick_enabled(False)
             stream.save(part, default_blueprint=blueprint)
             _write_properties(stream, header)
-            yield stream
+            yield Pen(stream)
         finally:
             stream.disconnect()
         part.replace(path)
@@ -59,16 +62,9 @@ def recording(path: Path, header: Header, blueprint: rrb.Blueprint) -> Iterator[
 
 def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
     stream.send_recording_name(f"{header.scenario}, seed {header.seed}")
-    about = {"scenario": header.scenario, "parameters": header.parameters, "seed": header.seed}
-    values: dict[str, Any] = {**about, **header.scales}
+    values: dict[str, Any] = {k: v for k, v in vars(header).items() if k != "scales"} | dict(header.scales)
     stream.send_property("study", rr.AnyValues(**values))
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
-
-
-def write_texts(stream: rr.RecordingStream, documents: Mapping[str, str]) -> None:
-    """Markdown that does not change, by path."""
-    for path, document in documents.items():
-        stream.log(path, rr.TextDocument(document, media_type="text/markdown"), static=True)
 
 
 def layout(*tabs: rrb.Container | rrb.View, timeline: str) -> rrb.Blueprint:

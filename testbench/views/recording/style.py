@@ -26,17 +26,11 @@ TINT = 0.45
 
 @dataclass(frozen=True)
 class Drawn:
-    """How a model is drawn.
+    """How a model is drawn."""
 
-    Attributes:
-        colour: Of its family, in the shade of its structure.
-        shape: Of its points in a plot.
-        width: Of its lines in a plot [ui points].
-    """
-
-    colour: Colour
-    shape: MarkerShape
-    width: float
+    colour: Colour  #: Of its family, in the shade of its structure.
+    shape: MarkerShape  #: Of its points in a plot.
+    width: float  #: Of its lines in a plot [ui points].
 
 
 def drawn(look: Look, bold: bool) -> Drawn:

@@ -1,70 +1,97 @@
 """The recording of a sweep: accuracy against a swept quantity, with its spread, one line a model."""
 
-import json
+import re
 from pathlib import Path
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from testbench.views.recording.chart import chart_view, write_chart
-from testbench.views.recording.stream import Header, layout, recording, write_texts
-from testbench.views.recording.sweep_lines import plot_views, write_lines
-from testbench.views.recording.sweep_text import caption, summary, table
-from testbench.views.recording.swept import TIMELINE, Point, Sweep, points
+from testbench.trials.spread import triple
+from testbench.views.recording.chart import SMALLEST
+from testbench.views.recording.pen import Line, Pen, text_view
+from testbench.views.recording.stream import Header, layout, recording
+from testbench.views.recording.swept import Sweep
 
-__all__ = [
-    "TIMELINE",
-    "Point",
-    "Sweep",
-    "plot_views",
-    "points",
-    "summary",
-    "table",
-    "write_lines",
-    "write_sweep",
-]
+TIMELINE = "sweep"
 
 
-def write_sweep(path: Path, sweep: Sweep) -> None:
+def write_sweep(path: Path, header: Header, sweep: Sweep, words: str) -> None:
     """Write a sweep for the Rerun viewer; an existing file is replaced only by a whole one.
 
     Args:
         path: The .rrd file.
-        sweep: Numbers and words.
+        header: What identifies it.
+        sweep: Numbers.
+        words: Question, answer and tables in Markdown; how to read the plots is added.
 
     Raises:
         BenchError: When two values of x are the same whole number, or a model lacks a value of x.
     """
-    steps = sweep.steps
-    parameters = sweep.parameters
-    text = parameters if isinstance(parameters, str) else json.dumps(parameters, sort_keys=True)
-    header = Header("sweep", sweep.scenario, text, sweep.seed)
-    with recording(path, header, _blueprint(sweep)) as stream:
-        write_texts(stream, {"summary": summary(sweep), "table": table(sweep)})
-        captions = [caption(sweep, k) for k in range(len(steps))]
-        columns = rr.TextDocument.columns(text=captions, media_type=["text/markdown"] * len(steps))
-        stream.send_columns("this_step", [rr.TimeColumn(TIMELINE, sequence=steps)], columns)
-        if sweep.labels:
-            write_chart(stream, sweep.root, sweep.dots)
+    steps, chart = sweep.steps, sweep.chart(sweep.root, sweep.labels) if sweep.labels else None
+    blueprint = _blueprint([chart.view()] if chart else plot_views(sweep))
+    with recording(path, "sweep", header, blueprint) as pen:
+        pen.documents({"summary": f"{words}\n\n{_how_to_read(sweep)}", "table": sweep.table()})
+        pen.on(rr.TimeColumn(TIMELINE, sequence=steps)).texts("this_step", sweep.captions())
+        if chart:
+            chart.write(pen)
         else:
-            write_lines(stream, sweep)
+            write_lines(pen, sweep)
 
 
-def _blueprint(sweep: Sweep) -> rrb.Blueprint:
-    plots = [_chart(sweep)] if sweep.labels else plot_views(sweep)
-    overview = rrb.Horizontal(
-        rrb.Vertical(*plots),
-        rrb.Vertical(
-            rrb.TextDocumentView(origin="summary", name="Summary"),
-            rrb.TextDocumentView(origin="this_step", name="This step"),
-            row_shares=[5, 2],
-        ),
-        column_shares=[10, 9],
-        name="Overview",
+def _how_to_read(sweep: Sweep) -> str:
+    drawn_as = (
+        "**Dots** Median, with a bar from 5 to 95 %. One colour a model."
+        if sweep.labels
+        else "**Lines** Bold with dots: median. Thin: 5 and 95 %. One colour and one shape a model. "
+        f"Above: {sweep.y.unit}; below: log10 of the same."
     )
-    return layout(overview, rrb.TextDocumentView(origin="table", name="Table"), timeline=TIMELINE)
+    return (
+        f"{drawn_as}\n\n**Scrub** `{TIMELINE}` is the {sweep.x.title}{'' if sweep.labels else ', rounded'}."
+    )
 
 
-def _chart(sweep: Sweep) -> rrb.Spatial2DView:
-    name = f"{sweep.title} ({sweep.unit}), logarithmic"
-    return chart_view(sweep.root, name, sweep.dots)
+def _blueprint(plots: list[rrb.View]) -> rrb.Blueprint:
+    words = rrb.Vertical(
+        text_view("summary", "Summary"), text_view("this_step", "This step"), row_shares=[5, 2]
+    )
+    overview = rrb.Horizontal(rrb.Vertical(*plots), words, column_shares=[10, 9], name="Overview")
+    return layout(overview, text_view("table", "Table"), timeline=TIMELINE)
+
+
+def write_lines(pen: Pen, sweep: Sweep) -> None:
+    """The lines of `plot_views`: median bold with dots, 5 and 95 % thin; values and their logarithms.
+
+    Raises:
+        BenchError: When two values of x are the same whole number, or a model lacks a value of x.
+    """
+    pen = pen.on(rr.TimeColumn(TIMELINE, sequence=sweep.steps))
+    for model in sweep.models:
+        own = re.sub(r"\W+", "_", model.lower()).strip("_")
+        look, values = sweep.drawn(model), np.array([triple(p.y) for p in sweep.line(model)])
+        for root, unit, data in (
+            (sweep.root, sweep.y.unit, values),
+            (f"log10_{sweep.root}", f"log10 {sweep.y.unit}", np.log10(np.maximum(values, SMALLEST))),
+        ):
+            name = f"{model} ({unit})"  # of all three: the legend then has a model once
+            median = Line(f"{root}/{own}/median", name, look.colour, shape=look.shape)
+            pen.line(median, data[:, 0])
+            for end, column in (("p05", data[:, 1]), ("p95", data[:, 2])):
+                pen.line(Line(f"{root}/{own}/{end}", name, look.colour, 1.0), column)
+
+
+def plot_views(sweep: Sweep) -> list[rrb.View]:
+    """The plot in its unit, and the logarithms of the same."""
+    x = np.rint([p.x for p in sweep.points]).astype(int)
+    margin = max(1, round(0.03 * float(np.ptp(x))))
+    ends = [rr.TimeRangeBoundary.absolute(seq=int(k)) for k in (x.min() - margin, x.max() + margin)]
+    scales = {sweep.root: sweep.y.unit, f"log10_{sweep.root}": f"log10 {sweep.y.unit}"}
+    return [
+        rrb.TimeSeriesView(
+            origin=path,
+            name=f"{sweep.title} ({unit}) over {sweep.x.title}",
+            axis_x=rrb.TimeAxis(view_range=rr.TimeRange(*ends)),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=path == sweep.root),
+        )
+        for path, unit in scales.items()
+    ]

@@ -8,46 +8,24 @@ import numpy as np
 
 from testbench.data.dataset import Ids
 from testbench.errors import BenchError
-from testbench.trials.spread import ends, middle
+from testbench.trials.spread import Number, middle, triple
 from testbench.views.colours import Look
-from testbench.views.recording.chart import Dot
-from testbench.views.recording.style import (
-    GREENS,
-    LOAD,
-    MEASURED,
-    NOMINAL,
-    ORANGES,
-    SHAPES,
-    Colour,
-    Drawn,
-    drawn,
-)
+from testbench.views.markdown import lines as grid
+from testbench.views.recording.chart import Chart, Dot
+from testbench.views.recording.style import Drawn, drawn
 from testbench.views.schema import Column
 
-TIMELINE = "sweep"
-SMALLEST = 1e-12
-"""Values below are drawn here: the axis is logarithmic."""
-COLOURS: tuple[Colour, ...] = (NOMINAL, ORANGES[0], GREENS[0], LOAD, MEASURED, GREENS[1])
-"""Of lines that are neither least squares nor GCO."""
+LARGE = 1000.0
+"""Numbers from here on are shown without decimals."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One value of one model.
+    """One value of one model."""
 
-    Attributes:
-        x: The swept quantity.
-        model: Which line it belongs to.
-        median: Not negative.
-        p05: Low end of the spread.
-        p95: High end of the spread.
-    """
-
-    x: float
-    model: str
-    median: float
-    p05: float
-    p95: float
+    x: float  #: The swept quantity.
+    model: str  #: Which line it belongs to.
+    y: Number  #: Not negative.
 
 
 def points(rows: Sequence[object], model: Column, x: Column, y: Column) -> list[Point]:
@@ -59,55 +37,19 @@ def points(rows: Sequence[object], model: Column, x: Column, y: Column) -> list[
         x: What is swept.
         y: What is measured.
     """
-    return [
-        Point(middle(x.value(row)), model.cell(row), middle(y.value(row)), *ends(y.value(row)))
-        for row in rows
-    ]
+    return [Point(middle(x.value(row)), model.cell(row), y.value(row)) for row in rows]
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep and its words.
+    """Values of several models over a quantity."""
 
-    Attributes:
-        scenario: Name of the scenario.
-        parameters: It as plain data, or as JSON.
-        seed: Root of randomness.
-        swept: Name of the swept quantity.
-        swept_unit: Its unit, empty for a count; values must differ after rounding to whole ones, for the
-            timeline.
-        measured: Name of what is plotted.
-        unit: Its unit.
-        points: In any order; every model at every x.
-        question: One line.
-        answer: One line with numbers and units.
-        remarks: Markdown below the table of medians.
-        words: The whole summary in Markdown, in place of question, answer, medians and remarks.
-        colours: Of the models by name, where roles decide; others take the next free one.
-        labels: What stands for x in words, by x, where x only numbers things: no line joins them then.
-        looks: Of models that have a structure, by name; before `colours`.
-    """
-
-    scenario: str
-    parameters: object
-    seed: int
-    swept: str
-    swept_unit: str
-    measured: str
-    unit: str
-    points: Sequence[Point]
-    question: str = ""
-    answer: str = ""
-    remarks: str = ""
-    words: str = ""
-    colours: Mapping[str, Colour] = field(default_factory=dict)
+    x: Column  #: What is swept; on the timeline its values are rounded to whole ones and must differ.
+    y: Column  #: What is measured.
+    points: Sequence[Point]  #: In any order; every model at every x.
+    looks: Mapping[str, Look]  #: Of the models, by name.
+    #: What stands for x in words, by x, where x only numbers things: no line joins them then.
     labels: Mapping[float, str] = field(default_factory=dict)
-    looks: Mapping[str, Look] = field(default_factory=dict)
-
-    @property
-    def heading(self) -> str:
-        """Swept quantity and unit."""
-        return f"{self.swept}, {self.swept_unit}" if self.swept_unit else self.swept
 
     def place(self, x: float) -> str:
         """A value of the swept quantity, or what it numbers."""
@@ -124,32 +66,29 @@ class Sweep:
 
     def drawn(self, model: str) -> Drawn:
         """Colour and shape of a model."""
-        if model in self.looks:
-            return drawn(self.looks[model], bold=True)
-        free = [c for c in COLOURS if c not in self.colours.values()]
-        others = [name for name in self.models if name not in self.colours]
-        colour = self.colours.get(model) or free[others.index(model) % len(free)]
-        return Drawn(colour, SHAPES[self.models.index(model) % len(SHAPES)], 3.0)
+        return drawn(self.looks[model], bold=True)
 
-    @property
-    def dots(self) -> list[Dot]:
-        """The points of a sweep over labels, the models of one label on one line."""
-        found = []
-        for p in sorted(self.points, key=lambda p: p.x):
-            low, value, high = (max(v, SMALLEST) for v in (p.p05, p.median, p.p95))
-            found.append(Dot(self.labels[p.x], low, value, high, self.drawn(p.model).colour, p.model))
-        return found
+    def chart(self, path: str, labels: Mapping[float, str]) -> Chart:
+        """A line a label, on it the models.
+
+        Args:
+            path: Root of its entities.
+            labels: What stands for x, by x.
+        """
+        own = sorted(self.points, key=lambda p: p.x)
+        found = [Dot(labels[p.x], p.y, self.drawn(p.model).colour, p.model) for p in own]
+        return Chart(path, f"{self.title} ({self.y.unit}), logarithmic", found)
 
     @property
     def root(self) -> str:
         """Path of what is plotted, its unit in the name."""
-        unit = {"%": "percent", "1": "ratio"}.get(self.unit, self.unit)
-        return re.sub(r"\W+", "_", f"{self.measured} {unit}".lower())
+        unit = {"%": "percent", "1": "ratio"}.get(self.y.unit, self.y.unit)
+        return re.sub(r"\W+", "_", f"{self.y.heading} {unit}".lower())
 
     @property
     def title(self) -> str:
         """Of what is plotted."""
-        return f"{self.measured[:1].upper()}{self.measured[1:]}"
+        return f"{self.y.heading[:1].upper()}{self.y.heading[1:]}"
 
     @property
     def steps(self) -> Ids:
@@ -161,8 +100,43 @@ class Sweep:
         x = sorted({point.x for point in self.points})
         steps = np.rint(x).astype(int)
         if len(set(steps.tolist())) < len(x):
-            raise BenchError(f"sweep: expected values of {self.swept} that differ after rounding, got {x}")
+            raise BenchError(
+                f"sweep: expected values of {self.x.heading} that differ after rounding, got {x}"
+            )
         for model in self.models:
             if [p.x for p in self.line(model)] != x:
-                raise BenchError(f"sweep: expected {model!r} once at every value of {self.swept}")
+                raise BenchError(f"sweep: expected {model!r} once at every value of {self.x.heading}")
         return steps
+
+    def medians(self) -> str:
+        """A table with a column a model."""
+        lines = [self.line(model) for model in self.models]
+        rows = [
+            [self.place(own[0].x), *(_number(middle(p.y)) for p in own)] for own in zip(*lines, strict=True)
+        ]
+        return f"Median {self.y.title}:\n\n{grid([self.x.title, *self.models], rows)}"
+
+    def table(self) -> str:
+        """Every number with its spread."""
+        rows = [[m, self.place(p.x), *_numbers(p)] for m in self.models for p in self.line(m)]
+        head = ["model", self.x.title, *(f"{k}, {self.y.unit}" for k in ("median", "5 %", "95 %"))]
+        return f"### {self.title}\n\n{grid(head, rows)}"
+
+    def captions(self) -> list[str]:
+        """The models at each step."""
+        unit = f" {self.x.unit}" if self.x.unit and not self.labels else ""
+        head = [self.y.title, "median", "5 %", "95 %"]
+        return [
+            f"**{self.x.heading.capitalize()} {self.place(own[0].x)}{unit}**\n\n"
+            + grid(head, [[p.model, *_numbers(p)] for p in own])
+            for own in zip(*map(self.line, self.models), strict=True)
+        ]
+
+
+def _numbers(point: Point) -> list[str]:
+    return [_number(value) for value in triple(point.y)]
+
+
+def _number(value: float) -> str:
+    """Four digits, never 1.2e+03."""
+    return f"{value:.0f}" if value >= LARGE else f"{value:.4g}"
