@@ -49,7 +49,12 @@ def _load() -> list[str]:
 
 
 def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
-    """Write the runs of an arm, or of joints of these names; an earlier file is replaced only by a whole one.
+    """Write the dataset; an existing file is replaced only by a whole one.
+
+    Args:
+        data: The runs.
+        arm: The arm that was measured, or the names of its joints: they head the columns.
+        path: The file.
 
     Raises:
         BenchError: When the names are not as many as the joint angles.
@@ -81,7 +86,14 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:
-    """Read and check a dataset of an arm; `columns` documents its header.
+    """Read and check a dataset of an arm.
+
+    Args:
+        path: The file; `columns` documents its header.
+        arm: The arm that was measured.
+
+    Returns:
+        Readings before and after loading, with poses and loads.
 
     Raises:
         InputError: Names the line and what was expected.

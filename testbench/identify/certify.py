@@ -39,11 +39,17 @@ def scaled_units(structure: Structure) -> Array:
 def certify(
     estimate: Estimate, trace_bounds: Array | None = None, *, dual: Dual | None = None
 ) -> Certificate:
-    """Bound by how much F_M of a conservative estimate, from any method, is above its least value.
+    """Bound the optimality gap of a conservative estimate.
 
-    The bound holds within `trace_bounds`, the trace of each block in scaled units, (blocks,) [rad/(N m)];
-    None for `default_trace_bounds`. Its proof is the dual, such as that of a better estimate; None for the
-    estimate's own gradients, which prove much only near an optimum.
+    Args:
+        estimate: Any conservative estimate, from any method.
+        trace_bounds: t_i, bound of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
+            `default_trace_bounds`.
+        dual: Proof of the bound, such as that of a better estimate; None for the estimate's own gradients,
+            which prove much only near an optimum.
+
+    Returns:
+        How far F_M is at most above its least value, and the traces within which that holds.
 
     Raises:
         BenchError: When the estimate is not conservative (the bound would prove nothing), or a trace bound

@@ -109,7 +109,17 @@ def make_estimate(
     constraint: Constraint = "none",
     advice: tuple[str, ...] = (),
 ) -> Estimate:
-    """Judge parameters, (n,): the last line of every estimator; what else is known, `replace` adds.
+    """Judge a parameter vector: the last line of every estimator; what else is known, `replace` adds.
+
+    Args:
+        regression: The reduced dataset.
+        pi: Parameters, (n,).
+        method: Name of the method, for reports.
+        constraint: What the method asked of the blocks.
+        advice: Sentences for a person.
+
+    Returns:
+        The estimate: costs, eigenvalues of every block, whether it is conservative.
 
     Raises:
         BenchError: When pi has another shape or is not finite.

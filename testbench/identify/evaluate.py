@@ -37,9 +37,15 @@ class Normality:
 
 
 def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
-    """Deflections by a model, Eq. (11): world x, y and z of every marker in every run, (runs, m, 3) [m].
+    """Deflections of a dataset's markers by a model, Eq. (11).
 
-    Of the dataset poses, loads and markers count, not the readings.
+    Args:
+        vjm: The model's kinematics.
+        estimate: The identified compliances.
+        data: Gives poses, loads and markers; its readings are not used.
+
+    Returns:
+        World x, y and z of every marker in every run, (runs, m, 3) [m].
     """
     points = marker_points(vjm, data.markers)
     blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
@@ -55,9 +61,15 @@ def _deflections(vjm: Vjm, C_theta: Array, data: Dataset, runs: slice, points: A
 
 
 def score(predicted: Array, reference: Array) -> Score:
-    """Distance errors of predicted against measured (or true) deflections, both (runs, m, 3) [m].
+    """Distance errors of predictions against measured (or true) deflections.
 
-    Index both with `Dataset.seen` where targets were lost.
+    Args:
+        predicted: Such as `predict` returns, (runs, m, 3) [m].
+        reference: Such as `Dataset.deflection`, (runs, m, 3) [m]; index both with `Dataset.seen` where
+            targets were lost.
+
+    Returns:
+        Root mean square, 95th percentile and largest error, absolute and relative.
     """
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()

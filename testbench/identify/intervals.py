@@ -73,10 +73,16 @@ class Linearised:
 
 
 def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
-    """Intervals of predicted deflections, world x, y and z of every marker in every run, (runs, m, 3) [m].
+    """Intervals of the deflections that an estimate predicts.
 
-    Exact for least squares, with a prior, and for GCO without one away from the cone's boundary. Of the data
-    poses, loads and markers count, not the readings.
+    Args:
+        vjm: The model.
+        estimate: From least squares, or with a prior; of GCO without a prior away from the cone's boundary.
+        data: Gives poses, loads and markers; its readings are not used.
+        confidence: Of each interval by itself.
+
+    Returns:
+        World x, y and z of every marker in every run, (runs, m, 3) [m].
 
     Raises:
         BenchError: When the confidence is outside (0, 1).

@@ -38,7 +38,15 @@ class Method:
     loss: Literal["plain", "robust"] = "plain"  #: "robust" looks for outliers and does without them.
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        """Identify a structure from a dataset; with a prior, or GCO with a robust loss, one of whole blocks.
+        """Identify a structure from a dataset.
+
+        Args:
+            vjm: The model.
+            structure: The unknowns; with a prior, or GCO with a robust loss, of whole blocks.
+            data: The runs.
+
+        Returns:
+            Compliances, and what there is to say of them.
 
         Raises:
             BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
@@ -86,17 +94,33 @@ gco = Method("psd")
 
 
 def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = None) -> Method:
-    """A method that fills with a prior what the data cannot see; BenchError for an estimator of your own.
+    """A method that fills with a prior what the data cannot see.
 
-    Without a strength, how firmly the prior is believed is chosen by cross-validation over poses.
+    Args:
+        estimator: A method; not an estimator of your own.
+        prior: Expected compliances.
+        strength: How firmly they are believed; None to choose by cross-validation over poses.
+
+    Returns:
+        The method with the prior; call it as any other.
+
+    Raises:
+        BenchError: When the estimator is your own.
     """
     return replace(_method(estimator, "prior"), prior=prior, strength=strength)
 
 
 def robust(estimator: Estimator) -> Method:
-    """A method that looks for outliers and does without them; BenchError for an estimator of your own.
+    """A method that looks for outliers and does without them.
 
-    `Estimate.rejected` lists what it does without.
+    Args:
+        estimator: A method; not an estimator of your own.
+
+    Returns:
+        The method with a robust loss; `Estimate.rejected` lists what it does without.
+
+    Raises:
+        BenchError: When the estimator is your own.
     """
     return replace(_method(estimator, "robust loss"), loss="robust")
 

@@ -40,7 +40,14 @@ class Strength:
 
 
 def cad_prior(arm: Arm) -> Prior:
-    """The compliances of the arm's folder: beams of the links' dimensions, catalogue values of the joints."""
+    """The compliances of the arm's folder: beams of the links' dimensions, catalogue values of the joints.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Expected compliances, as right as the folder.
+    """
     return Prior(f"CAD of {arm.name}", arm.C_theta)
 
 

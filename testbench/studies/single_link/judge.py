@@ -56,7 +56,7 @@ class Judged:
 
 
 def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
-    """Eigenvalues of C, (6, 6) [m/N, rad/N, rad/(N m)], and its errors, those under noise-free check loads."""
+    """Eigenvalues of C, (6, 6) [m/N, rad/N, rad/(N m)], and its errors, under noise-free loads too."""
     matrix, symmetric = eigenvalues(C)
     zero = -CONSERVATIVE_TOLERANCE * np.abs(matrix).max()
     error = C - cell.arm.C_theta
