@@ -43,11 +43,6 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
 
     Poses, wrenches and noise do not depend on the kind of truth.
 
-    Args:
-        cell: The arm.
-        scenario: What to measure.
-        seed: Root of all randomness.
-
     Raises:
         PoseError: When too few runs have a deflection in the range that is asked for.
         NoEquilibrium: When the arm cannot carry a load.

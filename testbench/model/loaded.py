@@ -46,9 +46,6 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
 
     Returns:
         Row j, column i holds d(J_j^T w) / d theta_i, (runs, n_theta, n_theta) [N/m, N, N m].
-
-    Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
     """
     runs = len(where.position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
@@ -86,9 +83,6 @@ def load_jacobian(where: Chain, point: Array) -> Array:
 
     Returns:
         Translation rows first, world axes, (runs, 6, n_theta) [1, m].
-
-    Raises:
-        BenchError: When the point has the wrong shape or is not finite.
     """
     point = check_array(point, (len(where.position), 3), "point [m]")
     return np.ascontiguousarray(_at_point(where, point).transpose(2, 0, 1))
@@ -109,7 +103,6 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
         (runs, 6, 6) [m/N, rad/N, rad/(N m)].
 
     Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When the load is exactly a buckling load.
     """
     J = check_array(J_theta, (None, 6, None), "J_theta [1, m]")
@@ -141,7 +134,6 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
         (runs, n_theta) [m, rad]; `displacement` makes deflections of them.
 
     Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When the load is exactly a buckling load.
     """
     n_theta, runs = where.J_theta.shape[1:]
@@ -163,9 +155,6 @@ def displacement(where: Chain, theta: Array, targets: Array) -> Array:
 
     Returns:
         World axes, (runs, m, 3) [m].
-
-    Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
     moved = np.einsum("ptr,rt->rp", translation_rows(where, targets), theta)
@@ -186,7 +175,6 @@ def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point:
         The virtual joints at rest.
 
     Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When Newton does not converge, or to an unstable pose only; names the pose.
     """
     n_theta = vjm.arm.n_theta
@@ -245,9 +233,6 @@ def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array
 
     Returns:
         World axes, (runs, m, 3) [m].
-
-    Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
     start, end = chain(vjm, q), chain(vjm, q, theta)

@@ -7,7 +7,7 @@ A parameter is one entry C_theta[a, b] = C_theta[b, a]. MGCO147, MGCO69, ... of 
 Only least squares of section 5.1 leaves the symmetry open: 36 free entries a link.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -152,48 +152,39 @@ def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -
     return [names.index(name) for name in wanted]
 
 
-def _links(arm: Arm, which: tuple[int, ...], name: str) -> list[str]:
-    if max(which) >= len(arm.links):
-        raise BenchError(
-            f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
+def _named(
+    name: str, links: tuple[int, ...] | None = None, joints: slice | None = None, entries: Pairs = FULL
+) -> Callable[[Arm], Structure]:
+    """A structure of the paper: links by number, None for all; of the joints a slice, None for none."""
+
+    def make(arm: Arm) -> Structure:
+        which = range(len(arm.links)) if links is None else links
+        if max(which) >= len(arm.links):
+            raise BenchError(
+                f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
+            )
+        free = [] if joints is None else [joint.name for joint in arm.joints[joints]]
+        return Structure.of(
+            arm, links=[arm.links[i].name for i in which], joints=free, entries=entries, name=name
         )
-    return [arm.links[i].name for i in which]
+
+    return make
 
 
-def free36(arm: Arm) -> Structure:
-    """All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
-    return Structure.of(arm, links=[x.name for x in arm.links], entries=FREE, name="MLS36")
-
-
-def mgco147(arm: Arm) -> Structure:
-    """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
-    return Structure.of(arm, links=[x.name for x in arm.links], name="MGCO147")
-
-
-def all153(arm: Arm) -> Structure:
-    """All links in full and all joints (7 x 21 + 6): every symmetric parameter that there is."""
-    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints]
-    return Structure.of(arm, links=links, joints=joints, name="ALL153")
-
-
-def mgco69(arm: Arm) -> Structure:
-    """Links 0, 2 and 3 in full and all joints (3 x 21 + 6)."""
-    links, joints = _links(arm, (0, 2, 3), "MGCO69"), [x.name for x in arm.joints]
-    return Structure.of(arm, links=links, joints=joints, name="MGCO69")
-
-
-def mgco68(arm: Arm) -> Structure:
-    """MGCO69 without joint 1, whose axis gravity does not load."""
-    links, joints = _links(arm, (0, 2, 3), "MGCO68"), [x.name for x in arm.joints[1:]]
-    return Structure.of(arm, links=links, joints=joints, name="MGCO68")
-
-
-def mgco47(arm: Arm) -> Structure:
-    """Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5)."""
-    links, joints = _links(arm, (2, 3), "MGCO47"), [x.name for x in arm.joints[1:]]
-    return Structure.of(arm, links=links, joints=joints, name="MGCO47")
+free36 = _named("MLS36", entries=FREE)
+"""All links with 36 free entries each, symmetry left open: least squares of section 5.1."""
+mgco147 = _named("MGCO147")
+"""All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
+all153 = _named("ALL153", joints=slice(None))
+"""All links in full and all joints (7 x 21 + 6): every symmetric parameter that there is."""
+mgco69 = _named("MGCO69", (0, 2, 3), slice(None))
+"""Links 0, 2 and 3 in full and all joints (3 x 21 + 6)."""
+mgco68 = _named("MGCO68", (0, 2, 3), slice(1, None))
+"""MGCO69 without joint 1, whose axis gravity does not load."""
+mgco47 = _named("MGCO47", (2, 3), slice(1, None))
+"""Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5)."""
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:
     """All links with the beam template (7 x 8), joints aggregated; MGCO56 and MLS56."""
-    return Structure.of(arm, links=[x.name for x in arm.links], entries=TEMPLATE, name=name)
+    return _named(name, entries=TEMPLATE)(arm)

@@ -48,9 +48,6 @@ class Chain:
 def build_vjm(arm: Arm) -> Vjm:
     """Read the rigid arm with Pinocchio.
 
-    Args:
-        arm: The arm.
-
     Raises:
         InputError: When Pinocchio refuses the MJCF or reads another chain than the arm's.
     """
@@ -181,23 +178,6 @@ def cross(a: Array, b: Array) -> Array:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def jacobian(vjm: Vjm, q: Array, point: Array | None = None) -> Array:
-    """Jacobian J_theta of the virtual joints at a point fixed in the tool, Eq. (3).
-
-    Args:
-        vjm: The model.
-        q: Actuated joint angles, (runs, n) [rad].
-        point: In the tool's frame, (3,) [m]; None for its origin.
-
-    Returns:
-        Translation rows first, world axes, (runs, 6, n_theta) [1, m].
-    """
-    at = np.zeros(3) if point is None else check_array(point, (3,), "point [m]")
-    where = chain(vjm, q)
-    J = np.concatenate([translation_rows(where, at[None]), where.J_theta[3:]])
-    return J.transpose(2, 0, 1)
-
-
 def translation_rows(where: Chain, points: Array) -> Array:
     """Translational rows of J_theta at points fixed in the tool.
 
@@ -219,26 +199,8 @@ def twist_rows(where: Chain) -> Array:
     return np.concatenate([np.einsum("rxy,xtr->ytr", where.rotation, part) for part in parts])
 
 
-def cartesian_compliance(J_theta: Array, C_theta: Array) -> Array:
-    """Cartesian compliance of the arm, Eq. (6).
-
-    Args:
-        J_theta: Jacobian of the virtual joints, (..., 6, n_theta) [1, m].
-        C_theta: Aggregated joint compliance, (n_theta, n_theta) [m/N, rad/(N m)].
-
-    Returns:
-        Compliance C with twist = C @ wrench, (..., 6, 6).
-    """
-    return np.asarray(J_theta @ C_theta @ J_theta.swapaxes(-1, -2))
-
-
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     """Load J_F^T w of every virtual joint.
-
-    Args:
-        where: The chain of every run.
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
         (n_theta, runs) [N, N m].
@@ -263,9 +225,6 @@ def observation(where: Chain, structure: Structure, wrench: Array, point: Array,
 
     Returns:
         (runs, m, 3, n_par).
-
-    Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
     """
     targets = check_array(targets, (None, 3), "targets [m]")
     return _stacked(structure, translation_rows(where, targets), generalised_load(where, wrench, point))

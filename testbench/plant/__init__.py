@@ -1,4 +1,9 @@
-"""The truth side: MuJoCo. Shares the arm's description with the model side, and no code."""
+"""The truth side: MuJoCo. Shares the arm's description with the model side, and no code.
+
+Arguments are the same everywhere: q are actuated joint angles, (runs, n) [rad]; wrench is force and moment in
+world axes, (runs, 6) [N, N m]; point is where it acts, in the tool's frame, (runs, 3) [m]. What has another
+shape or is not finite is a `BenchError`.
+"""
 
 import logging
 
@@ -8,7 +13,6 @@ from testbench.plant.compensator import (
     KR500_COMPENSATOR,
     STIFF_COMPENSATOR,
     Compensator,
-    equivalent_stiffness,
 )
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
@@ -43,7 +47,6 @@ __all__ = [
     "contacts",
     "disturb",
     "elastic_mjcf",
-    "equivalent_stiffness",
     "hidden",
     "settle",
     "settle_disturbed",

@@ -133,34 +133,3 @@ def strut(compensator: Compensator, plant: Plant, data: mujoco.MjData) -> Strut:
     pull(-1.0, start, end, g)
     C_g = plant.C @ g
     return Strut(add, np.eye(model.nv) - stiffness / (1 + stiffness * (g @ C_g)) * np.outer(C_g, g))
-
-
-def equivalent_stiffness(compensator: Compensator, plant: Plant, q: Array) -> Array:
-    """What the compensator adds to the stiffness of joint 2, K_eq = stiffness s'^2 + F s''.
-
-    Args:
-        compensator: The spring.
-        plant: The elastic arm.
-        q: Actuated joint angles, (runs, n) [rad].
-
-    Returns:
-        K_eq in every pose of the undeflected arm, (runs,) [N m/rad].
-    """
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
-    model, data, (lower, upper) = plant.model, mujoco.MjData(plant.model), attached(plant)
-    stiffness = compensator.rate if compensator.stiffness is None else compensator.stiffness
-    K = np.empty(len(q))
-    for i, pose in enumerate(q):
-        data.qpos[plant.joints] = pose
-        mujoco.mj_kinematics(model, data)
-        axis = data.xaxis[plant.joints[1]]  # hinges and slides only: joint and dof are counted alike
-        lever = data.xmat[upper].reshape(3, 3) @ compensator.head
-        end = data.xpos[upper] + lever
-        span = end - data.xpos[lower] - data.xmat[lower].reshape(3, 3) @ compensator.foot
-        s = math.sqrt(span @ span)
-        r1 = np.cross(axis, lever)  # derivatives of the lever with respect to q_2
-        r2 = np.cross(axis, r1)
-        s1 = span @ r1 / s
-        s2 = (r1 @ r1 + span @ r2 - s1**2) / s
-        K[i] = stiffness * s1**2 + compensator.rate * (s - compensator.rest_length) * s2
-    return K

@@ -16,7 +16,7 @@ from testbench.arm.mjcf import find_body
 from testbench.errors import Array, check_array
 from testbench.plant.compensator import attached, strut
 from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
-from testbench.plant.elastic import AXES, elastic_mjcf
+from testbench.plant.elastic import AXES, elastic_mjcf, insert_carrier
 from testbench.plant.equilibrium import (
     Equilibrium,
     Index,
@@ -91,19 +91,9 @@ def _foundation_mjcf(arm: Arm, compliance: Array) -> str:
     root = ET.fromstring(elastic_mjcf(arm))
     base = find_body(arm.rigid, root, arm.links[0].name)
     parent = next(element for element in root.iter() if base in list(element))
-    carrier = ET.Element("body", name="foundation", pos=base.attrib.pop("pos", "0 0 0"))
-    parent.insert(list(parent).index(base), carrier)
-    parent.remove(base)
-    for k, axis in enumerate(AXES):
-        ET.SubElement(
-            carrier,
-            "joint",
-            name=f"foundation_{axis}",
-            type="slide" if k < 3 else "hinge",
-            axis=" ".join("1" if j == k % 3 else "0" for j in range(3)),
-            stiffness=repr(float(1 / compliance[k])),
-        )
-    carrier.append(base)
+    carrier = insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
+    for joint, soft in zip(carrier.iter("joint"), compliance, strict=False):
+        joint.set("stiffness", repr(float(1 / soft)))
     return ET.tostring(root, encoding="unicode")
 
 
@@ -141,7 +131,6 @@ def settle_disturbed(
         The poses at rest; theta is measured from the true, offset joint angles.
 
     Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
     plant, changes = disturbed.plant, disturbed.disturbances
@@ -166,14 +155,7 @@ def settle_disturbed(
 def settle_pair(
     disturbed: DisturbedPlant, q: Array, wrench: Array, point: Array
 ) -> tuple[Equilibrium, Equilibrium]:
-    """The disturbed arm unloaded, and then loaded from there.
-
-    Args:
-        disturbed: The arm.
-        q: Commanded joint angles, (runs, n) [rad].
-        wrench: Recorded force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it is recorded to act, in the tool's frame, (runs, 3) [m].
-    """
+    """The disturbed arm unloaded, and then loaded from there."""
     unloaded = settle_disturbed(disturbed, q)
     return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)
 

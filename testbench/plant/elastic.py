@@ -55,9 +55,6 @@ def elastic_mjcf(arm: Arm) -> str:
 
     Contacts are off: an equilibrium has none, and a feasible pose is judged on the rigid arm.
 
-    Args:
-        arm: The arm.
-
     Returns:
         MJCF text; mesh files are named as in rigid.xml.
     """
@@ -85,20 +82,21 @@ def elastic_mjcf(arm: Arm) -> str:
 def _insert_virtual_joint(rigid: Path, root: ET.Element, link: Link, end: str) -> None:
     """Put a body with the link's virtual joint between the link and the body at its end."""
     parent, child = find_body(rigid, root, link.name), find_body(rigid, root, end)
-    carrier = ET.Element("body", name=f"{link.name}_end", pos=child.attrib.pop("pos", "0 0 0"))
-    parent.insert(list(parent).index(child), carrier)
-    parent.remove(child)
+    carrier = insert_carrier(parent, child, f"{link.name}_end", link.frame, f"{link.name}_theta")
     tiny = repr(CARRIER_MASS)
     ET.SubElement(carrier, "inertial", pos="0 0 0", mass=tiny, diaginertia=" ".join([tiny] * 3))
+
+
+def insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Array, joint: str) -> ET.Element:
+    """A body between two others, with slides and hinges JOINT_x to JOINT_phi_z along a frame's columns."""
+    carrier = ET.Element("body", name=name, pos=child.attrib.pop("pos", "0 0 0"))
+    parent.insert(list(parent).index(child), carrier)
+    parent.remove(child)
     for k, axis in enumerate(AXES):
-        ET.SubElement(
-            carrier,
-            "joint",
-            name=virtual_joint(link.name, axis),
-            type="slide" if k < 3 else "hinge",
-            axis=_text(link.frame[:, k % 3]),
-        )
+        kind = "slide" if k < 3 else "hinge"
+        ET.SubElement(carrier, "joint", name=f"{joint}_{axis}", type=kind, axis=_text(frame[:, k % 3]))
     carrier.append(child)
+    return carrier
 
 
 def _add_springs(tendons: ET.Element, link: Link) -> None:

@@ -105,9 +105,6 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
 def build_plant(arm: Arm) -> Plant:
     """The elastic MuJoCo model of an arm.
 
-    Args:
-        arm: The arm.
-
     Raises:
         InputError: When MuJoCo refuses the arm's MJCF.
     """
@@ -160,7 +157,6 @@ def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | N
         The poses at rest.
 
     Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
     return settle_by(linear_statics, plant, q, wrench, point)
@@ -169,19 +165,7 @@ def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | N
 def settle_by(
     statics: PoseStatics, plant: Plant, q: Array, wrench: Array | None, point: Array | None
 ) -> Equilibrium:
-    """Static equilibrium of every pose, as `settle`, under the forces and springs of `statics`.
-
-    Args:
-        statics: Forces and springs of a pose.
-        plant: The elastic arm.
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m]; None for none.
-        point: Where it acts, in the tool's frame, (runs, 3) [m]; None for the tool's origin.
-
-    Raises:
-        BenchError: When an argument has the wrong shape or is not finite.
-        NoEquilibrium: When the arm is too soft for its load; names the pose.
-    """
+    """Static equilibrium of every pose, as `settle`, under the forces and springs of `statics`."""
     q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
     runs = len(q)
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")

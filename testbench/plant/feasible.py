@@ -32,12 +32,7 @@ def build_room(arm: Arm) -> Room:
 
 
 def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
-    """The first colliding pair of bodies in every pose, None where the arm is clear.
-
-    Args:
-        room: Arm and floor.
-        q: Actuated joint angles, (poses, n) [rad].
-    """
+    """The first colliding pair of bodies in every pose, None where the arm is clear."""
     q = check_array(q, (None, room.arm.n_joints), "q [rad]")
     model, data = room.model, mujoco.MjData(room.model)
     found: list[tuple[str, str] | None] = []
@@ -57,10 +52,6 @@ def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
 
 def check_poses(room: Room, q: Array) -> None:
     """Refuse the first pose that the arm cannot take.
-
-    Args:
-        room: Arm and floor.
-        q: Actuated joint angles, (poses, n) [rad].
 
     Raises:
         PoseError: Names the pose and the limit or the colliding bodies.

@@ -42,10 +42,6 @@ class JointLaw:
 def turn(law: JointLaw, torque: Array) -> Array:
     """Turn theta under a torque.
 
-    Args:
-        law: The joints.
-        torque: (n,) [N m].
-
     Returns:
         theta, (n,) [rad].
     """

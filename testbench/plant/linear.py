@@ -14,12 +14,6 @@ from testbench.plant.equilibrium import Equilibrium, Plant
 def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equilibrium:
     """First-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
 
-    Args:
-        plant: The elastic arm.
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-
     Returns:
         The displaced poses; residual and step are zero, iterations one.
     """

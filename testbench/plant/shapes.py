@@ -70,11 +70,7 @@ def body_names(room: Room) -> list[str]:
 
 
 def visual_shapes(room: Room) -> list[Shape]:
-    """The visual geoms of an arm; sticks from body to body where it has none.
-
-    Args:
-        room: The rigid arm.
-    """
+    """The visual geoms of an arm; sticks from body to body where it has none."""
     model = room.model
     shapes = [
         _shape(model, g)
@@ -169,12 +165,7 @@ def _matrix(quaternion: Array) -> Array:
 
 
 def rigid_frames(room: Room, q: Array) -> Frames:
-    """Where the bodies of the rigid arm are.
-
-    Args:
-        room: The rigid arm.
-        q: Actuated joint angles, (runs, n) [rad].
-    """
+    """Where the bodies of the rigid arm are."""
     q = check_array(q, (None, room.arm.n_joints), "q [rad]")
     return _frames(room.model, room.joints, q, np.arange(room.model.nbody))
 

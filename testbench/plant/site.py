@@ -256,10 +256,6 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     """What touches in every pose, None where the arm and its payload are clear.
 
     Of several contacts the first in the order of `KINDS` is told.
-
-    Args:
-        site: Arm, payload, tracker.
-        q: Actuated joint angles, (poses, n) [rad].
     """
     found: list[Contact | None] = []
     for data in _poses(site, q):
@@ -287,10 +283,6 @@ def hidden(site: Site, q: Array) -> list[tuple[str, str] | None]:
 
     A ray is cast from the station to every marker. The marker's own body stops none, nor does what is nearer
     than TARGET_RADIUS to it; another marker, the load point's shackle and the payload do.
-
-    Args:
-        site: Arm, payload, tracker.
-        q: Actuated joint angles, (poses, n) [rad].
 
     Raises:
         BenchError: When no tracker stands there.

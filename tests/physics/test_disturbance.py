@@ -17,7 +17,6 @@ from testbench.plant import (
     GeometryErrors,
     build_plant,
     disturb,
-    equivalent_stiffness,
     settle,
     settle_disturbed,
     settle_linear,
@@ -127,6 +126,31 @@ def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng
         gradient[i] = (ahead - energy()) / (2 * h)
     # forces of 1e5 N: rounding of an energy of 1e2 J over 2e-6 m is 1e-8, second order of the step 1e-7
     np.testing.assert_allclose(Q, -gradient, rtol=1e-5, atol=1e-7 * np.abs(Q).max())
+
+
+def equivalent_stiffness(compensator, plant, q):
+    """What it adds to the stiffness of joint 2, K_eq = stiffness s'^2 + F s'', (runs,) [N m/rad]."""
+    model, data, (lower, upper) = (
+        plant.model,
+        mujoco.MjData(plant.model),
+        [plant.model.body(link.name).id for link in plant.arm.links[1:3]],
+    )
+    stiffness = compensator.rate if compensator.stiffness is None else compensator.stiffness
+    K = np.empty(len(q))
+    for i, pose in enumerate(q):
+        data.qpos[plant.joints] = pose
+        mujoco.mj_kinematics(model, data)
+        axis = data.xaxis[plant.joints[1]]  # hinges and slides only: joint and dof are counted alike
+        lever = data.xmat[upper].reshape(3, 3) @ compensator.head
+        end = data.xpos[upper] + lever
+        span = end - data.xpos[lower] - data.xmat[lower].reshape(3, 3) @ compensator.foot
+        s = np.sqrt(span @ span)
+        r1 = np.cross(axis, lever)  # derivatives of the lever with respect to q_2
+        r2 = np.cross(axis, r1)
+        s1 = span @ r1 / s
+        s2 = (r1 @ r1 + span @ r2 - s1**2) / s
+        K[i] = stiffness * s1**2 + compensator.rate * (s - compensator.rest_length) * s2
+    return K
 
 
 def test_equivalent_stiffness_of_a_plain_spring_is_that_of_the_planar_formula(kr500):

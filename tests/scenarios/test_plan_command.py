@@ -15,8 +15,9 @@ from testbench.bench.plan_input import read_tasks
 from testbench.cli import program
 from testbench.data.posefile import plan_columns, read_poses
 from testbench.data.station import Station
+from testbench.model.loaded import load_jacobian
 from testbench.model.poses import in_area
-from testbench.model.vjm import chain, jacobian
+from testbench.model.vjm import chain
 from testbench.plant import collisions
 from testbench.shell import command
 
@@ -146,6 +147,10 @@ def test_a_plan_simulated_and_identified_keeps_its_promise(planned, report, kr50
     error = 1e3 * errors_at_tasks(kr500, C)
     # noise moves it within the interval; that the arm is not linear adds at most as much (README: 0.06 mm)
     assert error < 2 * report["error_mm"]["p95"]
+
+
+def jacobian(vjm, q, point=(0.0, 0.0, 0.0)):
+    return load_jacobian(chain(vjm, q), np.tile(point, (len(q), 1)))
 
 
 def errors_at_tasks(cell, C_theta):
