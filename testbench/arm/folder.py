@@ -26,59 +26,35 @@ MAX_DOTS = 200
 
 @dataclass(frozen=True)
 class Link:
-    """An elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1).
+    """An elastic link; its virtual joint sits at its end, directly before the next joint (Eq. 1)."""
 
-    Attributes:
-        name: Its body in rigid.xml.
-        frame: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
-        compliance: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/(N m)].
-    """
-
-    name: str
-    frame: Array
-    compliance: Array
+    name: str  #: Its body in rigid.xml.
+    frame: Array  #: Beam axes x, y, z as columns, in the body's axes, (3, 3) [1].
+    compliance: Array  #: True compliance in the beam frame at the link's end, (6, 6) [m/N, rad/(N m)].
 
 
 @dataclass(frozen=True)
 class Joint:
-    """An actuated joint with a spring beside it.
+    """An actuated joint with a spring beside it."""
 
-    Attributes:
-        name: The hinge in rigid.xml.
-        lower: Lower limit [rad].
-        upper: Upper limit [rad].
-        compliance: True compliance [rad/(N m)].
-    """
-
-    name: str
-    lower: float
-    upper: float
-    compliance: float
+    name: str  #: The hinge in rigid.xml.
+    lower: float  #: Lower limit [rad].
+    upper: float  #: Upper limit [rad].
+    compliance: float  #: True compliance [rad/(N m)].
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A serial arm of n actuated joints and n + 1 elastic links.
+    """A serial arm of n actuated joints and n + 1 elastic links."""
 
-    Attributes:
-        name: The folder's name.
-        title: For people.
-        rigid: Path of the rigid MJCF.
-        links: From the base to the flange, n + 1.
-        joints: From the base to the flange, n.
-        tool: Body of the tool's centre point, a child of the last link.
-        load: Body at whose origin a hung weight acts.
-        markers: Bodies that the tracker reads.
-    """
-
-    name: str
-    title: str
-    rigid: Path
-    links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-    tool: str
-    load: str
-    markers: tuple[str, ...]
+    name: str  #: The folder's name.
+    title: str  #: For people.
+    rigid: Path  #: Path of the rigid MJCF.
+    links: tuple[Link, ...]  #: From the base to the flange, n + 1.
+    joints: tuple[Joint, ...]  #: From the base to the flange, n.
+    tool: str  #: Body of the tool's centre point, a child of the last link.
+    load: str  #: Body at whose origin a hung weight acts.
+    markers: tuple[str, ...]  #: Bodies that the tracker reads.
 
     @property
     def n_joints(self) -> int:

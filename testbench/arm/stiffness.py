@@ -21,21 +21,13 @@ TUBE_RANGES = {"length": (1e-3, 100.0), "outer_diameter": (1e-3, 100.0), "youngs
 
 @dataclass(frozen=True)
 class Tube:
-    """A straight hollow circular beam, the equivalent of a link.
+    """A straight hollow circular beam, the equivalent of a link."""
 
-    Attributes:
-        length: Length L along the beam's x axis [m].
-        outer_diameter: D [m].
-        inner_diameter: d, 0 <= d < D [m].
-        youngs_modulus: E [Pa].
-        poissons_ratio: nu [1].
-    """
-
-    length: float
-    outer_diameter: float
-    inner_diameter: float
-    youngs_modulus: float
-    poissons_ratio: float
+    length: float  #: Length L along the beam's x axis [m].
+    outer_diameter: float  #: D [m].
+    inner_diameter: float  #: d, 0 <= d < D [m].
+    youngs_modulus: float  #: E [Pa].
+    poissons_ratio: float  #: nu [1].
 
     def __post_init__(self) -> None:
         """Refuse a tube that cannot exist.

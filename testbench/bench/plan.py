@@ -14,7 +14,7 @@ from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.bench.plan_summary import summary
 from testbench.bench.rows import UM
 from testbench.data.station import Station
-from testbench.design.forecast import OUTSIDE, Forecast
+from testbench.design.forecast import Forecast, open_to
 from testbench.design.planning import Plan, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load
@@ -170,9 +170,7 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
     except BenchError as err:
         raise BenchError(f"{err}: leave out --no-prior") from err
     rows = task_rows(spec)
-    open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2)) > OUTSIDE * np.linalg.norm(rows, axis=(1, 2))
-    if open_.any():
-        numbers = (np.flatnonzero(open_) + 1).tolist()
+    if numbers := (np.flatnonzero(open_to(problem, rows)) + 1).tolist():
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "

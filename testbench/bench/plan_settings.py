@@ -8,7 +8,7 @@ from testbench.bench.candidates import Conditions
 from testbench.bench.rows import UM
 from testbench.data.csvfile import SIGMA_RANGE
 from testbench.data.station import Station
-from testbench.design.planning import CRITERIA
+from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
 from testbench.model.poses import WorkArea
@@ -41,8 +41,7 @@ class PlanSettings:
     seed: int = 1  #: Root of all randomness.
 
     def __post_init__(self) -> None:
-        if self.criterion not in CRITERIA:
-            raise BenchError(f"no criterion {self.criterion!r}; criteria are {', '.join(CRITERIA)}")
+        check_criterion(self.criterion)
         if not self.loads_kg or len(set(self.loads_kg)) < len(self.loads_kg):
             raise BenchError(f"loads [kg]: expected at least one, each once, got {list(self.loads_kg)}")
         for load in self.loads_kg:

@@ -8,11 +8,11 @@ import numpy as np
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast
+from testbench.design.observability import observability
 from testbench.design.planning import Plan
-from testbench.design.rows import Ids, Problem, information
+from testbench.design.rows import Ids, information
 from testbench.design.specification import promise_of
 from testbench.errors import Array
-from testbench.identify.regression import RANK_TOLERANCE
 
 RANDOM = 200
 """Random plans that the plan is compared with."""
@@ -40,14 +40,10 @@ class PriorInfluence:
 
 
 def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
-    """What the promise rests on.
+    """What the promise rests on; rows are predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
 
     M = prior + readings: the error's covariance M^-1 is that of noise and M^-1 prior M^-1, what the prior
     leaves open.
-
-    Args:
-        plan: The plan.
-        rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
     """
     problem, M = plan.examined.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
@@ -78,7 +74,7 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
     W = mean_square(rows @ problem.lift)
 
     def error(chosen: Ids) -> float:
-        if spec.uncertainty is None and _rank(problem, chosen) < problem.r:
+        if spec.uncertainty is None and observability(problem, chosen).seen < problem.r:
             return math.inf
         return math.sqrt(hidden + float(np.trace(np.linalg.solve(information(problem, chosen), W))))
 
@@ -98,18 +94,8 @@ def _hidden(plan: Plan, rows: Array) -> float:
     return max(0.0, float(np.trace(mean_square(rows) @ plan.examined.problem.hidden)))
 
 
-def _rank(problem: Problem, chosen: Ids) -> int:
-    s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.r), compute_uv=False)
-    return int((s > RANK_TOLERANCE * s[0]).sum())
-
-
 def sceptical(plan: Plan, rows: Array) -> Forecast | None:
-    """Errors to expect were the prior twice as uncertain; None without one.
-
-    Args:
-        plan: The plan.
-        rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
-    """
+    """Errors of predictions (tasks, 3 m, n) [m] were the prior twice as uncertain; None without one."""
     spec = plan.specification
     if spec.uncertainty is None:
         return None

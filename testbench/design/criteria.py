@@ -3,7 +3,8 @@
 Every criterion Phi is concave in M and positively homogeneous (Pukelsheim 1993, ch. 5), so that its
 efficiency Phi(plan) / Phi(best) is a share. `dual(M)` is a matrix Z with Phi(M') <= <Z, M'> for every M':
 what the equivalence theorem needs to bound all plans at once. `after(M, rows)` is Phi with one more
-candidate, for every candidate, by updates of rank k.
+candidate, for every candidate, by updates of rank k; 0 where it was not worth computing. `smooth(M)` is what
+the relaxation climbs: Phi, or a stand-in with a gradient everywhere. M is (r, r), rows (candidates, k, r).
 
 D: det(M)^(1/r). A: 1 / tr(M^-1). E: least eigenvalue. I and the test-pose criterion (Klimchik et al.,
 Robotics and CIM 2014; Wu et al. 2015): 1 / tr(W M^-1), W the mean of the prediction rows' squares. G: 1 /
@@ -13,7 +14,6 @@ Hollerbach (ICRA 2008).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -23,31 +23,6 @@ POWER = 24
 """Sharpness of the smooth stand-in for a largest value, G and E."""
 SHORTLIST = 32
 """Candidates for which G and E are computed exactly; the stand-in ranks the others."""
-
-
-class Criterion(Protocol):
-    """An information function."""
-
-    @property
-    def name(self) -> str:
-        """One letter, or "test"."""
-        ...
-
-    def information(self, M: Array) -> float:
-        """Phi(M) of an information matrix, (r, r)."""
-        ...
-
-    def smooth(self, M: Array) -> float:
-        """What the relaxation climbs: Phi, or a stand-in with a gradient everywhere."""
-        ...
-
-    def after(self, M: Array, rows: Array) -> Array:
-        """Phi(M + F^T F) for each F of `rows`, (candidates, k, r); 0 where it was not worth computing."""
-        ...
-
-    def dual(self, M: Array) -> Array:
-        """Z with Phi(M') <= <Z, M'> for all M', nearly equal at M, (r, r)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -138,14 +113,8 @@ class Largest:
         return self.mix(M, share / share.sum())
 
 
-def criterion_d() -> Determinant:
-    """D-optimality."""
-    return Determinant()
-
-
-def criterion_a(r: int) -> Linear:
-    """A-optimality: mean variance of the unknowns."""
-    return Linear("A", np.eye(r) / r)
+Criterion = Determinant | Linear | Largest
+"""An information function, by name."""
 
 
 def criterion_e() -> Largest:
@@ -162,11 +131,7 @@ def criterion_e() -> Largest:
 
 
 def criterion_g(rows: Array) -> Largest:
-    """G-optimality: worst mean square error of a pose.
-
-    Args:
-        rows: Predictions per unit of a, (poses, k, r) [m].
-    """
+    """G-optimality: worst mean square error of a pose, of predictions per unit of a, (poses, k, r) [m]."""
 
     def costs(M: Array) -> Array:
         half = rows @ np.linalg.inv(np.linalg.cholesky(M)).T
@@ -180,11 +145,7 @@ def criterion_g(rows: Array) -> Largest:
 
 
 def mean_square(rows: Array) -> Array:
-    """W of predictions: tr(W M^-1) is the mean square distance of a predicted target [m^2].
-
-    Args:
-        rows: Predictions per unit of a, three axes a target, (poses, 3 m, r) [m].
-    """
+    """W of predictions (poses, 3 m, r) [m]: tr(W M^-1) is a target's mean square distance [m^2]."""
     A = rows.reshape(-1, rows.shape[-1])
     return np.asarray(A.T @ A / (len(rows) * _points(rows)))
 

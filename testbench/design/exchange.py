@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.design.criteria import Criterion
 from testbench.design.relaxation import Relaxed, sensitivity
-from testbench.design.rows import Ids, Problem, information
+from testbench.design.rows import Ids, Problem, information, total
 from testbench.errors import Array
 
 STARTS = 4
@@ -23,15 +23,7 @@ BETTER = 1e-7
 def select(
     problem: Problem, criterion: Criterion, poses: int, relaxed: Relaxed, rng: np.random.Generator
 ) -> Ids:
-    """The best plan found, (poses,): indices of candidates, in the order of the indices.
-
-    Args:
-        problem: The candidates.
-        criterion: What makes a plan good.
-        poses: How many.
-        relaxed: The relaxed optimum for as many.
-        rng: Source of the starts.
-    """
+    """The best plan found, indices of candidates in their order, (poses,); relaxed is for as many poses."""
     useful = np.argsort(-sensitivity(problem.rows, relaxed.dual), kind="stable")[:SHORTLIST]
     short = np.union1d(useful, relaxed.support)
     rows = problem.rows[short]
@@ -45,14 +37,7 @@ def select(
 
 
 def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> Ids:
-    """One pose after the other, each the best next one, (poses,).
-
-    Args:
-        problem: Gives the prior.
-        criterion: What makes a plan good.
-        rows: Candidates, (candidates, k, r).
-        poses: How many.
-    """
+    """One pose after the other of the candidates (candidates, k, r), each the best next one, (poses,)."""
     M, plan = problem.prior, []
     for _ in range(poses):
         plan.append(int(criterion.after(M, rows).argmax()))
@@ -61,28 +46,16 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
 
 
 def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
-    """Exchange one pose at a time while the plan gets better, (poses,).
-
-    Args:
-        problem: Gives the prior.
-        criterion: What makes a plan good.
-        rows: Candidates, (candidates, k, r).
-        plan: Where to start, (poses,).
-    """
+    """Exchange a pose of the plan (poses,) for a candidate (candidates, k, r) while that makes it better."""
     plan = plan.copy()
-    value = criterion.information(_of(problem, rows, plan))
+    value = criterion.information(total(problem.prior, rows[plan]))
     for _ in range(SWEEPS):
         before = value
         for k in range(len(plan)):
-            reached = criterion.after(_of(problem, rows, np.delete(plan, k)), rows)
+            reached = criterion.after(total(problem.prior, rows[np.delete(plan, k)]), rows)
             best = int(reached.argmax())
             if reached[best] > (1 + BETTER) * value:
                 plan[k], value = best, float(reached[best])
         if value <= (1 + BETTER) * before:
             break
     return plan
-
-
-def _of(problem: Problem, rows: Array, plan: Ids) -> Array:
-    A = rows[plan].reshape(-1, problem.r)
-    return np.asarray(problem.prior + A.T @ A)

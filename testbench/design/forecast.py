@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from testbench.design.rows import Problem
 from testbench.errors import Array
@@ -30,13 +31,16 @@ class Forecast:
     overall_high: float  #: 95th percentile [m].
 
 
-def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
-    """Errors to expect of a linear model and normal noise.
+def open_to(problem: Problem, rows: Array) -> npt.NDArray[np.bool_]:
+    """Predictions (poses, 3 m, n) that ask for what neither candidates show nor a prior bounds, (poses,)."""
+    open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2))
+    return np.asarray(open_ > OUTSIDE * np.linalg.norm(rows, axis=(1, 2)))
 
-    Args:
-        problem: Coordinates of the plan.
-        M: Its information matrix, (r, r).
-        rows: Predictions per unit of x, three axes a target, (poses, 3 m, n) [m].
+
+def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
+    """Errors to expect of a linear model and normal noise, information matrix M (r, r).
+
+    Predictions are rows per unit of x, three axes a target, (poses, 3 m, n) [m].
     """
     targets = rows.shape[1] / 3
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
@@ -46,16 +50,8 @@ def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
     draws = root @ np.random.Generator(np.random.Philox(0)).standard_normal((len(C), DRAWS))
     square = np.stack([np.square(A @ draws).sum(axis=0) for A in rows]) / targets  # (poses, draws)
     mean = np.einsum("pkn,nl,pkl->p", rows, C, rows, optimize=True) / targets
-    unseen = np.linalg.norm(rows @ problem.unseen, axis=(1, 2)) > OUTSIDE * np.linalg.norm(rows, axis=(1, 2))
-    mean = np.where(unseen, np.inf, mean)
-    square[unseen] = np.inf
+    unbounded = open_to(problem, rows)
+    mean[unbounded], square[unbounded] = np.inf, np.inf
     low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
     over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
-    return Forecast(
-        error=np.sqrt(mean),
-        low=low,
-        high=high,
-        overall=math.sqrt(mean.mean()),
-        overall_low=math.sqrt(over[0]),
-        overall_high=math.sqrt(over[1]),
-    )
+    return Forecast(np.sqrt(mean), low, high, *map(math.sqrt, (mean.mean(), *over)))

@@ -31,14 +31,8 @@ class Observability:
 
 
 def observability(problem: Problem, chosen: Ids) -> Observability:
-    """Indices of a plan.
-
-    Args:
-        problem: The candidates.
-        chosen: Indices of candidates, (poses,).
-    """
-    A = problem.rows[chosen].reshape(-1, problem.r)
-    s = np.linalg.svd(A, compute_uv=False)
+    """Indices of a plan of candidates, (poses,)."""
+    s = np.linalg.svd(problem.rows[chosen].reshape(-1, problem.r), compute_uv=False)
     seen = int((s > RANK_TOLERANCE * s[0]).sum())
     if seen < problem.r:
         return Observability(0.0, 0.0, 0.0, 0.0, 0.0, seen, problem.r)

@@ -17,29 +17,17 @@ from testbench.errors import Array
 
 
 def joint_travel(q: Array) -> Array:
-    """Travel between poses: the largest joint's, as all joints move at a time, (poses, poses) [rad].
-
-    Args:
-        q: Joint angles, (poses, n) [rad].
-    """
+    """Travel between poses (poses, n) [rad]: that of the joint that turns farthest, (poses, poses)."""
     return np.asarray(np.abs(q[:, None] - q[None]).max(axis=2))
 
 
 def shortest_path(cost: Array) -> Ids:
-    """The shortest way through all places, wherever it begins and ends, (places,).
-
-    Args:
-        cost: Symmetric, (places, places).
-    """
+    """The shortest way through all places, wherever it begins and ends, (places,); cost is symmetric."""
     return round_trip(np.pad(cost, (1, 0)))[1:] - 1
 
 
 def round_trip(cost: Array) -> Ids:
-    """The shortest round trip, (places,): it begins at place 0 and ends before coming back to it.
-
-    Args:
-        cost: Symmetric, (places, places).
-    """
+    """The shortest round trip, (places,): it begins at place 0 and ends before it; cost is symmetric."""
     n = len(cost)
     if n <= 3:
         return np.arange(n)

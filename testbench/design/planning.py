@@ -6,28 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from testbench.design.criteria import (
-    Criterion,
-    Linear,
-    criterion_a,
-    criterion_d,
-    criterion_e,
-    criterion_g,
-    mean_square,
-)
+from testbench.design.criteria import Criterion, Determinant, Linear, criterion_e, criterion_g, mean_square
 from testbench.design.exchange import select
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.order import joint_travel, shortest_path
 from testbench.design.refine import Neighbourhood, Reach, ascend, refine
 from testbench.design.relaxation import Relaxed, relax, sensitivity
 from testbench.design.rows import Ids, Problem, information, more
-from testbench.design.specification import (
-    Specification,
-    measured_rows,
-    problem_of,
-    task_rows,
-    workspace_rows,
-)
+from testbench.design.specification import Specification, measured_rows, problem_of, task_rows, workspace_rows
 from testbench.errors import Array, BenchError
 
 ASCENTS, CLIMBERS = 2, 60
@@ -73,8 +59,8 @@ class Plan:
 
 
 CRITERIA: dict[str, Callable[[Specification, Problem], Criterion]] = {
-    "D": lambda _spec, _problem: criterion_d(),
-    "A": lambda _spec, problem: criterion_a(problem.r),
+    "D": lambda _spec, _problem: Determinant(),
+    "A": lambda _spec, problem: Linear("A", np.eye(problem.r) / problem.r),
     "E": lambda _spec, _problem: criterion_e(),
     "G": lambda spec, problem: criterion_g(workspace_rows(spec) @ problem.lift),
     "I": lambda spec, problem: Linear("I", mean_square(workspace_rows(spec) @ problem.lift)),
@@ -83,12 +69,14 @@ CRITERIA: dict[str, Callable[[Specification, Problem], Criterion]] = {
 """Criteria by name."""
 
 
-def candidate_set(spec: Specification, q: Array) -> CandidateSet:
-    """Every pose under every load.
+def check_criterion(name: str) -> None:
+    """Refuse what is no key of `CRITERIA`."""
+    if name not in CRITERIA:
+        raise BenchError(f"no criterion {name!r}; criteria are {', '.join(CRITERIA)}")
 
-    Args:
-        spec: What the plan is for.
-        q: Feasible poses, (poses, n) [rad].
+
+def candidate_set(spec: Specification, q: Array) -> CandidateSet:
+    """Every pose (poses, n) [rad] under every load.
 
     Raises:
         BenchError: When no load moves a target, or without a prior there are fewer poses than directions to
@@ -104,11 +92,7 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
 
 def seen_at_most(spec: Specification, problem: Problem) -> int:
     """Directions that the plan's poses can see at most; the candidates show problem.r."""
-    return min(problem.r, spec.poses * _seen_by_one(problem))
-
-
-def _seen_by_one(problem: Problem) -> int:
-    return int(np.linalg.matrix_rank(problem.rows[0]))
+    return min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0])))
 
 
 def _check_enough(spec: Specification, problem: Problem) -> None:
@@ -117,7 +101,7 @@ def _check_enough(spec: Specification, problem: Problem) -> None:
         raise BenchError(
             f"poses: {spec.poses} poses see at most {seen} of the {r} directions of "
             f"{spec.experiment.metric.structure.name} that these loads can show, {r - seen} would be lost; "
-            f"expected at least {-(-r // _seen_by_one(problem))} poses, or a prior that fills the rest"
+            f"expected at least {-(-r * spec.poses // seen)} poses, or a prior that fills the rest"
         )
 
 
@@ -134,8 +118,7 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
     Raises:
         BenchError: When there is no such criterion, or too few poses without a prior.
     """
-    if name not in CRITERIA:
-        raise BenchError(f"no criterion {name!r}; criteria are {', '.join(CRITERIA)}")
+    check_criterion(name)
     near = Neighbourhood(reach.feasible, spec.experiment.vjm.arm.limits, rng)
     examined = candidate_set(spec, q)
     criterion = CRITERIA[name](spec, examined.problem)
@@ -216,10 +199,5 @@ def _order(q: Array, load: Ids, reach: Reach) -> Ids:
 
 
 def promise(plan: Plan, rows: Array) -> Forecast:
-    """Errors to expect after the plan was measured and identified.
-
-    Args:
-        plan: The plan.
-        rows: Predictions per unit of x, such as `task_rows`, (poses, 3 m, n) [m].
-    """
+    """Errors to expect after the plan was measured and identified, of predictions such as `task_rows`."""
     return forecast(plan.examined.problem, plan.information, rows)

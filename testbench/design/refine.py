@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.design.criteria import Criterion
+from testbench.design.rows import total
 from testbench.errors import Array
 
 NEIGHBOURS = 64
@@ -55,27 +56,19 @@ class Neighbourhood:
 
 
 def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neighbourhood) -> Array:
-    """Better joint angles for every pose of a plan, none of them worse.
+    """Better joint angles for every pose of a plan (poses, n) [rad], none of them worse.
 
-    Args:
-        q: The plan, (poses, n) [rad].
-        prior: Information before any reading, (r, r).
-        criterion: What makes a plan good.
-        rows: What a pose tells.
-        near: Where and how to step.
-
-    Returns:
-        (poses, n) [rad].
+    The prior is the information before any reading, (r, r); rows are what a pose tells.
     """
     q = q.copy()
     own = np.stack([rows(pose[None], k)[0] for k, pose in enumerate(q)])
     step = np.full(len(q), STEP)
-    value = criterion.information(_total(prior, own))
+    value = criterion.information(total(prior, own))
     for _ in range(ROUNDS):
         for k in range(len(q)):
             trial = near.around(q[k], np.full((NEIGHBOURS, 1), step[k]))
             seen = rows(trial, k)
-            reached = criterion.after(_total(prior, np.delete(own, k, axis=0)), seen)
+            reached = criterion.after(total(prior, np.delete(own, k, axis=0)), seen)
             better = [i for i in np.argsort(-reached)[:TRIES] if reached[i] > (1 + BETTER) * value]
             allowed = np.flatnonzero(near.feasible(trial[better])).tolist() if better else []
             if allowed:
@@ -87,16 +80,7 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neigh
 
 
 def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) -> Array:
-    """Poses more useful than their starts by a measure that asks one pose alone, all of them at once.
-
-    Args:
-        q: Starts, (poses, n) [rad].
-        usefulness: Of poses (poses, n) [rad], (poses,).
-        near: Where and how to step.
-
-    Returns:
-        (poses, n) [rad].
-    """
+    """Poses (poses, n) [rad] more useful than their starts q, by a measure that asks one pose alone."""
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ROUNDS):
         trial = near.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
@@ -106,11 +90,5 @@ def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) 
         better = np.flatnonzero(reached > (1 + BETTER) * value)
         better = better[near.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
-        worse = np.setdiff1d(np.arange(len(q)), better)
-        step[worse] *= SHRINK
+        step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK
     return q
-
-
-def _total(prior: Array, rows: Array) -> Array:
-    A = rows.reshape(-1, prior.shape[0])
-    return np.asarray(prior + A.T @ A)

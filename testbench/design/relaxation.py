@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.design.criteria import Criterion
-from testbench.design.rows import Ids, Problem
+from testbench.design.rows import Ids, Problem, total
 from testbench.errors import Array
 
 FIRST, JOINING = 120, 40
@@ -39,17 +39,6 @@ class Relaxed:
     dual: Array  #: Z that proves it, (r, r).
 
 
-def bound(problem: Problem, poses: int, Z: Array) -> float:
-    """What no plan of so many poses among the candidates exceeds.
-
-    Args:
-        problem: The candidates.
-        poses: How many.
-        Z: A dual of the criterion, (r, r).
-    """
-    return float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
-
-
 def sensitivity(rows: Array, Z: Array) -> Array:
     """<Z, F^T F> of every candidate, (candidates,)."""
     return np.asarray(((rows @ Z) * rows).sum(axis=(1, 2)))
@@ -58,17 +47,13 @@ def sensitivity(rows: Array, Z: Array) -> Array:
 def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:
     """The best weights, to within `GAP`, and the bound; with G and E, not smooth, to within a few per cent.
 
-    Args:
-        problem: The candidates.
-        criterion: What makes a plan good.
-        poses: Sum of the weights.
-        start: Where to begin, such as the optimum over fewer candidates; None for evenly.
+    The weights' sum is the number of poses. Start from an optimum over fewer candidates; None: even weights.
     """
     S, w = (start.support, start.weights) if start else _evenly(len(problem.rows), poses)
     best: Relaxed | None = None
     for _ in range(ROUNDS):
         w = _climb(problem, criterion, S, w)
-        M = _information(problem, S, w)
+        M = total(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
         Z = criterion.dual(M)
         g = sensitivity(problem.rows, Z)
         limit = float((Z * problem.prior).sum() + poses * g.max())
@@ -112,11 +97,6 @@ def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
         else:
             break
     return w
-
-
-def _information(problem: Problem, S: Ids, w: Array) -> Array:
-    A = (np.sqrt(w)[:, None, None] * problem.rows[S]).reshape(-1, problem.r)
-    return np.asarray(problem.prior + A.T @ A)
 
 
 def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:

@@ -67,15 +67,7 @@ def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
     """Whitened rows of a loaded and an unloaded reading of all targets in every pose.
 
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist; the
-    triangular factor of that matrix leaves at most six rows a pose, Eq. (12).
-
-    Args:
-        experiment: How poses are measured.
-        q: Actuated joint angles, (poses, n) [rad].
-        load: The load.
-
-    Returns:
-        (poses, k, n) [1].
+    triangular factor of that matrix leaves at most six rows a pose, Eq. (12): (poses, k, n) [1].
     """
     G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
     return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma))
@@ -129,19 +121,16 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
 
 
 def more(problem: Problem, rows: Array) -> Problem:
-    """The same problem with more candidates, whitened rows (candidates, k, n).
-
-    What they show beyond the directions of the problem is left out.
-    """
+    """More candidates, whitened rows (candidates, k, n); what only they show is left out."""
     return replace(problem, rows=np.concatenate([problem.rows, rows @ problem.lift]))
 
 
 def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
-    """Information matrix M of a plan, prior included, (r, r).
+    """Information matrix M of a plan, prior included, (r, r); a candidate may be chosen several times."""
+    return total(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
 
-    Args:
-        problem: The candidates.
-        chosen: Indices of the candidates; one may be there several times.
-    """
-    A = problem.rows[np.asarray(chosen, dtype=int)].reshape(-1, problem.r)
-    return np.asarray(problem.prior + A.T @ A)
+
+def total(prior: Array, rows: Array) -> Array:
+    """Information after rows (poses, k, r) were read, prior included, (r, r)."""
+    A = rows.reshape(-1, prior.shape[0])
+    return np.asarray(prior + A.T @ A)

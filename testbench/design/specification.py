@@ -56,29 +56,19 @@ def loads_of(spec: Specification, load: Ids) -> Load:
 
 
 def measured_rows(spec: Specification, q: Array, load: Ids) -> Array:
-    """Whitened rows of poses, each under its own load, (poses, k, n) [1].
-
-    Args:
-        spec: Loads and experiment.
-        q: Joint angles, (poses, n) [rad].
-        load: Index into the specification's loads, (poses,).
-    """
+    """Whitened rows of poses (poses, n) [rad], each under its own load (poses,), (poses, k, n) [1]."""
     return reading_rows(spec.experiment, q, loads_of(spec, load))
 
 
 def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
-    """Poses as candidates, each under its own load; arguments as of `measured_rows`."""
+    """Poses (poses, n) [rad] as candidates, each under its own load (poses,)."""
     return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
 
 
 def promise_of(spec: Specification, q: Array, load: Ids, rows: Array) -> Forecast:
     """Errors to expect after any poses were measured and identified, such as those of a plan made by hand.
 
-    Args:
-        spec: Loads, prior and experiment.
-        q: Poses to measure, (poses, n) [rad].
-        load: Index into the specification's loads, (poses,).
-        rows: Predictions per unit of x, such as `task_rows`, (poses, 3 m, n) [m].
+    Poses are (poses, n) [rad], each under its own load (poses,); rows are predictions, such as `task_rows`.
     """
     problem = problem_of(spec, q, load)
     return forecast(problem, information(problem, np.arange(len(q))), rows)
