@@ -73,7 +73,7 @@ class FitRow:
     held_by_trace_weight: Share  #: Whether only the trace weight holds unseen compliance.
     total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
     solve_seconds: Number  #: Wall time of the estimator.
-    advice: tuple[str, ...] | str  #: What the estimate says of itself.
+    advice: tuple[str, ...]  #: What the estimate says of itself.
 
 
 @dataclass(frozen=True)

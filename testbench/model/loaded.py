@@ -39,11 +39,6 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     fixed direction has none: omega_j turns with i, but omega_i does not turn with j. Such a moment is not
     conservative, and its part of K_w is not symmetric.
 
-    Args:
-        where: The chain of every run, at the theta in question.
-        wrench: Force and moment of fixed direction, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-
     Returns:
         Row j, column i holds d(J_j^T w) / d theta_i, (runs, n_theta, n_theta) [N/m, N, N m].
     """
@@ -76,10 +71,6 @@ def _at_point(where: Chain, point: Array) -> Array:
 
 def load_jacobian(where: Chain, point: Array) -> Array:
     """Jacobian J_theta at the point where the load acts, Eq. (3).
-
-    Args:
-        where: The chain of every run, at any theta.
-        point: In the tool's frame, (runs, 3) [m].
 
     Returns:
         Translation rows first, world axes, (runs, 6, n_theta) [1, m].
@@ -148,11 +139,6 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
 def displacement(where: Chain, theta: Array, targets: Array) -> Array:
     """How far points of the tool move to first order.
 
-    Args:
-        where: The chain of every run.
-        theta: Virtual joints, (runs, n_theta) [m, rad].
-        targets: Points that are read, in the tool's frame, (m, 3) [m].
-
     Returns:
         World axes, (runs, m, 3) [m].
     """
@@ -163,13 +149,6 @@ def displacement(where: Chain, theta: Array, targets: Array) -> Array:
 
 def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point: Array) -> LoadedEquilibrium:
     """The non-linear VJM of a weightless arm: theta = C_theta J_theta(theta)^T w, by Newton with Eq. (7).
-
-    Args:
-        vjm: The model.
-        C_theta: Aggregated joint compliance, positive semi-definite, (n_theta, n_theta) [m/N, rad/(N m)].
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Force and moment of fixed direction, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
 
     Returns:
         The virtual joints at rest.
@@ -224,12 +203,6 @@ def _no_equilibrium(problem: str, q: Array, wrench: Array) -> NoEquilibrium:
 
 def loaded_deflection(vjm: Vjm, q: Array, theta: Array, targets: Array) -> Array:
     """How far points of the tool have moved from theta = 0, without linearisation.
-
-    Args:
-        vjm: The model.
-        q: Actuated joint angles, (runs, n) [rad].
-        theta: Virtual joint coordinates, (runs, n_theta) [m, rad].
-        targets: Points that are read, in the tool's frame, (m, 3) [m].
 
     Returns:
         World axes, (runs, m, 3) [m].

@@ -216,13 +216,6 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
     """Observation matrix A of Eq. (12), so that deflection = A @ pi.
 
-    Args:
-        where: The chain of every run.
-        structure: The unknown entries, n_par of them.
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-        targets: Points whose deflection is read, in the tool's frame, (m, 3) [m].
-
     Returns:
         (runs, m, 3, n_par).
     """

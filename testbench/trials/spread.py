@@ -55,7 +55,7 @@ def merge(values: Sequence[T]) -> T:
     """Records of several trials, all of one type, as one: every number becomes its median and spread.
 
     A truth value becomes the share of trials in which it holds; what is the same in all trials stays;
-    different words are listed.
+    different words are listed, of tuples of words each one once.
     """
     return _merge(list(values))  # type: ignore[return-value]  # a dataclass's fields are Numbers
 
@@ -72,6 +72,9 @@ def _merge(values: list[object]) -> object:
         return sum(map(bool, values)) / len(values)
     if all(isinstance(v, int | float) for v in values):
         return spread([float(v) for v in values if isinstance(v, int | float)])
+    texts = [v for v in values if isinstance(v, tuple) and all(isinstance(text, str) for text in v)]
+    if len(texts) == len(values):
+        return tuple(dict.fromkeys(text for own in texts for text in own))
     rows = [v for v in values if isinstance(v, list | tuple) and len(v) == len(_sized(first))]
     if len(rows) == len(values):
         return [_merge(list(column)) for column in zip(*rows, strict=True)]

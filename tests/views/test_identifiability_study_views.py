@@ -65,7 +65,7 @@ def models(rng):
 
 def judged(report):
     """The same with the verdict that follows from its numbers."""
-    return replace(report, **verdict(report.models, report.nonlinear))
+    return replace(report, **vars(verdict(report.models, report.nonlinear)))
 
 
 def intervals(rng, kinds):
@@ -100,7 +100,7 @@ def report(rng):
         never_worse={name: fill(Ratio, rng) for name in ("MGCO56", "MGCO68")},
         coverage=intervals(rng, ["linearised", "bootstrap", "posterior", "set", "set"]),
         bent_coverage=intervals(rng, ["same arm", "same arm"]),
-        **verdict(linear, nonlinear),
+        **vars(verdict(linear, nonlinear)),
     )
 
 

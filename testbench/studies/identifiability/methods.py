@@ -10,7 +10,7 @@ from testbench.bench.campaign import Campaign, Cell, Model, identify, named_mode
 from testbench.bench.rows import JudgedRow, judged_row
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.crossval import choose_strength, every_fold
+from testbench.identify.crossval import Regularised, choose_strength, every_fold
 from testbench.identify.metric import Metric, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
@@ -47,27 +47,25 @@ def least_trace(prior: Prior) -> Estimator:
     return fit
 
 
-def log_det(prior: Prior) -> Estimator:
-    """GCO with the log-determinant prior, as firm as cross-validation over poses chooses."""
+def cross_validated(prior: Prior, method: Regularised, *, scaled: bool = True) -> Estimator:
+    """A method with a prior, as firm as cross-validation over poses chooses; scaled to the data or not."""
 
     def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        regression = reduce(vjm, structure, data)
-        own = rescaled(metric(prior, vjm, structure), regression)
-        strength = choose_strength(every_fold(vjm, structure, data), own, gco_stein)
-        return gco_stein(regression, own, strength)
+        regression, own = reduce(vjm, structure, data), metric(prior, vjm, structure)
+        own = rescaled(own, regression) if scaled else own
+        return method(regression, own, choose_strength(every_fold(vjm, structure, data), own, method))
 
     return fit
+
+
+def log_det(prior: Prior) -> Estimator:
+    """GCO with the log-determinant prior."""
+    return cross_validated(prior, gco_stein)
 
 
 def fixed_scale(prior: Prior) -> Estimator:
-    """GCO with a prior whose scale is believed, else as firm as cross-validation over poses chooses."""
-
-    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        own = metric(prior, vjm, structure)
-        strength = choose_strength(every_fold(vjm, structure, data), own, _believed)
-        return _believed(reduce(vjm, structure, data), own, strength)
-
-    return fit
+    """GCO with a prior whose scale is believed."""
+    return cross_validated(prior, _believed, scaled=False)
 
 
 def _believed(regression: Regression, own: Metric, strength: Strength) -> Estimate:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypedDict
+from typing import Literal
 
 import numpy as np
 
@@ -107,7 +107,18 @@ class Coverage:
 
 
 @dataclass(frozen=True)
-class IdentifiabilityReport:
+class Verdict:
+    """What follows from the models of the report."""
+
+    best: Leaders
+    best_without_prior: Leaders
+    best_nonlinear: Leaders
+    best_nonlinear_without_prior: Leaders
+    gains: list[Gain]
+
+
+@dataclass(frozen=True)
+class IdentifiabilityReport(Verdict):
     """report.json."""
 
     scenario: str
@@ -129,11 +140,6 @@ class IdentifiabilityReport:
     seen: Seen
     coverage: Mapping[str, Coverage]
     bent_coverage: Mapping[str, Coverage]
-    best: Leaders
-    best_without_prior: Leaders
-    best_nonlinear: Leaders
-    best_nonlinear_without_prior: Leaders
-    gains: list[Gain]
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> IdentifiabilityReport:
@@ -165,7 +171,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         never_worse=_never_worse(part["linear"]),
         coverage={name: row for name, row in shares.items() if row.kind != "same arm"},
         bent_coverage={name: row for name, row in shares.items() if row.kind == "same arm"},
-        **verdict(models, nonlinear),
+        **vars(verdict(models, nonlinear)),
     )
 
 
@@ -181,25 +187,15 @@ def _first_campaign(asked: Settings, seed: int) -> tuple[Measured, Seen]:
     return dataset, seen_report(seen)
 
 
-class Verdict(TypedDict):
-    """Fields of the report that follow from its models."""
-
-    best: Leaders
-    best_without_prior: Leaders
-    best_nonlinear: Leaders
-    best_nonlinear_without_prior: Leaders
-    gains: list[Gain]
-
-
 def verdict(models: Sequence[ModelReport], nonlinear: Sequence[ModelReport]) -> Verdict:
-    """Who is best under both truths, and what a prior is worth: fields of the report."""
-    return {
-        "best": leaders(models),
-        "best_without_prior": leaders(m for m in models if not m.prior),
-        "best_nonlinear": leaders(nonlinear),
-        "best_nonlinear_without_prior": leaders(m for m in nonlinear if not m.prior),
-        "gains": gains(models),
-    }
+    """Who is best under both truths, and what a prior is worth."""
+    return Verdict(
+        best=leaders(models),
+        best_without_prior=leaders(m for m in models if not m.prior),
+        best_nonlinear=leaders(nonlinear),
+        best_nonlinear_without_prior=leaders(m for m in nonlinear if not m.prior),
+        gains=gains(models),
+    )
 
 
 def _models(rows: Iterable[CampaignRow]) -> list[ModelReport]:

@@ -17,6 +17,7 @@ from testbench.studies.solver_comparison.trial import (
     Data,
     Minima,
     Settings,
+    SolverNumbers,
     SolverRow,
     TrialRow,
 )
@@ -38,27 +39,12 @@ NUMBERS = (
 
 
 @dataclass(frozen=True)
-class SolverReport:
-    """A solver over all seeds; the fields are those of `SolverRow`."""
+class SolverReport(SolverNumbers):
+    """A solver over all seeds."""
 
     key: str
     name: str
-    f_m: Number
-    excess_f_m: Number
-    relative_excess: Number
-    duality_gap: Number
-    relative_gap: Number
-    seconds: Number
-    seconds_to_1_percent: Number
-    ratio_to_conic: Number
-    whole_ratio_to_conic: Number
-    evaluations: Number
     within_1_percent: int
-    local_solves: int | None
-    local_solves_elsewhere: int | None
-    conservative: bool
-    check: ErrorRow
-    status: str
 
     @property
     def title(self) -> str:
@@ -130,20 +116,25 @@ class LocalMinima:
 
 
 @dataclass(frozen=True)
-class NeverAbove:
-    """Whether the conic program never ends above the paper's optimiser."""
+class Met:
+    """Whether something holds."""
 
     met: bool
+
+
+@dataclass(frozen=True)
+class NeverAbove(Met):
+    """Whether the conic program never ends above the paper's optimiser."""
+
     largest_relative_excess_of_d_over_a: float
     largest_relative_excess_of_d_over_any: float
     met_up_to_the_certified_gap: bool
 
 
 @dataclass(frozen=True)
-class Faster:
+class Faster(Met):
     """How much longer the paper's optimiser takes to come within 1 %."""
 
-    met: bool
     seeds_met: int
     seeds: int
     ratio: Number
@@ -151,29 +142,20 @@ class Faster:
 
 
 @dataclass(frozen=True)
-class Lean:
+class Lean(Met):
     """The same for its evaluations of F_M alone."""
 
-    met: bool
     ratio: float
     seconds_of_f_m_alone: float
 
 
 @dataclass(frozen=True)
-class Everywhere:
+class Everywhere(Met):
     """Whether all local solves with gradients reach the conic program's F_M."""
 
-    met: bool
     elsewhere: int
     of: int
     tolerance: float
-
-
-@dataclass(frozen=True)
-class Met:
-    """Whether something holds."""
-
-    met: bool
 
 
 @dataclass(frozen=True)

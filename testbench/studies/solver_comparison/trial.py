@@ -90,8 +90,8 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class SolverRow:
-    """What one solver found in one seed."""
+class SolverNumbers:
+    """What one solver found, in one seed or over all."""
 
     f_m: Number  #: Cost of Eq. (19).
     excess_f_m: Number  #: Over that of the conic program.
@@ -108,6 +108,12 @@ class SolverRow:
     conservative: Share  #: Whether every block is positive semi-definite.
     status: str  #: What the solver says.
     check: ErrorRow  #: Errors against the truth.
+
+
+@dataclass(frozen=True)
+class SolverRow(SolverNumbers):
+    """The same of one seed, with its way down."""
+
     way_seconds: tuple[float, ...]  #: When it improved, thinned.
     way_gap: tuple[float, ...]  #: Least F_M over the certified lower bound by then, minus 1.
 

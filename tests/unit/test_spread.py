@@ -1,0 +1,26 @@
+"""Records of several trials as one."""
+
+from dataclasses import dataclass
+
+from testbench.trials.spread import Number, Share, Spread, merge
+
+
+@dataclass(frozen=True)
+class Row:
+    f_m: Number
+    solved: Share
+    name: str
+    advice: tuple[str, ...]
+
+
+def test_numbers_have_a_spread_truths_a_share_and_what_is_the_same_stays():
+    rows = [Row(float(k), k > 1, "MGCO47", ("weigh it",)) for k in range(1, 6)]
+    assert merge(rows) == Row(Spread(3.0, 1.2, 4.8), 0.8, "MGCO47", ("weigh it",))
+
+
+def test_different_words_of_several_trials_are_listed_each_once():
+    """A reader gets sentences, never a Python tuple."""
+    rows = [
+        Row(1.0, True, name, advice) for name, advice in (("b", ("x", "y")), ("a", ()), ("b", ("z", "x")))
+    ]
+    assert merge(rows) == Row(1.0, True, "a | b", ("x", "y", "z"))
