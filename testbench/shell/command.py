@@ -30,7 +30,8 @@ def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> i
         fail(f"error: {err}\n")
         return 2
     except TyperException as err:
-        fail(f"error: {err.format_message()}; --help lists what there is\n")
+        words = err.format_message().rstrip(".")
+        fail(f"error: {words}; --help lists what there is\n")
         return 2
     except ValidationError as err:
         first = err.errors(include_url=False)[0]
