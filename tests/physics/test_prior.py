@@ -32,7 +32,7 @@ def campaign(cell, seed, **changes):
 
 
 def workspace(cell, run, estimate):
-    return score(predict(cell.vjm, estimate, run.workspace), run.workspace.deflection).rms
+    return score(predict(cell.vjm, estimate, run.truth), run.truth.deflection).rms
 
 
 @pytest.fixture(params=[mgco147, all153, mgco68, template56])

@@ -160,7 +160,7 @@ def test_five_percent_of_readings_off_by_a_millimetre_cost_at_most_a_fifth(kr500
         assert fit.conservative
 
         def rms(estimate, run=run):
-            return score(predict(kr500.vjm, estimate, run.workspace), run.workspace.deflection).rms
+            return score(predict(kr500.vjm, estimate, run.truth), run.truth.deflection).rms
 
         clean = rms(gco_with(reduce(kr500.vjm, s, run.identification), units, STRENGTH))
         ratios.append(rms(fit) / clean)

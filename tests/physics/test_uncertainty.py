@@ -230,7 +230,7 @@ def test_bad_input_is_named(arm_6r, kr500, full_pose, gravity):
 
 def test_intervals_of_predicted_deflections_are_those_of_their_rows(kr500, gravity):
     """Run by run, marker by marker, world axis by axis; with the prior that the estimate was made with."""
-    s, where = template56(kr500.arm), gravity.workspace
+    s, where = template56(kr500.arm), gravity.truth
     estimate = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))(kr500.vjm, s, gravity.identification)
     found = intervals(kr500.vjm, estimate, where)
     np.testing.assert_allclose(found.centre, predict(kr500.vjm, estimate, where), rtol=0, atol=1e-12)
