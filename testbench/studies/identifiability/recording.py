@@ -33,5 +33,5 @@ def write_recording(run: Run[Settings, IdentifiabilityReport]) -> None:
         {m.name: look(m.structure, m.constraint, m.prior) for m in models},
     )
     header = Header(run.report.scenario, run.parameters, run.seeds[0])
-    words = run.words.summary(sweep.medians(), then=("statements", "seen"))
+    words = run.words.summary(sweep.words.block("medians"), then=("statements", "seen"))
     write_sweep(run.folder / "recording.rrd", header, sweep, words)

@@ -48,7 +48,7 @@ def write_recording(run: Run[Settings, LoadedReport]) -> None:
     y = replace(MEDIAN, heading="error of the tool's deflection")
     sweep = Sweep(Column("load_N", "load", "N"), y, points, looks)
     header = Header(run.report.scenario, run.parameters, run.seeds[0])
-    write_sweep(run.folder / "recording.rrd", header, sweep, run.words.summary(sweep.medians()))
+    write_sweep(run.folder / "recording.rrd", header, sweep, run.words.summary(sweep.words.block("medians")))
 
 
 def error(row: object) -> Spread:

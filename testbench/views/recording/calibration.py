@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from testbench.bench.campaign import Campaign, Cell, Result
 from testbench.trials.spread import Spread
 from testbench.views.recording.chart import Chart, dots
-from testbench.views.recording.compliance import compliance_grid, legend, numbers, write_compliances
+from testbench.views.recording.compliance import compliance_grid, write_compliances
 from testbench.views.recording.drawing import Calibration, Drawing, build_drawing
 from testbench.views.recording.pen import Pen, text_view
 from testbench.views.recording.plots import (
@@ -22,7 +22,7 @@ from testbench.views.recording.plots import (
     write_residuals,
     write_sag,
 )
-from testbench.views.recording.run_text import RunLine, captions, load_captions, notes, run_lines, table
+from testbench.views.recording.run_text import run_lines, words
 from testbench.views.recording.scene import world_view, write_scene
 from testbench.views.recording.stream import layout, recording
 
@@ -62,37 +62,19 @@ def write_calibration(
 
 
 def _write_words(on_runs: Pen, on_load: Pen, drawing: Drawing) -> None:
-    runs, loading, shown = (
-        run_lines(drawing.data, drawing.checked, drawing.rank),
-        drawing.loading,
-        drawing.shown,
-    )
+    found = words(drawing)
     on_runs.documents(
         {
-            "summary": f"{drawing.about.summary}\n\n{_how_to_read(drawing, runs[drawing.worst])}",
-            "table": table(runs, drawing.names, drawing.residual),
-            "log": "\n\n".join(filter(None, (notes(drawing.about.models), drawing.about.notes))),
-            "compliance_legend": legend(drawing),
-            "compliance_table": numbers(drawing),
+            "summary": f"{drawing.about.summary}\n\n{found.block('how_to_read')}",
+            "table": found.block("every_run"),
+            "log": found.block("notes"),
+            "compliance_legend": found.block("legend"),
+            "compliance_table": found.block("numbers"),
         }
     )
-    on_runs.texts("this_run", captions(runs, drawing.names, drawing.residual))
-    sag = drawing.sag[[0, *(1 + k for k in shown)]]
-    names = [drawing.names[k] for k in shown]
-    on_load.texts("this_run", load_captions(runs[loading.run], loading.share, names, sag))
-
-
-def _how_to_read(drawing: Drawing, worst: RunLine) -> str:
-    M, scale = drawing.magnification, drawing.residual_scale
-    best = drawing.names[drawing.best]
-    return (
-        f"**Colours** Grey: arm without load. Vermillion: measured, and the ghost; deflection x {M:g}. "
-        "Sky blue: markers without load. Orange: least squares. Green: GCO. Purple: load. "
-        f"Arrows measured to predicted: x {scale:g}; label: worst marker of {best}.\n\n"
-        f"**Scrub** the time bar below: `worst_first` 0 is the worst run of {best}, `pose` the dataset's "
-        "order, "
-        f"`load` loads {worst.where} from 0 to 100 % (tab Loading)."
-    )
+    on_runs.texts("this_run", [found.block("run", run=run) for run in run_lines(drawing)])
+    steps = range(len(drawing.loading.share))
+    on_load.texts("this_run", [found.block("step", step=step) for step in steps])
 
 
 def _errors(drawing: Drawing) -> Chart:

@@ -10,7 +10,6 @@ from rerun.components import Colormap, MagnificationFilter
 
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.errors import Array
-from testbench.views.markdown import lines
 from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.pen import Pen, text_view
 
@@ -52,11 +51,6 @@ def heatmap_view(path: str, name: str) -> rrb.TensorView:
     )
 
 
-def columns(drawing: Drawing) -> list[str]:
-    """Headings of the matrices: truth and the shown models."""
-    return ["truth", *(drawing.names[k] for k in drawing.shown)]
-
-
 def link_matrices(drawing: Drawing) -> dict[str, list[Array]]:
     """By link: the true compliance, then that of each shown model, (6, 6) [m/N, rad/(N m)]."""
     identified = [drawing.estimates[k].C_theta for k in drawing.shown]
@@ -75,49 +69,8 @@ def write_compliances(pen: Pen, drawing: Drawing) -> None:
 
 def compliance_grid(drawing: Drawing) -> rrb.Grid:
     """All links on one screen."""
-    heads = " | ".join(columns(drawing))
+    heads = " | ".join(drawing.heads)
     views = [heatmap_view(f"compliance/{link}", f"{link}: {heads}") for link in link_matrices(drawing)]
     return rrb.Grid(
         *views, text_view("compliance_legend", "How to read it"), grid_columns=2, name="Compliance"
-    )
-
-
-def legend(drawing: Drawing) -> str:
-    """What the heatmaps show, and what not to read into them."""
-    after = 6 * len(drawing.cell.arm.links)  # where the joints' compliances begin
-    lumped = [drawing.names[k] for k in drawing.shown if drawing.estimates[k].structure.a.max() < after]
-    sentences = [
-        f"Each picture: {', '.join(columns(drawing))} from left to right, rows and columns {', '.join(AXES)} "
-        "in the link's beam frame. Entry ij over the root of the true entries ii and jj. Grey: 0; yellow: "
-        "positive, brown as large as a true diagonal, bright ten times as large; blue to cyan: negative. "
-        "**Blue on a diagonal is a link that gives energy away**.",
-        "A model without joints holds the compliance of the joint behind a link in the link: "
-        f"{', '.join(lumped)}."
-        if lumped
-        else "",
-        "Entries are not comparable between models: the data see only some directions. Predictions are.",
-        "Numbers: tab `Numbers`.",
-    ]
-    return "\n\n".join(filter(None, sentences))
-
-
-def numbers(drawing: Drawing) -> str:
-    """Eigenvalues of every link, then every entry in SI units."""
-    heads, eigen, matrices = columns(drawing), [], []
-    for link, found in link_matrices(drawing).items():
-        for head, C in zip(heads, found, strict=True):
-            S = scaled(C, found[0])
-            values = np.linalg.eigvalsh((S + S.T) / 2)
-            eigen.append([link, head, *(f"{x:.2e}" for x in values)])
-        matrices.append(f"### {link}")
-        for head, C in zip(heads, found, strict=True):
-            cells = [[axis, *(f"{x:.3e}" for x in row)] for axis, row in zip(AXES, C, strict=True)]
-            matrices.append(lines([f"{head} (m/N, rad/N, rad/(N m))", *AXES], cells))
-    return "\n\n".join(
-        [
-            "### Eigenvalues of each link (1)",
-            "Of the matrix in units of the true diagonal, ascending; below zero is not conservative.",
-            lines(["link", "model", *(f"{k}" for k in range(1, 7))], eigen),
-            *matrices,
-        ]
     )

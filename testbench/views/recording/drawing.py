@@ -91,6 +91,17 @@ class Drawing:
         return [model.name for model in self.about.models]
 
     @property
+    def heads(self) -> list[str]:
+        """The truth and the names of the shown models."""
+        return ["truth", *(self.names[k] for k in self.shown)]
+
+    @property
+    def lumped(self) -> list[str]:
+        """Names of the shown models that have no joints."""
+        joints = 6 * len(self.cell.arm.links)  # index of the first one's compliance
+        return [self.names[k] for k in self.shown if self.estimates[k].structure.a.max() < joints]
+
+    @property
     def paths(self) -> list[str]:
         """The same in snake case, for paths."""
         return [re.sub(r"\W+", "_", name.lower()) for name in self.names]

@@ -9,7 +9,6 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
-from testbench.views.markdown import grid
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import NOISE, Colour
 from testbench.views.schema import Column, Table, show
@@ -20,6 +19,8 @@ SMALLEST = 0.4
 """Size of the point of least error over that of the greatest [1]: colour is never alone."""
 KEYS, STEP, KEY = 5, 180.0, 20.0
 """Points of the key, their distance and the radius of the largest, in the key's own units."""
+STATISTICS = {"least": 0, "median": 0.5, "95 %": 0.95, "greatest": 1}
+"""Columns of the map's table: quantile by heading."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,16 @@ class ErrorMap:
         """Least and greatest error of all, the ends of the scale [mm]."""
         every = np.concatenate([self.field_mm, self.tasks_mm])
         return float(every.min()), float(every.max())
+
+    @property
+    def table(self) -> Table:
+        """Errors over the workspace and in the tasks."""
+        columns = (Column(heading, heading, "mm") for heading in STATISTICS)
+        rows = [
+            {"places": f"{name}, {len(mm)}"} | {k: np.quantile(mm, q) for k, q in STATISTICS.items()}
+            for name, mm in (("workspace", self.field_mm), ("tasks", self.tasks_mm))
+        ]
+        return Table((Column("places", "places"), *columns), rows)
 
 
 def shares(errors: Array, ends: tuple[float, float]) -> Array:
@@ -110,28 +121,3 @@ def key_view(path: str) -> rrb.Spatial2DView:
     bounds = rrb.VisualBounds2D(x_range=(-0.3 * STEP, (KEYS - 0.2) * STEP), y_range=(-1.6 * KEY, 1.6 * KEY))
     name = "Colour and size of balls and cubes (mm)"
     return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)
-
-
-STATISTICS: tuple[tuple[str, float], ...] = (("least", 0), ("median", 0.5), ("95 %", 0.95), ("greatest", 1))
-"""Columns of the map's table: heading and quantile."""
-
-
-def key_words(error_map: ErrorMap) -> str:
-    """The map in words: answer, numbers, how to read it."""
-    field, tasks = error_map.field_mm, error_map.tasks_mm
-    low, high = error_map.ends
-    columns = [Column(heading, heading, "mm") for heading, _ in STATISTICS]
-    rows = [
-        {"places": f"{name}, {len(mm)}"} | {heading: np.quantile(mm, q) for heading, q in STATISTICS}
-        for name, mm in (("workspace", field), ("tasks", tasks))
-    ]
-    return "\n\n".join(
-        [
-            f"### {error_map.words[:1].upper()}{error_map.words[1:]}",
-            f"#### **At most {show(tasks.max())} mm in the tasks, {show(field.max())} mm in the workspace.**",
-            grid(Table((Column("places", "places"), *columns), rows)),
-            "**Balls** the workspace. **Cubes** the tasks, on the same scale.",
-            f"**Colours** Violet and small: {show(low)} mm, the least. Yellow and large: "
-            f"{show(high)} mm, the greatest.",
-        ]
-    )

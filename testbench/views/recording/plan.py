@@ -7,8 +7,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import MarkerShape
 
+from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart
-from testbench.views.recording.error_map import key_view, key_words, write_key
+from testbench.views.recording.error_map import key_view, write_key
 from testbench.views.recording.pen import Line, text_view
 from testbench.views.recording.plan_world import PlanScene, map_view, plan_view, write_world
 from testbench.views.recording.stream import Header, layout, recording
@@ -25,10 +26,16 @@ EXPECTED = {
 def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
     """Write a measurement plan for the Rerun viewer; an existing file is replaced only by a whole one."""
     chart = _chart(scene)
+    words = Words(Path(__file__).parent, {"scene": scene}, "plan.md.j2")
     with recording(path, "plan", header, _blueprint(scene, chart)) as pen:
         run = pen.on(rr.TimeColumn(TIMELINE, sequence=np.arange(scene.poses) + 1))
         write_world(run, scene)
-        pen.documents({"summary": _summary(scene), "error_words": key_words(scene.error_map)})
+        pen.documents(
+            {
+                "summary": f"{scene.summary.strip()}\n\n{words.block('how_to_read')}",
+                "error_words": words.block("error_map"),
+            }
+        )
         run.texts("this_step", scene.pose_words)
         write_key(pen, KEY, scene.error_map)
         values = (scene.deflection_mm, scene.error_mm)
@@ -45,21 +52,6 @@ def _chart(scene: PlanScene) -> Chart | None:
     """A line a number of poses, a dot a plan: a chart stands still, whatever the timeline."""
     sweep = scene.sweep
     return sweep.chart(CHART, {p.x: f"{p.x:g} {sweep.x.heading}" for p in sweep.points}) if sweep else None
-
-
-def _summary(scene: PlanScene) -> str:
-    """The caller's words, then what the colours mean and how to scrub."""
-    count, drawn = len(scene.candidates), len(scene.drawn_candidates())
-    some = f", {drawn} of {count} drawn" if drawn < count else f" ({count})"
-    tracker = "Vermillion: tracker and its lines of sight. " if scene.station is not None else ""
-    return "\n\n".join(
-        [
-            scene.summary.strip(),
-            f"**Colours** Sky blue: planned tool positions, numbered, and the markers. {tracker}Purple: hung "
-            f"weight. Olive cubes: tasks. Grey: arm; dots: candidates{some}.",
-            f"**Scrub** the time bar below: `{TIMELINE}` 1 to {scene.poses} is the order of measuring.",
-        ]
-    )
 
 
 def _blueprint(scene: PlanScene, chart: Chart | None) -> rrb.Blueprint:

@@ -28,27 +28,17 @@ def write_sweep(path: Path, header: Header, sweep: Sweep, words: str) -> None:
     Raises:
         BenchError: When two values of x are the same whole number, or a model lacks a value of x.
     """
-    steps, chart = sweep.steps, sweep.chart(sweep.root, sweep.labels) if sweep.labels else None
+    own, time = sweep.words, rr.TimeColumn(TIMELINE, sequence=sweep.steps)
+    chart = sweep.chart(sweep.root, sweep.labels) if sweep.labels else None
+    summary = f"{words}\n\n{own.block('how_to_read')}"
     blueprint = _blueprint([chart.view()] if chart else plot_views(sweep))
     with recording(path, "sweep", header, blueprint) as pen:
-        pen.documents({"summary": f"{words}\n\n{_how_to_read(sweep)}", "table": sweep.table()})
-        pen.on(rr.TimeColumn(TIMELINE, sequence=steps)).texts("this_step", sweep.captions())
+        pen.documents({"summary": summary, "table": own.block("every_number")})
+        pen.on(time).texts("this_step", [own.block("step", points=points) for points in sweep.columns])
         if chart:
             chart.write(pen)
         else:
             write_lines(pen, sweep)
-
-
-def _how_to_read(sweep: Sweep) -> str:
-    drawn_as = (
-        "**Dots** Median, with a bar from 5 to 95 %. One colour a model."
-        if sweep.labels
-        else "**Lines** Bold with dots: median. Thin: 5 and 95 %. One colour and one shape a model. "
-        f"Above: {sweep.y.unit}; below: log10 of the same."
-    )
-    return (
-        f"{drawn_as}\n\n**Scrub** `{TIMELINE}` is the {sweep.x.title}{'' if sweep.labels else ', rounded'}."
-    )
 
 
 def _blueprint(plots: list[rrb.View]) -> rrb.Blueprint:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -10,13 +11,10 @@ from testbench.data.dataset import Ids
 from testbench.errors import BenchError
 from testbench.trials.spread import Number, middle, triple
 from testbench.views.colours import Look
-from testbench.views.markdown import lines as grid
+from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart, Dot
 from testbench.views.recording.style import Drawn, drawn
 from testbench.views.schema import Column
-
-LARGE = 1000.0
-"""Numbers from here on are shown without decimals."""
 
 
 @dataclass(frozen=True)
@@ -108,35 +106,12 @@ class Sweep:
                 raise BenchError(f"sweep: expected {model!r} once at every value of {self.x.heading}")
         return steps
 
-    def medians(self) -> str:
-        """A table with a column a model."""
-        lines = [self.line(model) for model in self.models]
-        rows = [
-            [self.place(own[0].x), *(_number(middle(p.y)) for p in own)] for own in zip(*lines, strict=True)
-        ]
-        return f"Median {self.y.title}:\n\n{grid([self.x.title, *self.models], rows)}"
+    @property
+    def columns(self) -> list[tuple[Point, ...]]:
+        """The models at every x."""
+        return list(zip(*map(self.line, self.models), strict=True))
 
-    def table(self) -> str:
-        """Every number with its spread."""
-        rows = [[m, self.place(p.x), *_numbers(p)] for m in self.models for p in self.line(m)]
-        head = ["model", self.x.title, *(f"{k}, {self.y.unit}" for k in ("median", "5 %", "95 %"))]
-        return f"### {self.title}\n\n{grid(head, rows)}"
-
-    def captions(self) -> list[str]:
-        """The models at each step."""
-        unit = f" {self.x.unit}" if self.x.unit and not self.labels else ""
-        head = [self.y.title, "median", "5 %", "95 %"]
-        return [
-            f"**{self.x.heading.capitalize()} {self.place(own[0].x)}{unit}**\n\n"
-            + grid(head, [[p.model, *_numbers(p)] for p in own])
-            for own in zip(*map(self.line, self.models), strict=True)
-        ]
-
-
-def _numbers(point: Point) -> list[str]:
-    return [_number(value) for value in triple(point.y)]
-
-
-def _number(value: float) -> str:
-    """Four digits, never 1.2e+03."""
-    return f"{value:.0f}" if value >= LARGE else f"{value:.4g}"
+    @property
+    def words(self) -> Words:
+        """The blocks of `sweep.md.j2`; of the block `step` one at every x, with its points."""
+        return Words(Path(__file__).parent, {"sweep": self, "triple": triple}, "sweep.md.j2")
