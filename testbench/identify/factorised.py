@@ -148,11 +148,7 @@ def random_start(problem: Factorised, rng: np.random.Generator) -> Array:
 
 
 def descend(
-    problem: Factorised,
-    start: Array,
-    *,
-    evaluate: Evaluate = cost,
-    observe: Observe | None = None,
+    problem: Factorised, start: Array, *, evaluate: Evaluate = cost, observe: Observe | None = None
 ) -> Descent:
     """The b that is best near a start, (size,), by L-BFGS on the gradient of `evaluate`."""
     best, least = start, np.inf

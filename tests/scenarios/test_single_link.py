@@ -40,7 +40,7 @@ def quick(tmp_path_factory):
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     out = tmp_path_factory.mktemp("small")
-    done = run("--seed", 5, "--out", out, "--quick", "--draws", 12, "--workers", 1)
+    done = run("--seed", 5, "--out", out, "--quick", "--seeds", 12, "--workers", 1)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -130,7 +130,7 @@ def without_clock(report):
 
 
 def test_numbers_do_not_depend_on_the_number_of_workers(small, tmp_path):
-    assert run("--seed", 5, "--out", tmp_path, "--quick", "--draws", 12, "--workers", 2).returncode == 0
+    assert run("--seed", 5, "--out", tmp_path, "--quick", "--seeds", 12, "--workers", 2).returncode == 0
     assert (tmp_path / "dataset.csv").read_bytes() == (small / "dataset.csv").read_bytes()
     assert without_clock(load(tmp_path)) == without_clock(load(small))
     data = read_csv(small / "dataset.csv", load_arm(ROOT / "models" / "single_link"))
@@ -139,14 +139,14 @@ def test_numbers_do_not_depend_on_the_number_of_workers(small, tmp_path):
 
 
 def test_random_loads_are_worse_conditioned_and_one_draw_is_enough(tmp_path):
-    done = run("--seed", 5, "--out", tmp_path, "--draws", 1, "--loads", "random")
+    done = run("--seed", 5, "--out", tmp_path, "--seeds", 1, "--loads", "random")
     assert done.returncode == 0, done.stderr
     report = load(tmp_path)
     assert report["condition_of_the_loads"] > 1.5
     assert report["models"][2]["conservative"] == 1
 
 
-BAD_FLAGS = [(["--draws", "0"], "--draws"), (["--loads", "both"], "--loads")]
+BAD_FLAGS = [(["--seeds", "0"], "--seeds"), (["--loads", "both"], "--loads")]
 
 
 @pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)

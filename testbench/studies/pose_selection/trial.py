@@ -18,14 +18,7 @@ from testbench.studies.pose_selection.measure import Bench, build_bench, measure
 from testbench.studies.pose_selection.plans import candidates, certificate, plan
 from testbench.studies.pose_selection.rows import Row
 from testbench.studies.pose_selection.settings import FITS, PLANNED, RANDOM, Settings
-from testbench.studies.pose_selection.ways import (
-    Chosen,
-    at_random,
-    planned,
-    poses_of,
-    specify,
-    variants,
-)
+from testbench.studies.pose_selection.ways import Chosen, at_random, planned, poses_of, specify, variants
 
 NOISE = 100
 """Stream of a seed for noise, plus the number of poses."""
@@ -76,10 +69,7 @@ def planned_anew(bench: Bench, asked: Settings, seed: int) -> list[Row]:
         estimate = PLANNED.identify(cell.vjm, prior, measure(bench, spec, chosen, stream(seed, 7)))
         rows.append(Row("planned anew", name, scope.featured, PLANNED.name, *bench.errors_mm(estimate)))
     forecast = promise_of(spec, chance.q, chance.load, task_rows(spec))
-    return [
-        replace(rows[0], certificate=certificate(best)),
-        replace(rows[1], expected=overall(forecast)),
-    ]
+    return [replace(rows[0], certificate=certificate(best)), replace(rows[1], expected=overall(forecast))]
 
 
 def of_variants(bench: Bench, asked: Settings, seed: int) -> list[Row]:
