@@ -120,9 +120,6 @@ def build_cell(folder: str | Path) -> Cell:
     Args:
         folder: The arm's; the name of an arm that comes with testbench does as well.
 
-    Returns:
-        The arm, its plant, its model and its room, for any number of campaigns.
-
     Raises:
         InputError: When the arm's folder is wrong.
     """
@@ -152,13 +149,9 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
     """
     scenario = Scenario(arm=cell.arm.name) if scenario is None else scenario
     poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
-
-    def clear(q: Array) -> Mask:
-        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
-
     count = scenario.identification_poses + scenario.check_poses
-    station = random_poses(cell.vjm, scenario.station, count, clear, poses_rng)
-    anywhere = random_poses(cell.vjm, scenario.workspace, scenario.workspace_poses, clear, poses_rng)
+    station = clear_poses(cell, scenario.station, count, poses_rng)
+    anywhere = clear_poses(cell, scenario.workspace, scenario.workspace_poses, poses_rng)
     pose = np.concatenate(
         [
             spread(scenario.identification_poses, scenario.identification_runs),
@@ -169,6 +162,19 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
     everywhere = hanging(cell, anywhere, np.arange(len(anywhere)) + 1, scenario.payload)
     identification, check = split(measured, np.arange(scenario.identification_poses) + 1)
     return Campaign(scenario, seed, measured, identification, check, measure(cell, scenario, everywhere))
+
+
+def clear_poses(cell: Cell, area: WorkArea, count: int, rng: np.random.Generator) -> Array:
+    """Random poses with the tool in an area, free of collision, (count, n) [rad].
+
+    Raises:
+        PoseError: When too few can be found.
+    """
+
+    def clear(q: Array) -> Mask:
+        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+
+    return random_poses(cell.vjm, area, count, clear, rng)
 
 
 def spread(poses: int, runs: int) -> Ids:
@@ -187,14 +193,7 @@ class LoadedPoses:
 
 
 def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
-    """Poses with a weight at the arm's load point.
-
-    Args:
-        cell: The arm.
-        q: Actuated joint angles, (runs, n) [rad].
-        pose: Identifier of the pose of every run, (runs,).
-        mass: Of the weight, one for all or one a run, (runs,) [kg].
-    """
+    """Poses with a weight at the arm's load point, one mass for all runs or one each, (runs,) [kg]."""
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -GRAVITY * mass
     return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
@@ -235,15 +234,7 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
 def settle_both(
     plant: Plant, truth: Truth, q: Array, wrench: Array, point: Array
 ) -> tuple[Equilibrium, Equilibrium]:
-    """The true arm unloaded and loaded.
-
-    Args:
-        plant: The elastic arm.
-        truth: "nonlinear" for its equilibria, own weight included; "linear" to first order, weightless.
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-    """
+    """The true arm unloaded and loaded."""
     if truth == "linear":
         rest = settle_linear(plant, q, np.zeros_like(wrench), point)
         return rest, settle_linear(plant, q, wrench, point)
@@ -273,10 +264,6 @@ SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
     """Models of the paper by name.
 
-    Args:
-        cell: The arm.
-        names: Keys of `MODELS`.
-
     Raises:
         BenchError: When there is no such model, or the arm has too few links for it.
     """
@@ -289,14 +276,7 @@ def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
 def identify(
     cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
 ) -> list[Result]:
-    """Identify every model from the campaign and judge it on all sets.
-
-    Args:
-        cell: The arm.
-        campaign: The data.
-        models: What to identify, and how.
-        clock: Wall time [s], such as time.perf_counter.
-    """
+    """Identify every model from the campaign and judge it on all sets."""
     results = []
     for model in models:
         start = clock()

@@ -101,11 +101,5 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
 
 
 def at_tool(q: Array, pose: Ids, wrench: Array) -> LoadedPoses:
-    """Poses with a load at the tool.
-
-    Args:
-        q: Actuated joint angles, (runs, n) [rad].
-        pose: Identifier of the pose of every run, (runs,).
-        wrench: World axes, (runs, 6) [N, N m].
-    """
+    """Poses with a load at the tool."""
     return LoadedPoses(q, pose, wrench, np.zeros((len(q), 3)))

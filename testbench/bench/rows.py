@@ -96,14 +96,7 @@ def judged_row(result: Result, *, prior: bool = False) -> JudgedRow:
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:
-    """What a method found.
-
-    Args:
-        name: Of the model.
-        estimate: What was found.
-        seconds: Wall time of the estimator.
-        prior: Whether it had a prior.
-    """
+    """What a method found."""
     certificate = estimate.certificate
     return FitRow(
         name=name,

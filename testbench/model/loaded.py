@@ -114,13 +114,6 @@ def _solve(C_theta: Array, K_w: Array, right: Array) -> Array:
 def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None) -> Array:
     """Virtual joints if one stiffness held for the whole load: Eq. (6), or Eq. (7) where K_w is given.
 
-    Args:
-        where: The chain of every run, unloaded.
-        C_theta: Aggregated joint compliance, (n_theta, n_theta) [m/N, rad/(N m)].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-        K_w: Force term, (runs, n_theta, n_theta) [N/m, N, N m]; None for none.
-
     Returns:
         (runs, n_theta) [m, rad]; `displacement` makes deflections of them.
 
@@ -149,9 +142,6 @@ def displacement(where: Chain, theta: Array, targets: Array) -> Array:
 
 def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point: Array) -> LoadedEquilibrium:
     """The non-linear VJM of a weightless arm: theta = C_theta J_theta(theta)^T w, by Newton with Eq. (7).
-
-    Returns:
-        The virtual joints at rest.
 
     Raises:
         NoEquilibrium: When Newton does not converge, or to an unstable pose only; names the pose.

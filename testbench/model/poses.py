@@ -25,13 +25,7 @@ class WorkArea:
 
 
 def in_area(vjm: Vjm, area: WorkArea, q: Array) -> npt.NDArray[np.bool_]:
-    """Which poses have their tool in the area, (poses,).
-
-    Args:
-        vjm: The model, for its nominal kinematics.
-        area: The area.
-        q: Actuated joint angles, (poses, n) [rad].
-    """
+    """Which poses have their tool in the area, (poses,)."""
     where = chain(vjm, q)
     inside = ((where.position >= area.lower) & (where.position <= area.upper)).all(axis=1)
     cosine = where.rotation[:, :, 0] @ np.array(area.direction)

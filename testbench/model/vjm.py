@@ -181,10 +181,6 @@ def cross(a: Array, b: Array) -> Array:
 def translation_rows(where: Chain, points: Array) -> Array:
     """Translational rows of J_theta at points fixed in the tool.
 
-    Args:
-        where: The chain of every run.
-        points: Points in the tool's frame, (p, 3) [m].
-
     Returns:
         World axes, (3 p, n_theta, runs) [1, m].
     """

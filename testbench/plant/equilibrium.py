@@ -112,12 +112,7 @@ def build_plant(arm: Arm) -> Plant:
 
 
 def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
-    """The plant of an arm whose elastic model is compiled already.
-
-    Args:
-        arm: The arm.
-        model: Its elastic model; may have more joints than the arm's own.
-    """
+    """The plant of an arm whose elastic model is compiled already."""
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
@@ -145,16 +140,7 @@ def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | N
     """Static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
     The wrench keeps its direction in the world and acts at a point fixed in the tool, as a hung weight
-    does.
-
-    Args:
-        plant: The elastic arm.
-        q: Actuated joint angles, (runs, n) [rad].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m]; None for own weight only.
-        point: Where it acts, in the tool's frame, (runs, 3) [m]; None for the tool's origin.
-
-    Returns:
-        The poses at rest.
+    does; without one the arm's own weight is left, without a point it acts at the tool's origin.
 
     Raises:
         NoEquilibrium: When the arm is too soft for its load; names the pose.

@@ -120,11 +120,7 @@ def _mesh(model: mujoco.MjModel, k: int) -> Mesh:
 
 
 def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
-    """Meshes of one body as one mesh in the body's axes, and the number of vertices of each.
-
-    Args:
-        shapes: Of kind "mesh".
-    """
+    """Meshes of one body as one mesh in the body's axes, and the number of vertices of each."""
     pairs = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
     counts = [len(mesh.vertices) for _, mesh in pairs]
     first = np.cumsum([0, *counts])
@@ -171,13 +167,7 @@ def rigid_frames(room: Room, q: Array) -> Frames:
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
-    """Where the bodies of the elastic arm are, in the order of the rigid arm's.
-
-    Args:
-        plant: The elastic arm.
-        q: Actuated joint angles, (runs, n) [rad].
-        theta: Virtual joint coordinates, magnified or not, (runs, n_theta) [m, rad].
-    """
+    """Where the bodies of the elastic arm are, in the order of the rigid arm's; theta may be magnified."""
     q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
     theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")
     model = plant.model

@@ -111,11 +111,6 @@ def build_site(
 ) -> Site:
     """The rigid MuJoCo model of an arm with its payload and its tracker.
 
-    Args:
-        arm: The arm.
-        payload: What hangs from the load point.
-        station: Where the tracker's beam leaves, (3,) [m].
-
     Raises:
         InputError: When MuJoCo refuses the arm's MJCF.
         BenchError: When the station is no place, or inside something that does not move.

@@ -18,14 +18,7 @@ class Claim:
 
 
 def judged(claim: str, holds: bool, why: str, otherwise: Verdict = "not confirmed") -> Claim:
-    """A statement that holds, or not.
-
-    Args:
-        claim: What the paper says.
-        holds: Whether our numbers agree.
-        why: Our numbers.
-        otherwise: The verdict where they do not.
-    """
+    """A statement that holds, or not."""
     return Claim(claim, "confirmed" if holds else otherwise, why)
 
 

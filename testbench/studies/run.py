@@ -50,12 +50,6 @@ def as_command(study: Study[O, S, W, R]) -> Any:
 def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) -> None:
     """Do the trials, write the folder, print the answer.
 
-    Args:
-        study: What to run.
-        common: Flags of every study.
-        options: Its own.
-        console: Where the answer goes.
-
     Raises:
         BenchError: When a flag is wrong, a trial cannot be done or the folder cannot be written.
     """

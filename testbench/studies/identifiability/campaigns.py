@@ -65,14 +65,7 @@ class CampaignRow:
 
 
 def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[CampaignRow]:
-    """All fits of one seed.
-
-    Args:
-        cell: The arm.
-        scenario: The campaign; its truth and number of poses are varied.
-        tried: What is varied.
-        seed: Root of randomness.
-    """
+    """All fits of one seed."""
     prior = _wrong(cell, SCALE, seed)
     linear = simulate(cell, scenario.model_copy(update={"truth": "linear"}), seed)
     bent = simulate(cell, scenario.model_copy(update={"truth": "nonlinear"}), seed)

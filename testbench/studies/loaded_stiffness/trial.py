@@ -10,8 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.folder import Arm
 from testbench.arm.library import find_arm
-from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.data.dataset import Mask
+from testbench.bench.campaign import Cell, build_cell, clear_poses, stream
 from testbench.errors import Array
 from testbench.model.loaded import (
     displacement,
@@ -22,9 +21,9 @@ from testbench.model.loaded import (
     loaded_equilibrium,
     secant,
 )
-from testbench.model.poses import WorkArea, random_poses
+from testbench.model.poses import WorkArea
 from testbench.model.vjm import chain
-from testbench.plant import Plant, build_plant, collisions, settle
+from testbench.plant import Plant, build_plant, settle
 
 NAME = "loaded_stiffness"
 POSES, QUICK_POSES = 200, 30
@@ -92,7 +91,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
     plants: dict[Truth, Plant] = {"weightless": weightless(cell.arm), "own weight": cell.plant}
     found = []
     for seed in seeds:
-        q = draw(cell, asked, seed)
+        q = clear_poses(cell, asked.workspace, asked.poses, stream(seed))
         increment = asked.max_load / 100
         found.append([row for load in asked.weights for row in hang(cell, plants, q, load, increment)])
     return found
@@ -103,15 +102,6 @@ def weightless(arm: Arm) -> Plant:
     plant = build_plant(arm)
     plant.model.opt.gravity[:] = 0
     return plant
-
-
-def draw(cell: Cell, asked: Settings, seed: int) -> Array:
-    """Poses all over the workspace, free of collision, (poses, n) [rad]."""
-
-    def clear(q: Array) -> Mask:
-        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
-
-    return random_poses(cell.vjm, asked.workspace, asked.poses, clear, stream(seed))
 
 
 def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> list[PoseRow]:

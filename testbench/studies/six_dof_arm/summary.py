@@ -147,12 +147,7 @@ def _paired(every: Everything) -> Paired:
 
 
 def enough(name: str, rows: Sequence[Order]) -> Enough:
-    """The least order m that costs less than `SAME` in F_M and check error.
-
-    Args:
-        name: Of the model.
-        rows: Every order from 1 on.
-    """
+    """The least order m that costs less than `SAME` in F_M and check error."""
     f_m, p95 = middle(rows[-1].f_m), middle(rows[-1].check.p95_mm)
     m = next(r.m for r in rows if middle(r.f_m) <= SAME * f_m and middle(r.check.p95_mm) <= SAME * p95)
     return Enough(name, m, [row for row in rows if row.m in (m - 1, m, rows[-1].m)])
@@ -180,14 +175,7 @@ Models = Mapping[str, ModelReport]
 def claims(
     models: Models, nonlinear: Sequence[ModelReport], paired: Paired, best: tuple[str, ...]
 ) -> list[Claim]:
-    """The paper's statements of section 5.2, and what our numbers say of each.
-
-    Args:
-        models: Under linear truth.
-        nonlinear: The same under MuJoCo's truth.
-        paired: MGCO56 against MLS32.
-        best: Models of least error against the truth.
-    """
+    """The paper's statements of section 5.2, and what our numbers say of each."""
     bent = next(m for m in nonlinear if m.name == "MGCO56")
     return [
         _conservative(models),

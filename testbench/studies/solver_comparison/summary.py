@@ -273,12 +273,7 @@ def _out_of_reach(own: Data) -> bool:
 
 
 def local_minima(m: int, found: Sequence[tuple[int, Minima]]) -> LocalMinima:
-    """Excess over the global optimum of the same order: the conic one for m = 6, else the best found.
-
-    Args:
-        m: The order.
-        found: Seed, and where its local solves ended.
-    """
+    """Excess over the global optimum of the same order: the conic one for m = 6, else the best found."""
     excess, cap = [], []
     for _, own in found:
         best = own.conic_f_m if m == LARGEST_ORDER else min(own.f_m)
@@ -302,13 +297,7 @@ def local_minima(m: int, found: Sequence[tuple[int, Minima]]) -> LocalMinima:
 
 
 def targets(solvers: Solvers, reports: Sequence[SolverReport], micro: Spread) -> Targets:
-    """What holds of our theses, and by how much.
-
-    Args:
-        solvers: Rows of every solver.
-        reports: The same over all seeds.
-        micro: Time of one F_M [us].
-    """
+    """What holds of our theses, and by how much."""
     a, d, by_key = solvers["a"], solvers["d"], {row.key: row for row in reports}
     above = max(_excess(x, y) for x, y in zip(d, a, strict=True))
     above_any = max(_excess(x, y) for rows in solvers.values() for x, y in zip(d, rows, strict=True))
