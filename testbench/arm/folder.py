@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -83,51 +83,31 @@ class Arm:
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(
-        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=False
-    )
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-Origin = Literal["published", "inferred", "assumed"]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^\P{C}+$")]  # no control characters
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Value = TypeVar("Value")
+Unit = TypeVar("Unit")
 
 
-class _Quantity(_Strict):
-    value: float
-    origin: Origin
+class _Quantity(_Strict, Generic[Value, Unit]):
+    value: Value
+    origin: Literal["published", "inferred", "assumed"]
     note: str = ""
+    unit: Unit
 
 
-class _Metre(_Quantity):
-    unit: Literal["m"]
-
-
-class _Pascal(_Quantity):
-    unit: Literal["Pa"]
-
-
-class _Ratio(_Quantity):
-    unit: Literal["1"]
-
-
-class _RadPerNm(_Quantity):
-    unit: Literal["rad/(N m)"]
-
-
-class _Matrix(_Strict):
-    value: list[list[float]]
-    unit: Literal["m/N, rad/(N m)"]
-    origin: Origin
-    note: str = ""
+_Metre = _Quantity[float, Literal["m"]]
 
 
 class _Tube(_Strict):
     length: _Metre
     outer_diameter: _Metre
     inner_diameter: _Metre
-    youngs_modulus: _Pascal
-    poissons_ratio: _Ratio
+    youngs_modulus: _Quantity[float, Literal["Pa"]]
+    poissons_ratio: _Quantity[float, Literal["1"]]
 
 
 class _Link(_Strict):
@@ -135,12 +115,12 @@ class _Link(_Strict):
     axis: Vector
     normal: Vector
     tube: _Tube | None = None
-    compliance: _Matrix | None = None
+    compliance: _Quantity[list[list[float]], Literal["m/N, rad/(N m)"]] | None = None
 
 
 class _Joint(_Strict):
     name: Name
-    compliance: _RadPerNm
+    compliance: _Quantity[float, Literal["rad/(N m)"]]
 
 
 class _Elastic(_Strict):
@@ -157,8 +137,7 @@ def load_arm(folder: str | Path) -> Arm:
     """Read and check an arm's folder.
 
     Args:
-        folder: Holds rigid.xml and elastic.toml; models/kr500_l480/README.md shows the format. The name of
-            an arm that comes with testbench does as well.
+        folder: Holds rigid.xml and elastic.toml, or the name of an arm that comes with testbench.
 
     Returns:
         The arm, every body, joint and marker known to be in the MJCF and in chain order.
@@ -168,8 +147,7 @@ def load_arm(folder: str | Path) -> Arm:
     """
     folder = find_arm(folder)
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
-    elastic = _read_elastic(toml_path)
-    root = read_mjcf(rigid)
+    elastic, root = _read_elastic(toml_path), read_mjcf(rigid)
     _check_values(toml_path, elastic)
     arm = Arm(
         name=folder.resolve().name,
@@ -206,11 +184,8 @@ def _read_elastic(path: Path) -> _Elastic:
 def _check_values(path: Path, elastic: _Elastic) -> None:
     links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
     if len(links) != len(joints) + 1:
-        raise InputError(
-            path,
-            "link",
-            f"expected one link more than joints, got {len(links)} links and {len(joints)} joints",
-        )
+        problem = f"expected one link more than joints, got {len(links)} links and {len(joints)} joints"
+        raise InputError(path, "link", problem)
     for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
         if len(set(names)) != len(names):
             raise InputError(path, place, f"expected different names, got {names}")
@@ -256,11 +231,8 @@ def _frame(path: Path, place: str, link: _Link) -> Array:
         [x @ x, y @ y, x @ y], [1, 1, 0], rtol=0, atol=1e-6
     )
     if not orthonormal:
-        raise InputError(
-            path,
-            place,
-            f"axis and normal: expected unit vectors at right angles, got {link.axis} and {link.normal}",
-        )
+        problem = f"expected unit vectors at right angles, got {link.axis} and {link.normal}"
+        raise InputError(path, place, f"axis and normal: {problem}")
     x = x / np.linalg.norm(x)  # written to six digits or more; exact from here on
     y = y - (x @ y) * x
     y = y / np.linalg.norm(y)
@@ -271,22 +243,19 @@ def _joint(rigid: Path, root: ET.Element, joint: _Joint, body: str) -> Joint:
     hinges = find_body(rigid, root, body).findall("joint")
     names = [h.get("name") for h in hinges]
     if names != [joint.name]:
-        raise InputError(
-            rigid,
-            f"<body name={body!r}>",
-            f"expected exactly the joint {joint.name!r} of elastic.toml, got {names}",
-        )
-    hinge = hinges[0]
-    where = f"<joint name={joint.name!r}>"
-    if hinge.get("type", "hinge") != "hinge":
-        raise InputError(rigid, where, f"expected a hinge, got {hinge.get('type')!r}")
-    if hinge.get("pos") is not None and any(numbers(rigid, hinge, "pos", 3)):
-        raise InputError(rigid, where, "expected no pos: the body's origin lies on the joint")
-    if not any(numbers(rigid, hinge, "axis", 3)):
-        raise InputError(rigid, where, "axis: expected a direction, got zero")
+        problem = f"expected exactly the joint {joint.name!r} of elastic.toml, got {names}"
+        raise InputError(rigid, f"<body name={body!r}>", problem)
+    [hinge] = hinges
     lower, upper = (x * angle_unit(root) for x in numbers(rigid, hinge, "range", 2))
-    if not lower < upper:
-        raise InputError(rigid, where, f"range: expected lower < upper, got {hinge.get('range')!r}")
+    moved = "pos" in hinge.attrib and any(numbers(rigid, hinge, "pos", 3))
+    problems = {
+        f"expected a hinge, got {hinge.get('type')!r}": hinge.get("type", "hinge") != "hinge",
+        "expected no pos: the body's origin lies on the joint": moved,
+        "axis: expected a direction, got zero": not any(numbers(rigid, hinge, "axis", 3)),
+        f"range: expected lower < upper, got {hinge.get('range')!r}": not lower < upper,
+    }
+    for problem in (problem for problem, there in problems.items() if there):
+        raise InputError(rigid, f"<joint name={joint.name!r}>", problem)
     return Joint(joint.name, lower, upper, joint.compliance.value)
 
 
@@ -296,9 +265,8 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
     for parent, child in pairwise(chain):
         outer, inner = find_body(rigid, root, parent), find_body(rigid, root, child)
         if inner not in outer.findall("body"):
-            raise InputError(
-                rigid, f"<body name={child!r}>", f"expected as a direct child of body {parent!r}"
-            )
+            problem = f"expected as a direct child of body {parent!r}"
+            raise InputError(rigid, f"<body name={child!r}>", problem)
         if outer.find("inertial") is None:
             raise InputError(rigid, f"<body name={parent!r}>", "expected an <inertial>")
     tool = find_body(rigid, root, arm.tool)

@@ -11,13 +11,7 @@ FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
 
 
 def find_arm(name: str | Path) -> Path:
-    """The folder of an arm.
-
-    Args:
-        name: Of an arm that comes with testbench, such as "kr500_l480", or a path to a folder.
-
-    Returns:
-        The folder; what is in it is not read.
+    """The folder of an arm, by its path or the name of one that comes with testbench; it is not read.
 
     Raises:
         InputError: When there is neither.

@@ -25,8 +25,10 @@ ATTRIBUTES = {
     "joint": frozenset("name type axis pos range limited armature damping group".split()),
 }
 """What may be said of the elements that statics depends on: no wind, no gravcomp, gravity never off."""
-PLACEMENT = {"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-INERTIA = {"diaginertia": 3, "fullinertia": 6}
+NUMBERS = {
+    **{"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3},
+    **{"diaginertia": 3, "fullinertia": 6},
+}
 """How many numbers place a body or give its inertia."""
 LARGEST = 1e6
 """Largest length, angle, mass or inertia of an arm; beyond it an exponent is a slip."""
@@ -36,9 +38,6 @@ GRAVITY = 9.81
 
 def read_mjcf(path: Path) -> ET.Element:
     """The root element of an arm's MJCF, after the allow-list.
-
-    Args:
-        path: The file.
 
     Raises:
         InputError: When it is missing, too large, not well-formed, or holds what an arm may not.
@@ -82,28 +81,22 @@ def _check_attributes(path: Path, e: ET.Element) -> None:
         raise InputError(path, where, f"not allowed: {extra}; allowed are {sorted(known)}")
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(path, where, "no defaults for joints: write them at the joint")
-    if e.tag in ("option", "compiler"):
-        _check_setting(path, e)
-    if e.tag in ("body", "inertial"):
-        _check_numbers(path, e)
+    _check_values(path, e)
 
 
-def _check_setting(path: Path, e: ET.Element) -> None:
+def _check_values(path: Path, e: ET.Element) -> None:
     if e.tag == "option" and "gravity" in e.attrib:
         gravity = numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
             raise InputError(path, _where(e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
     if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
         raise InputError(path, _where(e), f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}")
-
-
-def _check_numbers(path: Path, e: ET.Element) -> None:
     if e.tag == "inertial":
         mass = numbers(path, e, "mass", 1)[0]
         if not mass > 0:
             raise InputError(path, _where(e), f"mass: expected more than 0 kg, got {mass}")
         numbers(path, e, "pos", 3)
-    for key, count in (PLACEMENT | INERTIA).items():
+    for key, count in NUMBERS.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
             numbers(path, e, key, count)
 
@@ -132,13 +125,7 @@ def _finite(word: str) -> bool:
 
 
 def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
-    """An attribute as numbers, finite and of a size that an arm can have.
-
-    Args:
-        path: The file, for the message.
-        e: The element.
-        key: The attribute.
-        count: How many numbers it must hold.
+    """An attribute of an element as so many numbers, finite and of a size that an arm can have.
 
     Raises:
         InputError: When it is missing, is something else, or is larger than LARGEST.
@@ -151,9 +138,8 @@ def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(abs(x) <= LARGEST for x in values):
-        raise InputError(
-            path, _where(e), f"{key}: expected {count} number(s) up to {LARGEST:g}, got {text!r}"
-        )
+        problem = f"expected {count} number(s) up to {LARGEST:g}, got {text!r}"
+        raise InputError(path, _where(e), f"{key}: {problem}")
     return values
 
 
@@ -171,9 +157,9 @@ def find_body(path: Path, root: ET.Element, name: str) -> ET.Element:
     Raises:
         InputError: When there is none, or more than one.
     """
+    names = [b.get("name") for b in root.iter("body")]
     found = [b for b in root.iter("body") if b.get("name") == name]
     if len(found) != 1:
-        names = [b.get("name") for b in root.iter("body")]
         what = "no body" if not found else f"{len(found)} bodies"
         raise InputError(path, "", f"{what} {name!r}; bodies are {names}")
     return found[0]

@@ -1,4 +1,4 @@
-"""Compliances of links and joints: beam formulas, Gramians, conservativeness.
+"""Compliances of links and joints: beam formulas, conservativeness.
 
 Six-vectors are translation first, rotation second; SI units.
 """
@@ -30,11 +30,7 @@ class Tube:
     poissons_ratio: float  #: nu [1].
 
     def __post_init__(self) -> None:
-        """Refuse a tube that cannot exist.
-
-        Raises:
-            BenchError: When a dimension or a material constant is out of its range.
-        """
+        """Refuse a tube that cannot exist: BenchError."""
         for name, (low, high) in TUBE_RANGES.items():
             if not low <= getattr(self, name) <= high:
                 unit = "Pa" if name == "youngs_modulus" else "m"
@@ -49,16 +45,11 @@ class Tube:
 
 
 def tube_compliance(tube: Tube) -> Array:
-    """Compliance of a clamped Euler-Bernoulli tube, read at its free end.
+    """Compliance of a clamped Euler-Bernoulli tube, read at its free end, (6, 6) [m/N, rad/(N m)].
 
     The beam template of the field (Klimchik et al.): c11 = L/EA, c22 = c33 = L^3/(3 E I),
-    c44 = L/GJ, c55 = c66 = L/(E I), c26 = +L^2/(2 E I), c35 = -L^2/(2 E I), the beam along x.
-
-    Args:
-        tube: Dimensions and material.
-
-    Returns:
-        C with [displacement; rotation] = C @ [force; moment], (6, 6) [m/N, rad/(N m)].
+    c44 = L/GJ, c55 = c66 = L/(E I), c26 = +L^2/(2 E I), c35 = -L^2/(2 E I), the beam along x;
+    [displacement; rotation] = C @ [force; moment].
     """
     L, E = tube.length, tube.youngs_modulus
     D, d = tube.outer_diameter, tube.inner_diameter
@@ -66,44 +57,19 @@ def tube_compliance(tube: Tube) -> Array:
     inertia = np.pi * (D**4 - d**4) / 64
     G = E / (2 * (1 + tube.poissons_ratio))
     bending = L / (E * inertia)
-    C = np.diag(
-        [
-            L / (E * area),
-            bending * L**2 / 3,
-            bending * L**2 / 3,
-            L / (G * 2 * inertia),
-            bending,
-            bending,
-        ]
-    )
+    across = bending * L**2 / 3
+    C = np.diag([L / (E * area), across, across, L / (G * 2 * inertia), bending, bending])
     C[1, 5] = C[5, 1] = bending * L / 2
     C[2, 4] = C[4, 2] = -bending * L / 2
     return C
-
-
-def gramian(V: Array) -> Array:
-    """Gramian matrix of the columns of V, Eq. (16): C = V^T V.
-
-    Args:
-        V: One vector of R^m per column, (m, n) [sqrt of the compliance's unit].
-
-    Returns:
-        Symmetric positive semi-definite matrix, (n, n).
-    """
-    return V.T @ V
 
 
 def eigenvalue_scale(C: Array) -> Array:
     """Units in which eigenvalues of a compliance mean something: the square root of its diagonal.
 
     Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length; those of
-    D^-1/2 C D^-1/2 with D = |diag C| do not, and have the same signs (Sylvester).
-
-    Args:
-        C: Symmetric compliance, (n, n).
-
-    Returns:
-        Positive scale per axis, (n,); 1 where the diagonal is zero.
+    D^-1/2 C D^-1/2 with D = |diag C| do not, and have the same signs (Sylvester). C is symmetric, (n, n);
+    the scales are positive, (n,), 1 where the diagonal is zero.
     """
     d = np.sqrt(np.abs(np.diag(C)))
     return np.where(d > 0, d, 1.0)
@@ -128,8 +94,9 @@ def check_compliance(value: object, what: str) -> Array:
         raise BenchError(f"{what}: expected entries up to {high:g}, got {np.abs(C).max():g}")
     scale = eigenvalue_scale(C)
     unitless = C / np.outer(scale, scale)
-    if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
-        i, j = np.unravel_index(np.argmax(np.abs(unitless - unitless.T)), C.shape)
+    asymmetry = np.abs(unitless - unitless.T)
+    if asymmetry.max() > SYMMETRY_TOLERANCE:
+        i, j = np.unravel_index(np.argmax(asymmetry), C.shape)
         raise BenchError(
             f"{what}: expected a symmetric matrix, got {C[i, j]:.6g} at row {i + 1}, column "
             f"{j + 1} against {C[j, i]:.6g} at row {j + 1}, column {i + 1}"

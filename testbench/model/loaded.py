@@ -85,11 +85,6 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
     Equal to J (K_theta - K_w)^-1 J^T where K_theta exists. With J and K_w at the loaded equilibrium it is the
     tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6).
 
-    Args:
-        J_theta: Jacobian of the virtual joints where the wrench acts, (runs, 6, n_theta) [1, m].
-        C_theta: Aggregated joint compliance, may be singular, (n_theta, n_theta) [m/N, rad/(N m)].
-        K_w: Force term, (runs, n_theta, n_theta) [N/m, N, N m].
-
     Returns:
         (runs, 6, 6) [m/N, rad/N, rad/(N m)].
 
@@ -115,7 +110,7 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
     """Virtual joints if one stiffness held for the whole load: Eq. (6), or Eq. (7) where K_w is given.
 
     Returns:
-        (runs, n_theta) [m, rad]; `displacement` makes deflections of them.
+        (runs, n_theta) [m, rad] of the unloaded chain; `displacement` makes deflections of them.
 
     Raises:
         NoEquilibrium: When the load is exactly a buckling load.

@@ -13,7 +13,6 @@ from testbench.arm.stiffness import (
     Tube,
     check_compliance,
     eigenvalue_scale,
-    gramian,
     tube_compliance,
 )
 from testbench.errors import Array, BenchError
@@ -139,22 +138,6 @@ def test_two_tubes_in_a_row_are_one_long_tube() -> None:
 def test_tube_that_cannot_exist_is_refused(name: str, value: float, expected: str) -> None:
     with pytest.raises(BenchError, match=expected):
         replace(STEEL, **{name: value})
-
-
-@REPEATABLE
-@given(V=arrays(float, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.floats(-1e3, 1e3)))
-def test_gramian_is_symmetric_positive_semidefinite(V: Array) -> None:
-    C = gramian(V)
-    assert C.shape == (V.shape[1], V.shape[1])
-    np.testing.assert_array_equal(C, C.T)
-    # eigenvalues are exact to rounding of the largest
-    assert np.linalg.eigvalsh(C)[0] >= -1e-13 * max(np.trace(C), 1e-300)
-
-
-def test_gramian_entries_are_inner_products_of_columns() -> None:
-    V = np.random.default_rng(1).standard_normal((4, 3))
-    truth = [[sum(V[k, i] * V[k, j] for k in range(4)) for j in range(3)] for i in range(3)]
-    np.testing.assert_allclose(gramian(V), truth, rtol=0, atol=1e-14)
 
 
 def test_scaled_eigenvalues_do_not_depend_on_the_unit_of_length() -> None:
