@@ -125,11 +125,7 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
 
 
 def displacement(where: Chain, theta: Array, targets: Array) -> Array:
-    """How far points of the tool move to first order.
-
-    Returns:
-        World axes, (runs, m, 3) [m].
-    """
+    """How far points of the tool move to first order, world axes, (runs, m, 3) [m]."""
     targets = check_array(targets, (None, 3), "targets [m]")
     moved = np.einsum("ptr,rt->rp", translation_rows(where, targets), theta)
     return np.asarray(moved.reshape(len(theta), len(targets), 3))

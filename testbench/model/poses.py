@@ -39,7 +39,7 @@ def random_poses(
     clear: Callable[[Array], npt.NDArray[np.bool_]],
     rng: np.random.Generator,
 ) -> Array:
-    """Poses drawn evenly over the joint limits, kept if in the area and clear.
+    """Poses drawn evenly over the joint limits, kept if in the area and clear, (count, n) [rad].
 
     Args:
         vjm: The model, for its nominal kinematics.
@@ -47,9 +47,6 @@ def random_poses(
         count: How many.
         clear: Tells which of the poses, (poses, n) [rad], are free of collision.
         rng: Source of the poses.
-
-    Returns:
-        (count, n) [rad].
 
     Raises:
         PoseError: When too few can be found; says which condition emptied the set.

@@ -179,11 +179,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def translation_rows(where: Chain, points: Array) -> Array:
-    """Translational rows of J_theta at points fixed in the tool.
-
-    Returns:
-        World axes, (3 p, n_theta, runs) [1, m].
-    """
+    """Translational rows of J_theta at points fixed in the tool, world axes, (3 p, n_theta, runs) [1, m]."""
     v, omega = where.J_theta[:3], where.J_theta[3:]
     arms = [(where.rotation @ point).T[:, None] for point in points]
     return np.concatenate([v + cross(omega, arm) for arm in arms])
@@ -196,11 +192,7 @@ def twist_rows(where: Chain) -> Array:
 
 
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
-    """Load J_F^T w of every virtual joint.
-
-    Returns:
-        (n_theta, runs) [N, N m].
-    """
+    """Load J_F^T w of every virtual joint, (n_theta, runs) [N, N m]."""
     runs = len(where.position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
@@ -210,11 +202,7 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
 
 
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
-    """Observation matrix A of Eq. (12), so that deflection = A @ pi.
-
-    Returns:
-        (runs, m, 3, n_par).
-    """
+    """Observation matrix A of Eq. (12), so that deflection = A @ pi, (runs, m, 3, n_par)."""
     targets = check_array(targets, (None, 3), "targets [m]")
     return _stacked(structure, translation_rows(where, targets), generalised_load(where, wrench, point))
 

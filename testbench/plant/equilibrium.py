@@ -157,8 +157,7 @@ def settle_by(
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
     model, data = plant.model, mujoco.MjData(plant.model)
-    held = np.zeros(model.nv)
-    rest, unbalanced = np.empty((runs, model.nv)), np.empty((runs, model.nv))
+    held, rest, unbalanced = np.zeros(model.nv), np.empty((runs, model.nv)), np.empty((runs, model.nv))
     positions, rotations = np.empty((runs, model.nbody, 3)), np.empty((runs, 9))
     step, iterations = np.empty(runs), np.empty(runs, dtype=int)
     qpos, xpos, rotation = data.qpos, data.xpos, data.xmat[plant.tool]

@@ -1,20 +1,13 @@
 """Joints that are no linear springs: they stiffen, have play, and stick.
 
-With x = tau / k_0 the turn of a linear joint under the torque tau, three effects add up, each with one
-number:
+With x = tau / k_0 the turn of a linear joint under the torque tau, three effects add up:
 
 - stiffening: the spring turns by phi with k_0 phi (1 + beta (phi / phi_ref)^2) = tau;
-- backlash of half-width b: the teeth lie on the flank that the torque's sign tells, and the turn is phi + b
-  tanh(x / b). The play is taken up where the spring would turn by b. Gear makers measure lost motion at +-3 %
-  of the rated torque, and that is about the same: 0.7 kN m for joint 2 of models/kr500_l480 at b = 50e-6 rad;
-- hysteresis of half-width h: friction in the gear holds the joint until what it should turn to, y, is more
-  than h away, then lets it follow at that distance: theta = min(max(theta_before, y - h), y + h). This is the
-  play operator (Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989), the simplest model with a loop
-  as in a reducer's hysteresis curve: 2 h wide, whatever the load. Loading falls short by h, unloading comes
-  back h too little.
-
-Backlash needs no history: it shows where loading changes the torque's sign. Hysteresis shows in every joint
-whose torque changes, and in what the arm reads before and after it has carried a load.
+- backlash of half-width b, on the flank that the torque's sign tells: the turn is phi + b tanh(x / b). Taken
+  up where the spring would turn by b, about the 3 % of the rated torque at which makers measure lost motion;
+- hysteresis of half-width h: friction holds the joint until what it should turn to, y, is more than h away,
+  then lets it follow: theta = min(max(theta_before, y - h), y + h). This is the play operator (Krasnosel'skii
+  and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load.
 """
 
 from dataclasses import dataclass
@@ -40,11 +33,7 @@ class JointLaw:
 
 
 def turn(law: JointLaw, torque: Array) -> Array:
-    """Turn theta under a torque.
-
-    Returns:
-        theta, (n,) [rad].
-    """
+    """Turn theta under a torque, (n,) [rad]."""
     target = _target(law, torque)
     if law.before is None:
         return target
