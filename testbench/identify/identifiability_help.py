@@ -136,8 +136,10 @@ def _rows(vjm: Vjm, data: Dataset, regression: Regression) -> Iterator[tuple[str
     poses = np.unique(data.q, axis=0, return_inverse=True)[1].ravel()
     fresh = more_poses(vjm, data, poses.max() + 1, seed=2).q[poses]
     yield "as many poses again at random", reduce(vjm, structure, imagined(data, q=fresh))
-    seeing, name = _with_marker(vjm, data)
-    marker = reduce(seeing, structure, imagined(data, markers=(name,)))
+    points = marker_points(vjm, data.markers)
+    name = f"one more marker off the {'plane' if len(points) > 2 else 'line'} of the {len(points)}"
+    name = "a second marker" if len(points) == 1 else name
+    marker = reduce(with_marker(vjm, points, name), structure, imagined(data, markers=(name,)))
     yield name, replace(marker, terms=marker.terms[:1])
     if data.rotation_before is None:
         blank = np.zeros((data.runs, 3))
@@ -165,13 +167,9 @@ def _loads(data: Dataset) -> Iterator[tuple[str, dict[str, Array]]]:
             yield f"load point moved {OFFSET:g} m along tool {axis}", {"point": point}
 
 
-def _with_marker(vjm: Vjm, data: Dataset) -> tuple[Vjm, str]:
-    """The arm with one more marker off the line or plane of those that were read; and its name."""
-    points = marker_points(vjm, data.markers)
+def with_marker(vjm: Vjm, points: Array, name: str) -> Vjm:
+    """The model with one more marker, fixed to the tool off the line or plane of others, (m, 3) [m]."""
     centre = points.mean(axis=0)
     away = np.linalg.svd(points - centre)[2][-1]
-    name = f"one more marker off the {'plane' if len(points) > 2 else 'line'} of the {len(points)}"
-    if len(points) == 1:
-        name = "a second marker"
     arm = replace(vjm.arm, markers=(*vjm.arm.markers, name))
-    return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + OFFSET * away])), name
+    return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + OFFSET * away]))

@@ -49,7 +49,7 @@ def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -
     try:
         while under_way:
             done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in sorted(done, key=_failed):
+            for future in sorted(done, key=lambda future: future.exception() is not None):
                 yield future.result()
             under_way |= set(islice(calls, len(done)))
     except BaseException as err:
@@ -62,10 +62,6 @@ def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -
 def _leave_interrupts() -> None:
     """Ctrl-C reaches every process of a terminal: this one, which will stop the others, is enough."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _failed(future: Future[Chunk]) -> bool:
-    return future.exception() is not None
 
 
 def _stop(pool: Any, under_way: set[Future[Chunk]]) -> None:

@@ -75,14 +75,10 @@ def _merge(values: list[object]) -> object:
     texts = [v for v in values if isinstance(v, tuple) and all(isinstance(text, str) for text in v)]
     if len(texts) == len(values):
         return tuple(dict.fromkeys(text for own in texts for text in own))
-    rows = [v for v in values if isinstance(v, list | tuple) and len(v) == len(_sized(first))]
-    if len(rows) == len(values):
+    rows = [v for v in values if isinstance(v, list | tuple)]
+    if len(rows) == len(values) and len({len(row) for row in rows}) == 1:
         return [_merge(list(column)) for column in zip(*rows, strict=True)]
     return " | ".join(sorted({str(v) for v in values}))
-
-
-def _sized(value: object) -> Sequence[object]:
-    return value if isinstance(value, list | tuple) else ()
 
 
 def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:

@@ -11,15 +11,12 @@ from testbench.data.dataset import Ids
 from testbench.design.rows import Experiment
 from testbench.design.specification import Specification, Tasks
 from testbench.errors import Array
+from testbench.identify.identifiability_help import OFFSET, with_marker
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.model.vjm import Vjm
 from testbench.studies.pose_selection.rows import PlanRow
 from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Settings
 
-OFFSET = 0.3
-"""How far beside the load point a second hanging point is, along the tool's y, and how far a fourth marker
-stands off the plane of the three [m]."""
 MORE = 4
 """Further poses: the yardstick of what else could be done."""
 CHANCE = 300
@@ -42,9 +39,13 @@ def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:
 
 
 def variants(cell: Cell, asked: Settings, own: Specification) -> dict[str, Specification]:
-    """The featured way to measure, and what could be done beyond it, in words."""
+    """The featured way to measure, and what could be done beyond it, in words.
+
+    A second hanging point is `OFFSET` beside the first along the tool's y, a fourth marker as far off the
+    plane of the three.
+    """
     n, mass, every = own.poses, asked.scope.payload, own.experiment
-    half, one, fourth = hung(cell, mass / 2), own.loads[0], _with_marker(every.vjm)
+    half, one, fourth = hung(cell, mass / 2), own.loads[0], with_marker(every.vjm, every.vjm.markers, "P4")
     beside = replace(one, point=one.point + np.array([0.0, OFFSET, 0.0]))
     found = {
         f"{n} poses, one weight, three markers": own,
@@ -55,14 +56,6 @@ def variants(cell: Cell, asked: Settings, own: Specification) -> dict[str, Speci
         "a fourth marker": replace(own, experiment=replace(every, vjm=fourth, targets=fourth.markers)),
     }
     return dict(list(found.items())[: asked.scope.variants])
-
-
-def _with_marker(vjm: Vjm) -> Vjm:
-    """The model with one more target, fixed to the tool off the plane of the others."""
-    centre = vjm.markers.mean(axis=0)
-    away = np.linalg.svd(vjm.markers - centre)[2][-1]
-    arm = replace(vjm.arm, markers=(*vjm.arm.markers, "P4"))
-    return replace(vjm, arm=arm, markers=np.vstack([vjm.markers, centre + OFFSET * away]))
 
 
 @dataclass(frozen=True)
