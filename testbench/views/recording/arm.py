@@ -25,10 +25,7 @@ LABEL = "world/load/label"
 def write_shapes(pen: Pen, cell: Cell, moving: Sequence[int]) -> None:
     """The shapes of every body of the arm, and once more those of the bodies that deflect visibly.
 
-    Args:
-        pen: Where to.
-        cell: The arm.
-        moving: Bodies with a ghost: one that stays where it is would flicker through the body's surface.
+    `moving` are those with a ghost: one that stays where it is would flicker through the body's surface.
     """
     pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     shapes = visual_shapes(cell.room)

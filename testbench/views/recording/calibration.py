@@ -34,12 +34,7 @@ def write_calibration(
 ) -> None:
     """Write a calibration for the Rerun viewer; an existing file is replaced only by a whole one.
 
-    Args:
-        path: The .rrd file.
-        about: Words and models; of several seeds the words are of all, `campaign` is the first's.
-        cell: The arm.
-        campaign: What was measured.
-        results: One a model.
+    Of several seeds the words are of all, the campaign and its results, one a model, are the first's.
     """
     drawing = build_drawing(about, cell, campaign, results)
     scales = {

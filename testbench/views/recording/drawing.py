@@ -71,21 +71,6 @@ class Drawing:
     residual_scale: float  #: Magnification of the residual arrows [1].
 
     @property
-    def best(self) -> int:
-        """Index of the model that the runs are sorted by."""
-        return self.about.best
-
-    @property
-    def shown(self) -> tuple[int, ...]:
-        """Indices of the models that are visible at first."""
-        return self.about.shown
-
-    @property
-    def magnification(self) -> float:
-        """Of the deflection [1]."""
-        return self.about.magnification
-
-    @property
     def names(self) -> list[str]:
         """Names of the models."""
         return [model.name for model in self.about.models]
@@ -93,13 +78,13 @@ class Drawing:
     @property
     def heads(self) -> list[str]:
         """The truth and the names of the shown models."""
-        return ["truth", *(self.names[k] for k in self.shown)]
+        return ["truth", *(self.names[k] for k in self.about.shown)]
 
     @property
     def lumped(self) -> list[str]:
         """Names of the shown models that have no joints."""
         joints = 6 * len(self.cell.arm.links)  # index of the first one's compliance
-        return [self.names[k] for k in self.shown if self.estimates[k].structure.a.max() < joints]
+        return [self.names[k] for k in self.about.shown if self.estimates[k].structure.a.max() < joints]
 
     @property
     def paths(self) -> list[str]:
@@ -109,10 +94,8 @@ class Drawing:
     @property
     def looks(self) -> list[Drawn]:
         """How each model is drawn, the shown ones bold."""
-        models = self.about.models
-        return [
-            drawn(look(m.structure, m.constraint, m.prior), k in self.shown) for k, m in enumerate(models)
-        ]
+        found = [look(m.structure, m.constraint, m.prior) for m in self.about.models]
+        return [drawn(own, k in self.about.shown) for k, own in enumerate(found)]
 
     @property
     def lowest(self) -> int:
@@ -153,14 +136,7 @@ class Drawing:
 
 
 def build_drawing(about: Calibration, cell: Cell, campaign: Campaign, results: Sequence[Result]) -> Drawing:
-    """Sort the runs and place the arm.
-
-    Args:
-        about: Words and models.
-        cell: The arm.
-        campaign: What was measured: markers under gravity, or full poses under wrenches.
-        results: One a model.
-    """
+    """Sort the runs and place the arm; one result a model."""
     scenario = campaign.scenario
     data = campaign.measured
     errors = np.array([result.residuals for result in results])

@@ -76,11 +76,7 @@ def sizes(share: Array) -> Array:
 def write_error_map(pen: Pen, path: str, error_map: ErrorMap, radius: float) -> None:
     """Balls over the workspace, cubes at the tasks, and labels at the ends of either.
 
-    Args:
-        pen: Where to.
-        path: Root of the map's entities.
-        error_map: What to draw.
-        radius: Of the largest ball [m].
+    `path` is the root of its entities, `radius` that of the largest ball [m].
     """
     field, tasks = (shares(mm, error_map.ends) for mm in (error_map.field_mm, error_map.tasks_mm))
     pen.still(

@@ -25,7 +25,8 @@ EXPECTED = {
 
 def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
     """Write a measurement plan for the Rerun viewer; an existing file is replaced only by a whole one."""
-    chart = _chart(scene)
+    # a line a number of poses, a dot a plan: a chart stands still, whatever the timeline
+    chart = scene.sweep.chart(CHART) if scene.sweep else None
     words = Words(Path(__file__).parent, {"scene": scene}, "plan.md.j2")
     with recording(path, "plan", header, _blueprint(scene, chart)) as pen:
         run = pen.on(rr.TimeColumn(TIMELINE, sequence=np.arange(scene.poses) + 1))
@@ -46,12 +47,6 @@ def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
         if chart:
             pen.documents({"sweep_words": scene.sweep_words})
             chart.write(pen)
-
-
-def _chart(scene: PlanScene) -> Chart | None:
-    """A line a number of poses, a dot a plan: a chart stands still, whatever the timeline."""
-    sweep = scene.sweep
-    return sweep.chart(CHART, {p.x: f"{p.x:g} {sweep.x.heading}" for p in sweep.points}) if sweep else None
 
 
 def _blueprint(scene: PlanScene, chart: Chart | None) -> rrb.Blueprint:

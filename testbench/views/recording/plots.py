@@ -1,18 +1,15 @@
 """Residuals run by run, their histogram, and the sag while the load grows."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from scipy import stats
 
 from testbench.bench.rows import MM, UM
-from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.views.recording.drawing import Drawing, noise_limit
 from testbench.views.recording.pen import Line, Pen
-from testbench.views.recording.style import MEASURED, NOISE
+from testbench.views.recording.style import MEASURED, NOISE, Colour
 
 SETS = ("identification", "check")
 BINS = 17
@@ -41,11 +38,11 @@ def write_residuals(pen: Pen, drawing: Drawing) -> None:
 
 def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
     """Zoomed on the best model of each method; the title says how far the others go."""
-    top = max(LEAST_TOP_MM, MM * 2 * drawing.residual[list(drawing.shown)].max())
+    top = max(LEAST_TOP_MM, MM * 2 * drawing.residual[list(drawing.about.shown)].max())
     if drawing.noise:
         top = max(top, 1.2 * MM * noise_limit(drawing))
     largest = MM * drawing.residual.max(axis=1)
-    best, first = drawing.names[drawing.best], drawing.residual[drawing.best]
+    best, first = drawing.names[drawing.about.best], drawing.residual[drawing.about.best]
     off = np.abs(drawing.residual - first).max(axis=1)
     same = [n for n, x in zip(drawing.names, off, strict=True) if x < ALIKE * first.max() and n != best]
     twins = f"; {', '.join(same)} as {best}" if same else ""
@@ -53,7 +50,7 @@ def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
     beyond = f"; {', '.join(names)} beyond, up to {largest.max():.3g} mm" if names else ""
     return rrb.TimeSeriesView(
         origin="residual_mm",
-        contents=[f"$origin/{path}" for path in (*(drawing.paths[k] for k in drawing.shown), "noise_p95")],
+        contents=[*(f"$origin/{drawing.paths[k]}" for k in drawing.about.shown), "$origin/noise_p95"],
         name=f"Worst marker residual of each run (mm), dots: check runs{beyond}{twins}",
         axis_y=rrb.ScalarAxis(range=(0.0, float(top))),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
@@ -65,7 +62,7 @@ def write_sag(pen: Pen, drawing: Drawing) -> None:
     loading, (true, *models) = drawing.loading, drawing.sag
     pen.line(Line("sag_mm/true", "true (mm)", MEASURED, 4.0), MM * true)
     missed = np.linalg.norm(loading.predicted - loading.deflection, axis=-1)[:, :, drawing.lowest]
-    for k in drawing.shown:
+    for k in drawing.about.shown:
         for root, unit, values in (("sag_mm", "mm", MM * models[k]), ("sag_error_um", "um", UM * missed[k])):
             path, look = f"{root}/{drawing.paths[k]}", drawing.looks[k]
             pen.line(Line(path, f"{drawing.names[k]} ({unit})", look.colour, look.width), values)
@@ -82,59 +79,30 @@ def sag_views(drawing: Drawing) -> list[rrb.TimeSeriesView]:
     return [rrb.TimeSeriesView(origin=k, name=name, plot_legend=legend) for k, name in titles.items()]
 
 
-@dataclass(frozen=True)
-class Bars:
-    """A bar chart."""
-
-    at: Array  #: Centres, (bars,) [um].
-    counts: Array  #: Heights, (bars,) [1].
-    width: float  #: Of every bar [um].
-
-
-def histograms(drawing: Drawing, runs: Mask) -> tuple[Bars | None, list[Bars]]:
-    """Residual components of the shown models over some runs.
-
-    Args:
-        drawing: Gives residuals and noise.
-        runs: Which runs, (runs,).
-
-    Returns:
-        The normal curve of the noise, as fine bars, where there is noise; and the bars of each shown model,
-        side by side.
-    """
-    pooled = UM * drawing.errors[list(drawing.shown)]
-    edge = float(np.abs(pooled).max())
-    unit = 50.0 if drawing.noise else max(edge, LEAST_EDGE_UM)
-    edge = unit * max(1.0, float(np.ceil(edge / unit)))
-    edges = np.linspace(-edge, edge, BINS + 1)
+def write_histograms(pen: Pen, drawing: Drawing) -> None:
+    """Residual components of the shown models before the normal curve of noise, by set of runs."""
+    pooled = UM * drawing.errors[list(drawing.about.shown)]
+    largest = float(np.abs(pooled).max())
+    unit = 50.0 if drawing.noise else max(largest, LEAST_EDGE_UM)
+    edge = unit * max(1.0, float(np.ceil(largest / unit)))
+    edges, fine = np.linspace(-edge, edge, BINS + 1), np.linspace(-edge, edge, 8 * BINS + 1)
     wide, count = 2 * edge / BINS, len(pooled)
     slot, middle = 0.8 * wide / count, (edges[:-1] + edges[1:]) / 2
-    components = pooled[:, runs].reshape(count, -1)
-    bars = [
-        Bars(middle + slot * (i - (count - 1) / 2), np.histogram(x, edges)[0].astype(float), slot)
-        for i, x in enumerate(components)
-    ]
-    if not drawing.noise:
-        return None, bars
-    fine = np.linspace(-edge, edge, 8 * BINS + 1)
-    density = stats.norm.pdf(fine, scale=UM * drawing.data.sigma * np.sqrt(2))
-    return Bars(fine, wide * components.shape[1] * density, fine[1] - fine[0]), bars
-
-
-def write_histograms(pen: Pen, drawing: Drawing) -> None:
-    """Residual components of the best models before the normal curve of noise, for each set of runs."""
     for group, runs in zip(SETS, (~drawing.checked, drawing.checked), strict=True):
-        curve, bars = histograms(drawing, runs)
-        drawn = {
-            drawing.paths[k]: (own, drawing.looks[k].colour)
-            for k, own in zip(drawing.shown, bars, strict=True)
-        }
-        if curve is not None:
-            drawn["expected_noise"] = curve, (*NOISE, 90)
-        for name, (own, colour) in drawn.items():
-            widths = np.full(len(own.at), own.width)
-            chart = rr.BarChart(own.counts, color=colour, abscissa=own.at, widths=widths)
-            pen.still(f"histogram_um/{group}/{name}", chart)
+        path, components = f"histogram_um/{group}", pooled[:, runs].reshape(count, -1)
+        for i, k in enumerate(drawing.about.shown):
+            counts = np.histogram(components[i], edges)[0].astype(float)
+            at = middle + slot * (i - (count - 1) / 2)
+            bars = _bars(at, counts, slot, drawing.looks[k].colour)
+            pen.still(f"{path}/{drawing.paths[k]}", bars)
+        if drawing.noise:
+            density = stats.norm.pdf(fine, scale=UM * drawing.data.sigma * np.sqrt(2))
+            curve = wide * components.shape[1] * density
+            pen.still(f"{path}/expected_noise", _bars(fine, curve, fine[1] - fine[0], (*NOISE, 90)))
+
+
+def _bars(at: Array, counts: Array, width: float, colour: Colour) -> rr.BarChart:
+    return rr.BarChart(counts, color=colour, abscissa=at, widths=np.full(len(at), width))
 
 
 def histogram_views(drawing: Drawing) -> list[rrb.BarChartView]:

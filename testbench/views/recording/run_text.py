@@ -43,7 +43,7 @@ def words(drawing: Drawing) -> Words:
     values = {
         "drawing": drawing,
         "runs": run_lines(drawing),
-        "sag_mm": MM * drawing.sag[[0, *(1 + k for k in drawing.shown)]],
+        "sag_mm": MM * drawing.sag[[0, *(1 + k for k in drawing.about.shown)]],
         "heads": drawing.heads,
         "axes": AXES,
         "links": links,

@@ -47,13 +47,13 @@ def write_scene(runs: Pen, load: Pen, drawing: Drawing) -> None:
 
 def _write_styles(pen: Pen, drawing: Drawing) -> None:
     """What does not change: colours and sizes."""
-    radius, best = 0.012 * drawing.reach, drawing.looks[drawing.best].colour
+    radius, best = 0.012 * drawing.reach, drawing.looks[drawing.about.best].colour
     for name, colour in (("nominal", NOMINAL), ("measured", MEASURED), ("true", MEASURED)):
         pen.still(f"{MARKERS}/{name}", rr.Points3D.from_fields(colors=colour, radii=radius))
     for k, (path, look) in enumerate(zip(drawing.paths, drawing.looks, strict=True)):
         dots = rr.Points3D.from_fields(colors=look.colour, radii=0.8 * radius)
         pen.still(f"{MARKERS}/predicted_{path}", dots)
-        slim = (0.5 if k == drawing.best else 0.8) * radius  # so that arrows on one line are both seen
+        slim = (0.5 if k == drawing.about.best else 0.8) * radius  # so that arrows on one line are both seen
         arrows = rr.Arrows3D.from_fields(colors=look.colour, radii=slim)
         pen.still(f"{MARKERS}/residual_{path}", arrows)
     thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
@@ -64,7 +64,7 @@ def _write_styles(pen: Pen, drawing: Drawing) -> None:
 
 def _write_markers(pen: Pen, drawing: Drawing) -> None:
     """Markers without load, as measured and as predicted; arrows from measured to predicted."""
-    data, M, scale = drawing.data, drawing.magnification, drawing.residual_scale
+    data, M, scale = drawing.data, drawing.about.magnification, drawing.residual_scale
     nominal = drawing.bodies(data.markers, drawing.rigid)
     measured = nominal + M * data.deflection
     pen.points(f"{MARKERS}/nominal", nominal)
@@ -78,7 +78,7 @@ def _write_markers(pen: Pen, drawing: Drawing) -> None:
 
 def _write_worst(pen: Pen, drawing: Drawing, measured: Array) -> None:
     """One label a run, off its marker: labels at every marker would cover each other."""
-    length = MM * np.linalg.norm(drawing.errors[drawing.best], axis=-1)
+    length = MM * np.linalg.norm(drawing.errors[drawing.about.best], axis=-1)
     worst, runs = length.argmax(axis=1), np.arange(len(length))
     away = measured[runs, worst] - drawing.bodies([drawing.cell.arm.tool], drawing.ghost)[:, 0]
     size = np.linalg.norm(away, axis=1, keepdims=True)
@@ -87,19 +87,19 @@ def _write_worst(pen: Pen, drawing: Drawing, measured: Array) -> None:
     at = measured[runs, worst] + 0.16 * drawing.reach * away
     names = [drawing.data.markers[k] for k in worst]
     texts = [f"{name}: {mm:.3f} mm" for name, mm in zip(names, length[runs, worst], strict=True)]
-    pen.label(f"{MARKERS}/worst_label", at, texts, drawing.looks[drawing.best].colour)
+    pen.label(f"{MARKERS}/worst_label", at, texts, drawing.looks[drawing.about.best].colour)
     leaders = np.stack([measured[runs, worst], at], axis=1)
     pen.rows(f"{MARKERS}/worst_leader", rr.LineStrips3D.columns(strips=leaders))
 
 
 def _write_loading(pen: Pen, drawing: Drawing) -> None:
     """The same markers while the load grows: true instead of measured, predicted by the shown models."""
-    loading, M = drawing.loading, drawing.magnification
+    loading, M = drawing.loading, drawing.about.magnification
     nominal = drawing.bodies(drawing.data.markers, loading.rigid)
     pen.points(f"{MARKERS}/nominal", nominal)
     pen.points(f"{MARKERS}/true", nominal + M * loading.deflection)
     pen.arrows(f"{MARKERS}/deflection", nominal, M * loading.deflection)
-    for k in drawing.shown:
+    for k in drawing.about.shown:
         pen.points(f"{MARKERS}/predicted_{drawing.paths[k]}", nominal + M * loading.predicted[k])
 
 
@@ -137,12 +137,13 @@ def world_view(drawing: Drawing) -> rrb.Spatial3DView:
     hidden: dict[str | rr.datatypes.EntityPath, rrb.EntityBehavior] = {
         f"/{MARKERS}/{what}_{name}": rrb.EntityBehavior(visible=False)
         for k, name in enumerate(drawing.paths)
-        if k not in drawing.shown
+        if k not in drawing.about.shown
         for what in ("predicted", "residual")
     }
+    M, scale = drawing.about.magnification, drawing.residual_scale
     return rrb.Spatial3DView(
         origin="world",
-        name=f"Arm (m): deflection x {drawing.magnification:g}, residual arrows x {drawing.residual_scale:g}",
+        name=f"Arm (m): deflection x {M:g}, residual arrows x {scale:g}",
         eye_controls=orbit(*_camera(drawing)),
         overrides=hidden,
     )

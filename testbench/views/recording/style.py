@@ -34,12 +34,7 @@ class Drawn:
 
 
 def drawn(look: Look, bold: bool) -> Drawn:
-    """A look in a recording.
-
-    Args:
-        look: Of the model.
-        bold: Whether it is one to look at first.
-    """
+    """A look in a recording; bold is what to look at first."""
     shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
     colour = tuple(round(c + TINT * (255 - c)) for c in look.colour) if look.prior else look.colour
     return Drawn(colour, shape, 3.0 if bold else 1.5)

@@ -29,7 +29,7 @@ def write_sweep(path: Path, header: Header, sweep: Sweep, words: str) -> None:
         BenchError: When two values of x are the same whole number, or a model lacks a value of x.
     """
     own, time = sweep.words, rr.TimeColumn(TIMELINE, sequence=sweep.steps)
-    chart = sweep.chart(sweep.root, sweep.labels) if sweep.labels else None
+    chart = sweep.chart(sweep.root) if sweep.labels else None
     summary = f"{words}\n\n{own.block('how_to_read')}"
     blueprint = _blueprint([chart.view()] if chart else plot_views(sweep))
     with recording(path, "sweep", header, blueprint) as pen:

@@ -27,14 +27,7 @@ class Point:
 
 
 def points(rows: Sequence[object], model: Column, x: Column, y: Column) -> list[Point]:
-    """Points of a table's rows.
-
-    Args:
-        rows: Of all models.
-        model: Names the line.
-        x: What is swept.
-        y: What is measured.
-    """
+    """Points of a table's rows; `model` names the line."""
     return [Point(middle(x.value(row)), model.cell(row), y.value(row)) for row in rows]
 
 
@@ -66,15 +59,12 @@ class Sweep:
         """Colour and shape of a model."""
         return drawn(self.looks[model], bold=True)
 
-    def chart(self, path: str, labels: Mapping[float, str]) -> Chart:
-        """A line a label, on it the models.
-
-        Args:
-            path: Root of its entities.
-            labels: What stands for x, by x.
-        """
+    def chart(self, path: str) -> Chart:
+        """A line at every x, on it the models; `path` is the root of its entities."""
         own = sorted(self.points, key=lambda p: p.x)
-        found = [Dot(labels[p.x], p.y, self.drawn(p.model).colour, p.model) for p in own]
+        names = [self.labels.get(p.x, f"{p.x:g} {self.x.heading}") for p in own]
+        looks = [self.drawn(p.model) for p in own]
+        found = [Dot(n, p.y, d.colour, p.model) for n, p, d in zip(names, own, looks, strict=True)]
         return Chart(path, f"{self.title} ({self.y.unit}), logarithmic", found)
 
     @property

@@ -51,9 +51,8 @@ def view(folder: Path) -> None:
     file = newest(folder)
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise BenchError(f"no display to open {file} on; `testbench shot` renders it to a PNG without one")
-    code = subprocess.run(
-        [_program(), str(file), "--port", "auto", "--bind", "127.0.0.1"], check=False
-    ).returncode
+    command = [_program(), str(file), "--port", "auto", "--bind", "127.0.0.1"]
+    code = subprocess.run(command, check=False).returncode
     if code != 0:
         raise BenchError(f"the Rerun viewer ended with exit code {code}")
 
@@ -105,12 +104,11 @@ def _program() -> str:
 
 
 def _software_driver() -> Path:
-    for folder in DRIVERS:
-        for file in sorted(folder.glob(SOFTWARE)):
-            return file
-    raise BenchError(
-        "no software Vulkan (lavapipe) to render with: install the Debian package mesa-vulkan-drivers"
-    )
+    found = [file for folder in DRIVERS for file in sorted(folder.glob(SOFTWARE))]
+    if not found:
+        needed = "install the Debian package mesa-vulkan-drivers"
+        raise BenchError(f"no software Vulkan (lavapipe) to render with: {needed}")
+    return found[0]
 
 
 @contextmanager
