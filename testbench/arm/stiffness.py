@@ -76,11 +76,7 @@ def eigenvalue_scale(C: Array) -> Array:
 
 
 def check_compliance(value: object, what: str) -> Array:
-    """The value as a conservative 6x6 compliance that has an inverse.
-
-    Args:
-        value: Anything that numpy can read as (6, 6) [m/N, rad/(N m)].
-        what: Name of the quantity, for the message.
+    """What numpy can read as a conservative compliance with an inverse, (6, 6) [m/N, rad/(N m)].
 
     Raises:
         BenchError: When it is not 6x6, out of COMPLIANCE_RANGE, not symmetric or not positive definite.

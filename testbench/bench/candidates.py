@@ -75,23 +75,14 @@ class Candidates:
 
 
 def build_checks(cell: Cell, conditions: Conditions) -> Checks:
-    """The checks of an arm.
-
-    Raises:
-        BenchError: When the tracker stands inside something that does not move.
-    """
+    """The checks of an arm; BenchError where the tracker stands inside something that does not move."""
     station = conditions.station
     site = build_site(cell.arm, conditions.payload, None if station is None else station.position)
     return Checks(cell.vjm, site, conditions)
 
 
 def why_not(checks: Checks, q: Array) -> list[str | None]:
-    """The first of `REASONS` for which each pose is refused, None where it is feasible.
-
-    Args:
-        checks: What to ask.
-        q: Actuated joint angles, (poses, n) [rad].
-    """
+    """The first of `REASONS` for which each pose (poses, n) [rad] is refused, None where it is feasible."""
     q = check_array(q, (None, checks.vjm.arm.n_joints), "q [rad]")
     reasons = np.full(len(q), None, dtype=object)
     left = np.arange(len(q))
@@ -152,18 +143,12 @@ def find(
     least: int | None = None,
     patience: int = PATIENCE,
 ) -> Candidates:
-    """Feasible poses, drawn evenly over the joint limits.
+    """So many feasible poses, drawn evenly over the joint limits; at least `least` where no more are found.
 
-    Args:
-        checks: What to ask of them.
-        count: How many.
-        rng: Source of the poses.
-        least: Fewer are returned when no more are found, but at least so many; None for count.
-        patience: Poses drawn before it gives up, and DRAWS_A_POSE more for every one found.
+    It gives up after `patience` draws, and DRAWS_A_POSE more for every pose found.
 
     Raises:
         PoseError: When too few are found; says what refused them and what to change.
-        BenchError: When a number makes no sense.
     """
     least = count if least is None else least
     if not 1 <= least <= count or patience < 1:
@@ -190,15 +175,14 @@ def find(
 
 def _too_few(found: int, count: int, drawn: int, rejected: dict[str, int]) -> str:
     """What was found and what refused the rest: the most of all, and the most of what came to it."""
-    came = drawn - np.cumsum([0, *rejected.values()])
+    came = dict(zip(REASONS, drawn - np.cumsum([0, *rejected.values()]), strict=False))
     most = max(REASONS, key=lambda r: rejected[r])
-    share = max(REASONS, key=lambda r: rejected[r] / max(came[REASONS.index(r)], 1))
-    strictest = ""
-    if share != most:
-        reached = came[REASONS.index(share)]
-        strictest = f"; {share!r} refused {rejected[share]} of the {reached} that came to it: {ADVICE[share]}"
+    strict = max(REASONS, key=lambda r: rejected[r] / max(came[r], 1))
+    refused = (
+        f"; {strict!r} refused {rejected[strict]} of the {came[strict]} that came to it: {ADVICE[strict]}"
+    )
     table = ", ".join(f"{reason} {n}" for reason, n in rejected.items() if n)
     return (
         f"found {found} of {count} poses in {drawn} draws; most were refused by {most!r}: {ADVICE[most]}"
-        f"{strictest} (refused: {table})"
+        f"{refused if strict != most else ''} (refused: {table})"
     )

@@ -63,10 +63,8 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
         PoseError: When there are fewer feasible poses than the plan needs.
     """
     q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad]")
-    load = hung(cell, settings.loads_kg[0])
-    every = Load(np.tile(load.wrench, (len(q), 1)), np.tile(load.point, (len(q), 1)))
-    found = search(cell, settings)
-    return judge(cell, settings, found, choose(cell, settings, Tasks(q, every), found))
+    tasks, found = Tasks(q, hung(cell, settings.loads_kg[0])), search(cell, settings)
+    return judge(cell, settings, found, choose(cell, settings, tasks, found))
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
@@ -82,26 +80,17 @@ def search(cell: Cell, settings: PlanSettings) -> Candidates:
 
 
 def nearest_turn(q: Array, limits: Array) -> Array:
-    """The same poses with every joint in the turn nearest to zero that its limits allow, (poses, n) [rad].
+    """Poses (poses, n) [rad] with every joint in the turn nearest to zero that its limits (2, n) allow.
 
     A joint that can turn about itself more than once reaches a pose at several angles; nearest to zero the
     ways from pose to pose are short, and cables are not wound up.
-
-    Args:
-        q: Joint angles within the limits, (poses, n) [rad].
-        limits: Lower and upper joint limits, (2, n) [rad].
     """
     near = q - 2 * np.pi * np.round(q / (2 * np.pi))
     return np.where((near >= limits[0]) & (near <= limits[1]), near, q)
 
 
 def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:
-    """The settings as the design of experiments wants them.
-
-    Raises:
-        BenchError: When there is no such model, or its structure lacks entries in a block.
-        PoseError: When the arm can be nowhere in the work area.
-    """
+    """The settings as the design of experiments wants them; PoseError where the arm can be nowhere."""
     own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
     percent = settings.uncertainty_percent
     checks = build_checks(cell, Conditions(settings.area))
@@ -116,11 +105,7 @@ def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:
 
 
 def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) -> Plan:
-    """The best plan found.
-
-    Raises:
-        BenchError: When without a prior the poses are too few, or tasks ask for what no load shows.
-    """
+    """The best plan found; BenchError where without a prior poses are too few or loads show too little."""
     spec = specify(cell, settings, tasks)
     if spec.uncertainty is None:
         _check_without_prior(spec, found.q)
@@ -130,11 +115,7 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) 
 
 
 def judge(cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan) -> Planned:
-    """What a plan promises, beside other plans from the same candidates.
-
-    Raises:
-        BenchError: When without a prior the plan leaves directions open that the candidates can show.
-    """
+    """What a plan promises, beside others; BenchError where without a prior it leaves directions open."""
     workspace = promise(plan, workspace_rows(plan.specification))
     report = summary(cell, settings, found, plan, workspace)
     indices = report.observability
@@ -147,12 +128,7 @@ def judge(cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan) -> 
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
-    """Tells whether all joints can go straight from a pose to another, nothing hanging from the arm.
-
-    Args:
-        cell: The arm.
-        station: Where the tracker stands, in the way of the arm.
-    """
+    """Tells whether all joints can go straight from pose to pose, nothing hung, the tracker in the way."""
     site = build_site(cell.arm, None, None if station is None else station.position)
 
     def clear(start: Array, end: Array) -> bool:

@@ -32,10 +32,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
     of the process, world axes. point_*_m (optional with them): where it acts, in the tool's frame; the arm's
     load point if not given.
 
-    Args:
-        path: The file.
-        cell: The arm.
-        hung: The load of tasks without columns of their own.
+    Tasks without such columns have the load `hung`.
 
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
@@ -43,8 +40,9 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
     table = read_table(path)
     angles = _check_header(table, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:
-        row = 0 if not table.rows else MAX_TASKS
-        raise table.error(row, "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}")
+        raise table.error(
+            min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
+        )
     q = table.numbers(angles)
     unit = angles[0].rsplit("_", 1)[1]
     q = np.deg2rad(q) if unit == "deg" else q
@@ -80,8 +78,7 @@ def _read_load(table: Table, hung: Load) -> Load:
     def three(names: list[str], default: Array) -> Array:
         if names[0] not in table.columns:
             return np.tile(default, (table.rows, 1))
-        values = table.numbers(names)
-        most = FARTHEST[names[0]]
+        values, most = table.numbers(names), FARTHEST[names[0]]
         far = np.argwhere(np.abs(values) > most)
         if len(far):
             i, k = far[0]
@@ -89,7 +86,7 @@ def _read_load(table: Table, hung: Load) -> Load:
         return values
 
     if not {FORCE[0], MOMENT[0]} & table.columns.keys():
-        return Load(np.tile(hung.wrench, (table.rows, 1)), np.tile(hung.point, (table.rows, 1)))
+        return hung
     wrench = np.hstack([three(FORCE, np.zeros(3)), three(MOMENT, np.zeros(3))])
     idle = np.flatnonzero(~wrench.any(axis=1))
     if len(idle):
@@ -98,39 +95,24 @@ def _read_load(table: Table, hung: Load) -> Load:
 
 
 def read_payload(path: Path) -> Array | None:
-    """Hung mass of every run of a plan, (runs,) [kg]; None for poses without column load_kg.
-
-    Raises:
-        InputError: When one is no number, or no weight that could be meant.
-    """
+    """Hung mass of every run of a plan, (runs,) [kg]; None for poses without column load_kg."""
     table = read_table(path)
     if "load_kg" not in table.columns:
         return None
-    mass = table.numbers(["load_kg"])[:, 0]
-    low, high = LOAD_RANGE
-    bad = np.flatnonzero((mass < low) | (mass > high))
-    if len(bad):
-        problem = f"expected {low:g} to {high:g}, got {mass[bad[0]]:g}"
-        raise table.error(bad[0], "load_kg", problem)
+    mass, (low, high) = table.numbers(["load_kg"])[:, 0], LOAD_RANGE
+    for row in np.flatnonzero((mass < low) | (mass > high)).tolist():
+        raise table.error(row, "load_kg", f"expected {low:g} to {high:g}, got {mass[row]:g}")
     return mass
 
 
 def place(text: str) -> Place:
-    """Where the tracker stands, x,y,z [m].
-
-    Raises:
-        BenchError: When it is not three finite numbers.
-    """
+    """Where the tracker stands, x,y,z [m]; BenchError for anything but three finite numbers."""
     x, y, z = _numbers(text, 3, "--tracker x,y,z [m]")
     return x, y, z
 
 
 def box(text: str) -> tuple[Place, Place]:
-    """Two corners of the work area, x0,y0,z0,x1,y1,z1 [m].
-
-    Raises:
-        BenchError: When it is not six finite numbers.
-    """
+    """Two corners of the work area, x0,y0,z0,x1,y1,z1 [m]; BenchError for anything but six finite numbers."""
     x0, y0, z0, x1, y1, z1 = _numbers(text, 6, "--box x0,y0,z0,x1,y1,z1 [m]")
     return (x0, y0, z0), (x1, y1, z1)
 

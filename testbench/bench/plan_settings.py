@@ -83,12 +83,7 @@ def _check_range(what: str, value: float, low: float, high: float) -> None:
 
 
 def structure(cell: Cell, name: str) -> Structure:
-    """Unknowns of a model of `MODELS`.
-
-    Raises:
-        BenchError: When there is no such model, the arm has too few links for it, or it lacks entries that a
-            prior speaks of.
-    """
+    """Unknowns of a model of `MODELS`; BenchError where it does not fit the arm or no prior fits it."""
     [model] = named_models(cell, [name])
     if not model.structure.whole:
         others = ", ".join(other for other in MODELS if other != name)

@@ -17,14 +17,7 @@ def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
 
 
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
-    """Models, then some of them with a prior that is wrong.
-
-    Args:
-        cell: The arm.
-        models: Without a prior.
-        names: Of those that are fitted with a prior too.
-        seed: Of the prior's errors.
-    """
+    """Models without a prior, then those of these names with one that is wrong; the seed is of its errors."""
     prior, believed = wrong_prior(cell, seed), Strength(UNCERTAINTY)
     filled = [
         replace(m, name=f"{m.name} + prior", estimator=with_prior(m.estimator, prior, believed))

@@ -32,8 +32,7 @@ class Baselines:
 class PriorInfluence:
     """What a plan's promise rests on."""
 
-    shown: int  #: Directions of the unknowns that the candidates can show.
-    outweighed: int  #: Those of them that the plan's readings determine better than the prior does.
+    outweighed: int  #: Directions that the plan's readings determine better than the prior does.
     #: Share of the mean square error at the tasks that the prior leaves open, not noise [1].
     prior_share: float
     hidden: float  #: Mean square error at the tasks in directions that no candidate shows [m^2].
@@ -53,7 +52,6 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
     against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
     return PriorInfluence(
-        shown=problem.r,
         outweighed=int((against > 1).sum()),
         prior_share=left_open / (hidden + float(np.trace(W @ I))),
         hidden=hidden,
@@ -61,13 +59,9 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
 
 
 def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) -> Baselines:
-    """Greedy and random plans out of the same candidates.
+    """Greedy and random plans of the same candidates, by predictions in the tasks, (tasks, 3 m, n) [m].
 
-    Args:
-        plan: The plan.
-        rows: Predictions in the tasks per unit of x, (tasks, 3 m, n) [m].
-        drawn: So many of those examined, the first, were drawn at random: random plans are made of them.
-        rng: Source of the random plans.
+    So many of those examined, the first, were drawn at random: random plans are made of them.
     """
     spec = plan.specification
     problem, hidden = plan.examined.problem, _hidden(plan, rows)

@@ -106,17 +106,14 @@ def _check_enough(spec: Specification, problem: Problem) -> None:
 
 
 def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.random.Generator) -> Plan:
-    """The best plan found, certified against all poses examined.
+    """The best plan by a key of `CRITERIA`, certified against all poses examined.
 
     Args:
         spec: What the plan is for.
-        name: Key of CRITERIA.
+        name: Key of CRITERIA; BenchError for any other, and for too few poses without a prior.
         q: Feasible poses, (candidates, n) [rad].
         reach: Which poses near the candidates are feasible, and which ways between them are clear.
         rng: Source of starts and steps.
-
-    Raises:
-        BenchError: When there is no such criterion, or too few poses without a prior.
     """
     check_criterion(name)
     near = Neighbourhood(reach.feasible, spec.experiment.vjm.arm.limits, rng)

@@ -89,15 +89,9 @@ def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
 
 
 def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None) -> Problem:
-    """Candidates in the coordinates that they can show.
+    """Candidates, whitened rows (candidates, k, n), in the coordinates that they can show.
 
-    Args:
-        experiment: How poses are measured.
-        rows: Whitened rows of every candidate, (candidates, k, n).
-        uncertainty: Relative uncertainty of the prior [1]; None for no prior.
-
-    Raises:
-        BenchError: When no candidate moves a target.
+    The prior's uncertainty is relative [1], None for no prior. BenchError where no candidate moves a target.
     """
     n = rows.shape[-1]
     R: Array = np.asarray(np.linalg.qr(rows.reshape(-1, n), mode="r"))

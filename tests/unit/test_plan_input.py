@@ -35,7 +35,7 @@ def test_degrees_and_radians_are_the_same_tasks(kr500, file):
     radians = read_tasks(shuffled, kr500, load)
     np.testing.assert_array_equal(degrees.q, radians.q)
     assert (degrees.load.wrench == load.wrench).all()
-    assert degrees.load.wrench[0, 2] == pytest.approx(-460 * 9.81)
+    assert degrees.load.wrench[2] == pytest.approx(-460 * 9.81)
     assert (degrees.load.point == kr500.vjm.load).all()
 
 

@@ -19,12 +19,7 @@ NAMED = 40
 
 
 def overview(report: PlanReport, candidates: Array) -> Figure:
-    """Three panels, read from left to right: how many poses, what the tasks get, where it all is.
-
-    Args:
-        report: Of the plan.
-        candidates: Tool positions of the feasible poses, (c, 3) [m].
-    """
+    """How many poses, what the tasks get, where it all is: plan, tasks and feasible tools, (c, 3) [m]."""
     figure = Figure(figsize=(16, 5.8), layout="constrained")
     left, centre, right = figure.subplots(1, 3, width_ratios=(1.15, 1, 1.05))
     _poses(left, report)

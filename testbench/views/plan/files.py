@@ -30,16 +30,7 @@ class Files:
 
 
 def write(cell: Cell, planned: Planned, where: Files) -> None:
-    """plan.csv, tasks_expected.csv, plan.json, plan.md, plan.png, recording.rrd and manifest.json.
-
-    Args:
-        cell: The arm.
-        planned: The plan and what it promises.
-        where: What it was made of, and the folder.
-
-    Raises:
-        InputError: When it cannot be written.
-    """
+    """All files of a plan and its manifest.json; InputError when they cannot be written."""
     from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.recording.plan import write_plan
     from testbench.views.recording.stream import Header

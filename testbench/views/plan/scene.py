@@ -20,13 +20,7 @@ LOOKS = {BEST: Look(NOMINAL, 0, prior=False), RANDOM: Look(GREY, 1, prior=False)
 
 
 def scene(cell: Cell, planned: Planned, candidates: Array) -> PlanScene:
-    """The scene of a plan, its tasks, and the error to expect all over the workspace.
-
-    Args:
-        cell: The arm.
-        planned: The plan and what it promises.
-        candidates: Tool positions of the feasible poses, (c, 3) [m].
-    """
+    """A plan, its tasks and the error to expect over the workspace; tools of feasible poses, (c, 3) [m]."""
     report, errors, text = planned.report, planned.workspace.error, words(planned.report)
     known = np.isfinite(errors)
     sweep = _sweep(report)
