@@ -19,7 +19,7 @@ from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle
 from testbench.views.colours import GREENS, ORANGES, hexadecimal
 from testbench.views.markdown import grid
-from testbench.views.recording.single_link import snake
+from testbench.views.recording.pen import snake
 from testbench.views.schema import best_of
 
 NAMES = {"MLS36": "none", "MLS21": "none", "MGCO21": "psd"}

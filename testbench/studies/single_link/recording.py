@@ -15,7 +15,8 @@ from testbench.studies.study import Run
 from testbench.views.colours import look
 from testbench.views.markdown import grid
 from testbench.views.recording.chart import Chart, dots
-from testbench.views.recording.single_link import Matrices, snake, write_single_link
+from testbench.views.recording.pen import snake
+from testbench.views.recording.single_link import Matrices, write_single_link
 from testbench.views.recording.stream import Header
 from testbench.views.recording.swept import Sweep, points
 from testbench.views.schema import Column, Table
@@ -47,18 +48,14 @@ def write_recording(run: Run[Settings, LinkReport], path: Path) -> None:
 def _errors(run: Run[Settings, LinkReport], column: Column) -> Chart:
     """Errors model by model, with their spread over draws."""
     models = run.report.models
-    path, title = f"error_{column.unit}/{snake(column.heading)}", f"RMS {column.heading} ({column.unit})"
     table = Table((*run.tables["errors"].columns[:1], column), models)
-    return Chart(
-        path, f"{title}, logarithmic", dots(table, [look(m.structure, m.constraint).colour for m in models])
-    )
+    colours = [look(m.structure, m.constraint).colour for m in models]
+    title = f"RMS {column.heading} ({column.unit}), logarithmic"
+    return Chart(f"error_{column.unit}/{snake(column.heading)}", title, dots(table, colours))
 
 
 def _over_m(run: Run[Settings, LinkReport], column: Column) -> Sweep:
     """A quantity of GCO over the order m."""
-    ours = run.report.model(GCO)
-    x, own = (
-        replace(ORDER[0], heading="order m", unit=""),
-        points(run.report.order, Column("name", ""), ORDER[0], column),
-    )
+    ours, x = run.report.model(GCO), replace(ORDER[0], heading="order m", unit="")
+    own = points(run.report.order, Column("name", ""), x, column)
     return Sweep(x, column, own, {ours.name: look(ours.structure, ours.constraint)})

@@ -71,6 +71,5 @@ def compliance_grid(drawing: Drawing) -> rrb.Grid:
     """All links on one screen."""
     heads = " | ".join(drawing.heads)
     views = [heatmap_view(f"compliance/{link}", f"{link}: {heads}") for link in link_matrices(drawing)]
-    return rrb.Grid(
-        *views, text_view("compliance_legend", "How to read it"), grid_columns=2, name="Compliance"
-    )
+    beside = text_view("compliance_legend", "How to read it")
+    return rrb.Grid(*views, beside, grid_columns=2, name="Compliance")

@@ -1,6 +1,5 @@
 """A calibration as arrays ready for drawing, whichever campaign it comes from."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +14,7 @@ from testbench.identify import Estimate
 from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
 from testbench.views.colours import look
 from testbench.views.recording.arm import origins, reach
+from testbench.views.recording.pen import snake
 from testbench.views.recording.stream import Header
 from testbench.views.recording.style import Drawn, drawn
 from testbench.views.schema import Table
@@ -89,7 +89,7 @@ class Drawing:
     @property
     def paths(self) -> list[str]:
         """The same in snake case, for paths."""
-        return [re.sub(r"\W+", "_", name.lower()) for name in self.names]
+        return [snake(name) for name in self.names]
 
     @property
     def looks(self) -> list[Drawn]:

@@ -79,9 +79,8 @@ def write_error_map(pen: Pen, path: str, error_map: ErrorMap, radius: float) -> 
     `path` is the root of its entities, `radius` that of the largest ball [m].
     """
     field, tasks = (shares(mm, error_map.ends) for mm in (error_map.field_mm, error_map.tasks_mm))
-    pen.still(
-        f"{path}/field", rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
-    )
+    balls = rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
+    pen.still(f"{path}/field", balls)
     write_cubes(pen, f"{path}/tasks", error_map.tasks, radius * sizes(tasks), shades(tasks))
     named = [
         (error_map.field, error_map.field_mm, error_map.field_mm.argmin(), "least"),
@@ -96,10 +95,9 @@ def write_cubes(
     pen: Pen, path: str, centres: Array, half: Array, colours: Colour | npt.NDArray[np.uint8]
 ) -> None:
     """Cubes that stand still: centres (n, 3), halves of their edges (n,) [m], one colour or (n, 3)."""
-    cubes = rr.Boxes3D(
-        centers=centres, half_sizes=np.column_stack([half] * 3), colors=colours, fill_mode=FillMode.Solid
-    )
-    pen.still(path, cubes)
+    sides = np.column_stack([half] * 3)
+    solid = FillMode.Solid
+    pen.still(path, rr.Boxes3D(centers=centres, half_sizes=sides, colors=colours, fill_mode=solid))
 
 
 def write_key(pen: Pen, path: str, error_map: ErrorMap) -> None:

@@ -1,5 +1,6 @@
 """What every layout draws with: things that stand still, and rows on timelines."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -76,19 +77,21 @@ class Pen:
 
     def line(self, line: Line, values: Array, sizes: Array | None = None) -> None:
         """A line of a plot: a value a time, (times,), and where it is not everywhere the same a size."""
-        look = rr.SeriesLines(colors=line.colour, widths=line.width, names=line.name)
-        self.still(line.path, look)
+        self.still(line.path, rr.SeriesLines(colors=line.colour, widths=line.width, names=line.name))
         if line.shape is not None:
             dots = rr.SeriesPoints(
                 colors=line.colour, markers=line.shape, names=line.name, marker_sizes=line.size
             )
             self.still(line.path, dots)
         columns = [*rr.Scalars.columns(scalars=values)]
-        if (
-            sizes is not None
-        ):  # in one chunk: of two the viewer pairs the rows wrongly on an unsorted timeline
+        if sizes is not None:  # in one chunk: of two the viewer pairs rows wrongly on an unsorted timeline
             columns += rr.SeriesPoints.columns(marker_sizes=sizes)
         self.rows(line.path, columns)
+
+
+def snake(title: str) -> str:
+    """A title as a path."""
+    return re.sub(r"\W+", "_", title.lower()).strip("_")
 
 
 def text_view(origin: str, name: str) -> rrb.TextDocumentView:

@@ -1,6 +1,5 @@
 """The recording of section 5.1: matrices side by side, the draws behind them, and the order m."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ import rerun.blueprint as rrb
 from testbench.errors import Array
 from testbench.views.recording.chart import Chart
 from testbench.views.recording.compliance import heatmap_view, scaled, write_heatmap
-from testbench.views.recording.pen import text_view
+from testbench.views.recording.pen import snake, text_view
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.sweep import TIMELINE, plot_views, write_lines
 from testbench.views.recording.swept import Sweep
@@ -37,11 +36,6 @@ def write_single_link(path: Path, header: Header, shown: Matrices) -> None:
             chart.write(pen)
         for sweep in shown.orders:
             write_lines(pen, sweep)
-
-
-def snake(title: str) -> str:
-    """A title as a path."""
-    return re.sub(r"\W+", "_", title.lower()).strip("_")
 
 
 def _blueprint(shown: Matrices) -> rrb.Blueprint:

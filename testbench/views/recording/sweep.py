@@ -1,6 +1,5 @@
 """The recording of a sweep: accuracy against a swept quantity, with its spread, one line a model."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import rerun.blueprint as rrb
 
 from testbench.trials.spread import triple
 from testbench.views.recording.chart import SMALLEST
-from testbench.views.recording.pen import Line, Pen, text_view
+from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.swept import Sweep
 
@@ -42,9 +41,8 @@ def write_sweep(path: Path, header: Header, sweep: Sweep, words: str) -> None:
 
 
 def _blueprint(plots: list[rrb.View]) -> rrb.Blueprint:
-    words = rrb.Vertical(
-        text_view("summary", "Summary"), text_view("this_step", "This step"), row_shares=[5, 2]
-    )
+    texts = text_view("summary", "Summary"), text_view("this_step", "This step")
+    words = rrb.Vertical(*texts, row_shares=[5, 2])
     overview = rrb.Horizontal(rrb.Vertical(*plots), words, column_shares=[10, 9], name="Overview")
     return layout(overview, text_view("table", "Table"), timeline=TIMELINE)
 
@@ -57,7 +55,7 @@ def write_lines(pen: Pen, sweep: Sweep) -> None:
     """
     pen = pen.on(rr.TimeColumn(TIMELINE, sequence=sweep.steps))
     for model in sweep.models:
-        own = re.sub(r"\W+", "_", model.lower()).strip("_")
+        own = snake(model)
         look, values = sweep.drawn(model), np.array([triple(p.y) for p in sweep.line(model)])
         for root, unit, data in (
             (sweep.root, sweep.y.unit, values),

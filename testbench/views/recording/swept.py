@@ -1,6 +1,5 @@
 """A sweep as its views read it: points of several models over a quantity, and how each model is drawn."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ from testbench.trials.spread import Number, middle, triple
 from testbench.views.colours import Look
 from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart, Dot
+from testbench.views.recording.pen import snake
 from testbench.views.recording.style import Drawn, drawn
 from testbench.views.schema import Column
 
@@ -71,7 +71,7 @@ class Sweep:
     def root(self) -> str:
         """Path of what is plotted, its unit in the name."""
         unit = {"%": "percent", "1": "ratio"}.get(self.y.unit, self.y.unit)
-        return re.sub(r"\W+", "_", f"{self.y.heading} {unit}".lower())
+        return snake(f"{self.y.heading} {unit}")
 
     @property
     def title(self) -> str:
@@ -88,9 +88,8 @@ class Sweep:
         x = sorted({point.x for point in self.points})
         steps = np.rint(x).astype(int)
         if len(set(steps.tolist())) < len(x):
-            raise BenchError(
-                f"sweep: expected values of {self.x.heading} that differ after rounding, got {x}"
-            )
+            name = self.x.heading
+            raise BenchError(f"sweep: expected values of {name} that differ after rounding, got {x}")
         for model in self.models:
             if [p.x for p in self.line(model)] != x:
                 raise BenchError(f"sweep: expected {model!r} once at every value of {self.x.heading}")
