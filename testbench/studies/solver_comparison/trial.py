@@ -57,7 +57,7 @@ Way = list[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Options:
-    """Flags of the asked."""
+    """Flags of the study."""
 
     model: Annotated[str, typer.Option(help="A GCO model of the paper.")] = "MGCO69"
     m: Annotated[int, typer.Option(min=1, max=6, help="Order of the vector space.")] = LARGEST_ORDER
@@ -170,6 +170,10 @@ class Found:
 
 OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
 """A solver over b: problem, source of its starts, who is told of every least F_M."""
+Search = tuple[str, OverB, int]
+"""Letter of a solver, itself, and the number of its stream of random starts."""
+PAPERS = ("a", "a'")
+"""Letters of the paper's optimiser."""
 
 
 def search(budget: Budget) -> OverB:
@@ -277,41 +281,27 @@ def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign
 
 def _over_b(cell: Cell, model: Model, asked: Settings, campaign: Campaign) -> list[Solved]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
-    seed = campaign.seed
-    runs: tuple[tuple[str, OverB, int], ...] = (
+    runs: tuple[Search, ...] = (
         ("a", search(asked.budget(asked.generations)), 10),
         ("a'", search(asked.budget(asked.short_generations)), 10),
         ("b", local_solves(1), 11),
         ("b'", differences, 11),  # from the same start
         ("c", local_solves(asked.starts), 12),
     )
-    rows = []
-    for key, solver, random in runs:
-        stamps = Stamps()
-        problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
-        found = solver(problem, stream(seed, random), stamps.add)
-        method = f"GCO over b, m = {asked.m}"
-        status = "budget spent" if key.startswith("a") else "local optimum"
-        pi = parameters(problem, found.b)
-        estimate = replace(
-            make_estimate(problem.regression, pi, method=method, constraint="psd"), status=status
-        )
-        rows.append(
-            Solved(key, estimate, stamps.way, perf_counter() - stamps.start, found.evaluations, found.solves)
-        )
-    return rows
+    return [_searched(cell, model, asked, campaign, run) for run in runs]
 
 
-class Stamps:
-    """When a solver reached which F_M, from now on."""
-
-    def __init__(self) -> None:
-        self.start = perf_counter()
-        self.way: Way = []
-
-    def add(self, value: float) -> None:
-        """Note an F_M."""
-        self.way.append((perf_counter() - self.start, value))
+def _searched(cell: Cell, model: Model, asked: Settings, campaign: Campaign, run: Search) -> Solved:
+    key, solver, random = run
+    way: Way = []
+    start = perf_counter()
+    problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
+    rng = stream(campaign.seed, random)
+    found = solver(problem, rng, lambda f_m: way.append((perf_counter() - start, f_m)))
+    pi, method = parameters(problem, found.b), f"GCO over b, m = {asked.m}"
+    status = "budget spent" if key in PAPERS else "local optimum"
+    estimate = replace(make_estimate(problem.regression, pi, method=method, constraint="psd"), status=status)
+    return Solved(key, estimate, way, perf_counter() - start, found.evaluations, found.solves)
 
 
 def _microseconds(problem: Factorised, asked: Settings) -> float:
@@ -323,19 +313,14 @@ def _microseconds(problem: Factorised, asked: Settings) -> float:
     return UM * (perf_counter() - start) / count
 
 
-def _lower(conic: Solved) -> float:
-    """Lower bound of F_M that the conic program proves."""
-    assert conic.estimate.certificate is not None
-    return conic.estimate.f_m - conic.estimate.certificate.gap
-
-
 def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solved) -> SolverRow:
-    assert conic.estimate.certificate is not None
+    proof = conic.estimate.certificate
+    assert proof is not None
     estimate, best = row.estimate, conic.estimate.f_m
-    gap = certify(estimate, dual=conic.estimate.certificate.dual).gap
+    gap = certify(estimate, dual=proof.dual).gap
     there = next((seconds for seconds, value in row.way if value <= WITHIN * best), None)
     elsewhere = [value > best * (1 + CLOSE) for value in row.solves or ()]
-    way = _thin(row.way, _lower(conic))
+    way = _thin(row.way, best - proof.gap)
     return SolverRow(
         f_m=estimate.f_m,
         excess_f_m=estimate.f_m - best,
