@@ -118,11 +118,8 @@ def direction(row: Array) -> Direction:
 
 def whereabouts(N: Array, within: Array, unit: Array) -> Array:
     """How many directions of N, (n, k + m), beyond those of `within`, (n, m), each parameter holds, (n,)."""
-    inner, outer = (np.linalg.qr(_balanced(M / unit[:, None]))[0] for M in (within, N))
+    scaled = (within / unit[:, None], N / unit[:, None])
+    inner, outer = (np.linalg.qr(M / np.linalg.norm(M, axis=0))[0] for M in scaled)
     values, V = np.linalg.eigh(np.eye(outer.shape[1]) - outer.T @ inner @ (inner.T @ outer))
     more = outer @ V[:, len(values) - (N.shape[1] - within.shape[1]) :]
     return np.asarray((more**2).sum(axis=1))
-
-
-def _balanced(M: Array) -> Array:
-    return np.asarray(M / np.linalg.norm(M, axis=0))

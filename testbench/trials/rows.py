@@ -113,14 +113,11 @@ def check_types(row: Flat, table: Mapping[str, Column]) -> None:
         fits = (float, int) if column.kind is float else (column.kind,)
         cells: Sequence[object] = [value] if isinstance(value, Plain) else value
         parts = [own for own in cells if own is not None]
-        wrong = [own for own in parts if type(own) not in fits or _is_large(own)]
+        large = [own for own in parts if isinstance(own, int) and not -LARGEST <= own < LARGEST]
+        wrong = [own for own in parts if type(own) not in fits] or large
         if wrong or (parts and column.several == isinstance(value, Plain)):
             what = f"a tuple of {column.kind.__name__}" if column.several else column.kind.__name__
             raise BenchError(f"rows: {name}: expected {what}, got {(wrong or [value])[0]!r:.80}")
-
-
-def _is_large(value: object) -> bool:
-    return isinstance(value, int) and not -LARGEST <= value < LARGEST
 
 
 def _plain(name: str, value: object) -> Plain:
