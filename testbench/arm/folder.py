@@ -254,8 +254,8 @@ def _joint(rigid: Path, root: ET.Element, joint: _Joint, body: str) -> Joint:
         "axis: expected a direction, got zero": not any(numbers(rigid, hinge, "axis", 3)),
         f"range: expected lower < upper, got {hinge.get('range')!r}": not lower < upper,
     }
-    for problem in (problem for problem, there in problems.items() if there):
-        raise InputError(rigid, f"<joint name={joint.name!r}>", problem)
+    if found := [problem for problem, there in problems.items() if there]:
+        raise InputError(rigid, f"<joint name={joint.name!r}>", found[0])
     return Joint(joint.name, lower, upper, joint.compliance.value)
 
 

@@ -4,23 +4,9 @@ import math
 
 import numpy as np
 
+from testbench.bench import plan_report as r
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
-from testbench.bench.plan_report import (
-    Advice,
-    Certificate,
-    CurveRow,
-    Directions,
-    Expected,
-    Found,
-    PlanReport,
-    PoseRow,
-    RandomPlans,
-    Row,
-    TaskRow,
-    Unbounded,
-    Way,
-)
 from testbench.bench.plan_settings import PlanSettings
 from testbench.bench.rows import MM
 from testbench.design.baselines import (
@@ -47,7 +33,7 @@ MORE, LITTLE = 4, 0.10
 
 def summary(
     cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan, workspace: Forecast
-) -> PlanReport:
+) -> r.PlanReport:
     """The report of a plan."""
     spec, rows = plan.specification, task_rows(plan.specification)
     moved = rows @ spec.experiment.metric.expected
@@ -57,20 +43,20 @@ def summary(
     tasks, doubted = promise(plan, rows), sceptical(plan, rows)
     indices = observability(plan.examined.problem, plan.chosen)
     own = others.random[settings.poses]
-    return PlanReport(
+    return r.PlanReport(
         **vars(settings),
         arm=cell.arm.name,
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],
         prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
         error_mm=overall(tasks),
-        workspace_error_mm=overall(workspace) if math.isfinite(workspace.overall) else Unbounded(),
+        workspace_error_mm=overall(workspace) if math.isfinite(workspace.overall) else r.Unbounded(),
         error_if_prior_twice_as_uncertain_mm=None if doubted is None else overall(doubted),
-        random_plans=RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
+        random_plans=r.RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
         certificate=_certificate(plan, influence),
         plan=_poses(settings, plan),
         tasks=_tasks(spec, tasks, _rms(moved)),
-        candidates=Found(len(found.q), found.drawn, found.rejected),
+        candidates=r.Found(len(found.q), found.drawn, found.rejected),
         observability=indices,
         directions=_directions(plan, indices.seen, influence),
         curve=[_count(others, poses) for poses in others.random],
@@ -79,17 +65,17 @@ def summary(
     )
 
 
-def overall(forecast: Forecast) -> Expected:
+def overall(forecast: Forecast) -> r.Expected:
     """What a forecast says of all poses together."""
-    return Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
+    return r.Expected(MM * forecast.overall, MM * forecast.overall_low, MM * forecast.overall_high)
 
 
-def _certificate(plan: Plan, influence: PriorInfluence) -> Certificate:
+def _certificate(plan: Plan, influence: PriorInfluence) -> r.Certificate:
     """By the test-pose criterion an error is 1 / sqrt(Phi), and what stays hidden from these loads."""
     share, in_metres = min(plan.efficiency, 1.0), plan.criterion.name == "test"
     hidden = influence.hidden if in_metres else 0.0
     reached, least = (math.sqrt(hidden + 1 / phi) for phi in (plan.value, plan.value / share))
-    return Certificate(
+    return r.Certificate(
         efficiency=share,
         phi=plan.value,
         phi_bound=plan.relaxed.bound,
@@ -101,15 +87,15 @@ def _certificate(plan: Plan, influence: PriorInfluence) -> Certificate:
     )
 
 
-def _poses(settings: PlanSettings, plan: Plan) -> list[PoseRow]:
+def _poses(settings: PlanSettings, plan: Plan) -> list[r.PoseRow]:
     spec = plan.specification
     own = deflection_rows(spec.experiment, plan.q, loads_of(spec, plan.load))
     deflection = _rms(own @ spec.experiment.metric.expected)
-    ways: list[Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
+    ways: list[r.Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
     travel = np.r_[0.0, np.abs(np.diff(plan.q, axis=0)).max(axis=1)]
     expected = _expected(spec.experiment.vjm, plan.q, deflection, promise(plan, own))
     return [
-        PoseRow(
+        r.PoseRow(
             **vars(row),
             run=k + 1,
             q_rad=plan.q[k].tolist(),
@@ -121,12 +107,12 @@ def _poses(settings: PlanSettings, plan: Plan) -> list[PoseRow]:
     ]
 
 
-def _tasks(spec: Specification, forecast: Forecast, deflection: Array) -> list[TaskRow]:
+def _tasks(spec: Specification, forecast: Forecast, deflection: Array) -> list[r.TaskRow]:
     tasks = spec.tasks
     wrench = np.broadcast_to(tasks.load.wrench, (len(tasks.q), 6))
     point = np.broadcast_to(tasks.load.point, (len(tasks.q), 3))
     return [
-        TaskRow(
+        r.TaskRow(
             **vars(row),
             task=k + 1,
             force_N=wrench[k, :3].tolist(),
@@ -137,10 +123,10 @@ def _tasks(spec: Specification, forecast: Forecast, deflection: Array) -> list[T
     ]
 
 
-def _expected(vjm: Vjm, q: Array, deflection: Array, forecast: Forecast) -> list[Row]:
+def _expected(vjm: Vjm, q: Array, deflection: Array, forecast: Forecast) -> list[r.Row]:
     """Poses with deflections [m] and errors to expect there."""
     return [
-        Row(
+        r.Row(
             q_deg=np.rad2deg(pose).tolist(),
             expected_deflection_mm=float(MM * deflection[k]),
             expected_error_mm=float(MM * forecast.error[k]),
@@ -152,10 +138,10 @@ def _expected(vjm: Vjm, q: Array, deflection: Array, forecast: Forecast) -> list
     ]
 
 
-def _directions(plan: Plan, seen: int, influence: PriorInfluence) -> Directions:
+def _directions(plan: Plan, seen: int, influence: PriorInfluence) -> r.Directions:
     spec, problem = plan.specification, plan.examined.problem
     believed = spec.uncertainty is not None
-    return Directions(
+    return r.Directions(
         unknowns=spec.experiment.metric.structure.n,
         shown=problem.r,
         at_most=seen_at_most(spec, problem),
@@ -166,12 +152,12 @@ def _directions(plan: Plan, seen: int, influence: PriorInfluence) -> Directions:
     )
 
 
-def _count(others: Baselines, count: int) -> CurveRow:
+def _count(others: Baselines, count: int) -> r.CurveRow:
     low, middle, high = (_percentile(others.random[count], percent) for percent in (10, 50, 90))
-    return CurveRow(count, _finite(MM * others.greedy[count - 1]), middle, low, high)
+    return r.CurveRow(count, _finite(MM * others.greedy[count - 1]), middle, low, high)
 
 
-def _advice(greedy: Array) -> Advice:
+def _advice(greedy: Array) -> r.Advice:
     """Fewest poses that reach the target, and from where on more always bring little.
 
     Args:
@@ -184,7 +170,7 @@ def _advice(greedy: Array) -> Advice:
     judged = len(greedy) - MORE
     last = np.flatnonzero(pays[:judged])
     enough = int(last[-1]) + 2 if len(last) else 1
-    return Advice(
+    return r.Advice(
         target_mm=TARGET,
         fewest=int(reached[0]) + 1 if len(reached) else None,
         examined_up_to=len(greedy),

@@ -16,7 +16,7 @@ from testbench.cli.arguments import ArmName
 from testbench.errors import BenchError
 from testbench.shell.options import takes
 from testbench.views import terminal
-from testbench.views.plan.files import Files, write
+from testbench.views.plan.files import write
 from testbench.views.plan.tables import tables, words
 
 
@@ -60,7 +60,7 @@ def command(asked: Options) -> None:
         status.update("judging the plan")
         planned = plans.judge(cell, settings, found, chosen)
         status.update("writing")
-        write(cell, planned, Files(find_arm(asked.arm), asked.task, asked.out))
+        write(cell, planned, find_arm(asked.arm), asked.task, asked.out)
     terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]])
     out = asked.out
     lines = [

@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from testbench.design.rows import Ids
 from testbench.errors import Array
@@ -45,19 +45,7 @@ def round_trip(cost: Array) -> Ids:
         graph = coo_array((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(n, n))
         count, part = connected_components(graph, directed=False)
         if count == 1:
-            return _walk(used, n)
+            return np.asarray(depth_first_order(graph, 0, directed=False, return_predecessors=False))
         for k in range(count):
             inside = (part[legs] == k).all(axis=1)
             rules.append(LinearConstraint(inside[None].astype(float), ub=(part == k).sum() - 1))
-
-
-def _walk(used: Ids, n: int) -> Ids:
-    """Places in the order of the round trip."""
-    beside: list[list[int]] = [[] for _ in range(n)]
-    for a, b in used.tolist():
-        beside[a].append(b)
-        beside[b].append(a)
-    trip = [0, min(beside[0])]
-    while len(trip) < n:
-        trip.append(next(k for k in beside[trip[-1]] if k != trip[-2]))
-    return np.array(trip)

@@ -4,7 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 
 from testbench import files
@@ -20,16 +20,7 @@ from testbench.views.plan.tables import words
 EXPECTED = [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
 
 
-@dataclass(frozen=True)
-class Files:
-    """Folder of the arm, file of the tasks, and the folder to write."""
-
-    arm: Path
-    task: Path
-    out: Path
-
-
-def write(cell: Cell, planned: Planned, where: Files) -> None:
+def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> None:
     """All files of a plan and its manifest.json; InputError when they cannot be written."""
     from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.recording.plan import write_plan
@@ -37,9 +28,9 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
 
     report = planned.report
     own = {field.name: getattr(report, field.name) for field in fields(PlanSettings)}
-    asked = {"task": where.task.name, "arm": report.arm, **own}
+    asked = {"task": task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position
-    with files.whole_folder(where.out) as folder:
+    with files.whole_folder(out) as folder:
         write_poses(report, folder / "plan.csv")
         write_tasks(report, folder / "tasks_expected.csv")
         files.write_json(asdict(report), folder / "plan.json")
@@ -48,7 +39,7 @@ def write(cell: Cell, planned: Planned, where: Files) -> None:
         command, seeds = "testbench plan", range(report.seed, report.seed + 1)
         header = Header(command, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
-        files.write_manifest(folder, command=command, scenario=asked, seeds=seeds, arms=[where.arm])
+        files.write_manifest(folder, command=command, scenario=asked, seeds=seeds, arms=[arm])
 
 
 def write_poses(report: PlanReport, path: Path) -> None:
