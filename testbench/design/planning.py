@@ -126,26 +126,13 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
     chosen = select(examined.problem, criterion, spec.poses, relaxed, rng)
     q, load = _refined(spec, examined, chosen, criterion, near)
     order = _order(q, load, reach)
-    return _plan(spec, criterion, _add(spec, examined, q[order], load[order]), relaxed, reach)
-
-
-def _plan(
-    spec: Specification, criterion: Criterion, examined: CandidateSet, relaxed: Relaxed, reach: Reach
-) -> Plan:
-    """The last of the candidates as a plan, certified anew."""
+    q, load = q[order], load[order]
+    examined = _add(spec, examined, q, load)
     chosen = np.arange(len(examined.q) - spec.poses, len(examined.q))
-    q = examined.q[chosen]
-    return Plan(
-        specification=spec,
-        criterion=criterion,
-        q=q,
-        load=examined.load[chosen],
-        clear=tuple(reach.clear(start, end) for start, end in pairwise(q)),
-        examined=examined,
-        chosen=chosen,
-        value=criterion.information(information(examined.problem, chosen)),
-        relaxed=relax(examined.problem, criterion, spec.poses, relaxed),
-    )
+    value = criterion.information(information(examined.problem, chosen))
+    relaxed = relax(examined.problem, criterion, spec.poses, relaxed)
+    clear = tuple(reach.clear(start, end) for start, end in pairwise(q))
+    return Plan(spec, criterion, q, load, clear, examined, chosen, value, relaxed)
 
 
 def _refined(
@@ -175,11 +162,8 @@ def _climb(
 
 
 def _add(spec: Specification, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
-    return CandidateSet(
-        np.vstack([examined.q, q]),
-        np.r_[examined.load, load],
-        more(examined.problem, measured_rows(spec, q, load)),
-    )
+    problem = more(examined.problem, measured_rows(spec, q, load))
+    return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 
 def _order(q: Array, load: Ids, reach: Reach) -> Ids:

@@ -49,7 +49,8 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
 
     The weights' sum is the number of poses. Start from an optimum over fewer candidates; None: even weights.
     """
-    S, w = (start.support, start.weights) if start else _evenly(len(problem.rows), poses)
+    S = np.linspace(0, len(problem.rows) - 1, min(FIRST, len(problem.rows))).astype(int)
+    S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
     best: Relaxed | None = None
     for _ in range(ROUNDS):
         w = _climb(problem, criterion, S, w)
@@ -65,11 +66,6 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
         S, w = _exchange_members(g, S, w)
     assert best is not None
     return best
-
-
-def _evenly(candidates: int, poses: int) -> tuple[Ids, Array]:
-    S = np.linspace(0, candidates - 1, min(FIRST, candidates)).astype(int)
-    return S, np.full(len(S), poses / len(S))
 
 
 def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
