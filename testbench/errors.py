@@ -1,5 +1,6 @@
 """What can go wrong, as few exception types as a caller can tell apart."""
 
+import math
 import stat
 from pathlib import Path
 
@@ -60,6 +61,12 @@ def read_text(path: Path, max_bytes: int) -> str:
         raise InputError(path, "", f"cannot be read: {err.strerror}") from err
     except UnicodeDecodeError as err:
         raise InputError(path, f"byte {err.start + 1}", f"expected UTF-8: {err.reason}") from err
+
+
+def check_least(value: float, what: str, least: float = 0.0) -> None:
+    """Refuse a number below the least one, a NaN or infinity with a BenchError."""
+    if not least <= value < math.inf:
+        raise BenchError(f"{what}: expected a finite number of at least {least:g}, got {value}")
 
 
 def check_array(value: object, shape: tuple[int | None, ...], what: str) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.data.dataset import Dataset, Mask
-from testbench.errors import BenchError
+from testbench.errors import BenchError, check_least
 
 
 def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) -> tuple[Dataset, Mask]:
@@ -18,8 +18,7 @@ def spoil(data: Dataset, share: float, size: float, rng: np.random.Generator) ->
     """
     if not 0 <= share <= 1:
         raise BenchError(f"share: expected 0 to 1, got {share}")
-    if not 0 <= size < np.inf:
-        raise BenchError(f"size [m]: expected a finite number of at least 0, got {size}")
+    check_least(size, "size [m]")
     readings = data.runs * len(data.markers)
     spoiled = np.zeros(readings, dtype=bool)
     spoiled[rng.permutation(readings)[: round(share * readings)]] = True

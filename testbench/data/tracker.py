@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, check_least
 
 Quality = Literal["typical", "mpe"]
 
@@ -48,8 +48,7 @@ class Tracker:
         """Refuse a sigma that is not a finite number of at least zero, by BenchError."""
         for name in ("sigma", "sigma_rotation"):
             value = getattr(self, name)
-            if value is not None and not 0 <= value < np.inf:
-                raise BenchError(f"{name}: expected a finite number of at least 0, got {value}")
+            check_least(0.0 if value is None else value, name)
 
     def covariance(self, positions: Array) -> Array:
         """sigma^2 along every axis, (..., 3, 3) [m^2]."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, check_array, check_least
 from testbench.plant.equilibrium import Plant
 
 Point = tuple[float, float, float]
@@ -39,10 +39,7 @@ class Compensator:
             check_array(getattr(self, name), (3,), f"{name} of the compensator [m]")
         for name in ("rate", "rest_length", "stiffness"):
             value = getattr(self, name)
-            if value is not None and not 0 <= value < math.inf:
-                raise BenchError(
-                    f"{name} of the compensator: expected a finite number of at least 0, got {value}"
-                )
+            check_least(0.0 if value is None else value, f"{name} of the compensator")
 
 
 KR500_COMPENSATOR = Compensator(

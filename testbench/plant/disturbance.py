@@ -4,10 +4,9 @@ All are plain numbers in SI, so that a scenario or a manifest can hold them. `te
 them into a plant.
 """
 
-import math
 from dataclasses import dataclass
 
-from testbench.errors import BenchError
+from testbench.errors import check_least
 from testbench.plant.compensator import KR500_COMPENSATOR, Compensator
 
 
@@ -19,8 +18,8 @@ class GeometryErrors:
     angle: float  #: Standard deviation about each of its own axes [rad].
 
     def __post_init__(self) -> None:
-        _check("position", self.position)
-        _check("angle", self.angle)
+        check_least(self.position, "position")
+        check_least(self.angle, "angle")
 
 
 @dataclass(frozen=True)
@@ -46,13 +45,8 @@ class Disturbances:
 
     def __post_init__(self) -> None:
         for name in ("sensor_offset", "centre_error", "stiffening", "backlash", "hysteresis", "foundation"):
-            _check(name, getattr(self, name))
-        _check("mass_error", self.mass_error, least=-1)
-
-
-def _check(name: str, value: float, least: float = 0) -> None:
-    if not least <= value < math.inf:
-        raise BenchError(f"{name}: expected a finite number of at least {least}, got {value}")
+            check_least(getattr(self, name), name)
+        check_least(self.mass_error, "mass_error", -1)
 
 
 FOUNDATION = (1e-9, 1e-9, 0.5e-9, 2.5e-9, 2.5e-9, 1.5e-9)

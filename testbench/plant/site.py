@@ -18,7 +18,7 @@ import numpy.typing as npt
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
 from testbench.data.station import check_position
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, check_array, check_least
 from testbench.plant.equilibrium import compile_mjcf
 from testbench.plant.shapes import VISUAL_GROUPS
 
@@ -59,10 +59,7 @@ class Payload:
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise BenchError(f"{name} of the payload: expected a finite number above 0, got {value}")
-        if not 0 <= self.clearance < math.inf:
-            raise BenchError(
-                f"clearance [m] of the payload: expected a finite number of at least 0, got {self.clearance}"
-            )
+        check_least(self.clearance, "clearance [m] of the payload")
         shortest = self.upper_end + 2 * SLING_RADIUS
         if not shortest < self.sling < math.inf:
             raise BenchError(
