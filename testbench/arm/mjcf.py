@@ -58,16 +58,14 @@ def read_mjcf(path: Path) -> ET.Element:
 
 def _check_elements(path: Path, root: ET.Element) -> None:
     level = [root]
-    for depth in range(MAX_DEPTH + 1):
+    for _ in range(MAX_DEPTH + 1):
         for e in level:
             if e.tag not in ELEMENTS:
                 raise InputError(path, f"<{e.tag}>", f"not allowed in an arm; allowed are {sorted(ELEMENTS)}")
             _check_attributes(path, e)
         level = [child for e in level for child in e]
-        if not level:
-            return
-        if depth == MAX_DEPTH:
-            raise InputError(path, "", f"expected at most {MAX_DEPTH} nested elements")
+    if level:
+        raise InputError(path, "", f"expected at most {MAX_DEPTH} nested elements")
 
 
 def _check_attributes(path: Path, e: ET.Element) -> None:
@@ -92,10 +90,9 @@ def _check_values(path: Path, e: ET.Element) -> None:
     if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
         raise InputError(path, _where(e), f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}")
     if e.tag == "inertial":
-        mass = numbers(path, e, "mass", 1)[0]
+        [mass], _ = numbers(path, e, "mass", 1), numbers(path, e, "pos", 3)
         if not mass > 0:
             raise InputError(path, _where(e), f"mass: expected more than 0 kg, got {mass}")
-        numbers(path, e, "pos", 3)
     for key, count in NUMBERS.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
             numbers(path, e, key, count)

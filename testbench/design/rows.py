@@ -105,8 +105,6 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
         return Problem(rows @ seen, ridge, seen, np.zeros((n, n)), rest)
     B, _ = precision_root(experiment.metric, Strength(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
-    if r == n:
-        return Problem(rows @ seen, seen.T @ M @ seen, seen, np.zeros((n, n)), rest)
     covariance = np.linalg.inv(rest.T @ M @ rest)
     follow = covariance @ (rest.T @ M @ seen)
     prior = seen.T @ M @ seen - (seen.T @ M @ rest) @ follow

@@ -44,13 +44,10 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
 
 def write_poses(report: PlanReport, path: Path) -> None:
     """plan.csv: `posefile.plan_columns`; radians in full, so that reading gives them back bit by bit."""
-    rows = [
-        [
-            *[row.run, *map(repr, row.q_rad), *_degrees(row), repr(row.load_kg)],
-            *[*_expected(row), f"{row.travel_deg:.2f}", row.way],
-        ]
-        for row in report.plan
-    ]
+    rows: list[list[object]] = []
+    for row in report.plan:
+        asked = [row.run, *map(repr, row.q_rad), *_degrees(row), repr(row.load_kg)]
+        rows.append([*asked, *_expected(row), f"{row.travel_deg:.2f}", row.way])
     _write(plan_columns(tuple(report.joints)), rows, path)
 
 
