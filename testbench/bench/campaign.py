@@ -120,6 +120,9 @@ def build_cell(folder: str | Path) -> Cell:
     Args:
         folder: The arm's; the name of an arm that comes with testbench does as well.
 
+    Returns:
+        What campaigns, plans and studies work on.
+
     Raises:
         InputError: When the arm's folder is wrong.
     """
