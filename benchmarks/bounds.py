@@ -24,8 +24,7 @@ def bounds_of_deflections() -> list[Row]:
     arm = build_cell(MODELS / ARM)
     campaign = simulate(arm, Scenario(arm=ARM, truth="linear", workspace_poses=POSES), seed=1)
     return [
-        row_of(arm, structure(arm.arm), campaign.identification, campaign.truth)
-        for structure in STRUCTURES
+        row_of(arm, structure(arm.arm), campaign.identification, campaign.truth) for structure in STRUCTURES
     ]
 
 

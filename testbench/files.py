@@ -14,8 +14,7 @@ from typing import Any
 from testbench import __version__
 from testbench.errors import InputError
 
-ROOT = Path(__file__).resolve().parents[1]
-"""The checkout, where the package runs from one."""
+ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 

@@ -30,10 +30,8 @@ NUMBERS = {
     **{"diaginertia": 3, "fullinertia": 6},
 }
 """How many numbers place a body or give its inertia."""
-LARGEST = 1e6
-"""Largest length, angle, mass or inertia of an arm; beyond it an exponent is a slip."""
-GRAVITY = 9.81
-"""Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default."""
+LARGEST = 1e6  #: Largest length, angle, mass or inertia of an arm; beyond it an exponent is a slip.
+GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
 
 
 def read_mjcf(path: Path) -> ET.Element:

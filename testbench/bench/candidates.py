@@ -43,8 +43,7 @@ ADVICE = {
     BLOCKED: "move the station to another side",
 }
 """What to change where a reason refuses too many poses."""
-REASONS = tuple(ADVICE)
-"""Why a pose is refused, in the order in which it is asked."""
+REASONS = tuple(ADVICE)  #: Why a pose is refused, in the order in which it is asked.
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,9 @@ from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.plant import build_site, contacts
 
-WORKSPACE = 200
-"""Poses that stand for the workspace."""
-STEP = math.radians(5)
-"""Largest joint's step between collision checks on the way from pose to pose [rad]."""
-NAMED = 5
-"""Tasks that a message names; more are counted."""
+WORKSPACE = 200  #: Poses that stand for the workspace.
+STEP = math.radians(5)  #: Largest joint's step between collision checks on the way from pose to pose [rad].
+NAMED = 5  #: Tasks that a message names; more are counted.
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,8 @@ from testbench.trials.spread import Spread
 
 Way = Literal["start", "clear", "via"]
 """How a pose is reached: the first one, straight, or not straight as that would collide."""
-HIDDEN = 0.5
-"""Share of the expected error that no hung weight reduces, above which that is said aloud."""
-TIGHT = 0.8
-"""Efficiency from which on a certificate says most of what there is to say."""
+HIDDEN = 0.5  #: Share of the expected error that no hung weight reduces, above which that is said aloud.
+TIGHT = 0.8  #: Efficiency from which on a certificate says most of what there is to say.
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from testbench.model.structure import Structure
 from testbench.plant import Payload
 
 Place = tuple[float, float, float]
-LOAD_RANGE = (1e-3, 1e4)
-"""Masses that can hang from an arm [kg], as in bench.Scenario."""
+LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in bench.Scenario.
 MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
 

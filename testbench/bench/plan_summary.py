@@ -25,10 +25,8 @@ from testbench.design.specification import Specification, loads_of, task_rows
 from testbench.errors import Array
 from testbench.model.vjm import Vjm, chain
 
-TARGET = 0.1
-"""Error for which the fewest poses are told [mm]."""
-MORE, LITTLE = 4, 0.10
-"""So many more poses that bring less than this share are not worth their time."""
+TARGET = 0.1  #: Error for which the fewest poses are told [mm].
+MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
 
 
 def summary(

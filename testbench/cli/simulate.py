@@ -17,8 +17,7 @@ from testbench.errors import InputError
 from testbench.plant import check_poses
 from testbench.shell.options import takes
 
-HUNG = 460.3
-"""Mass that hangs where nothing else is said [kg]."""
+HUNG = 460.3  #: Mass that hangs where nothing else is said [kg].
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from testbench.errors import Array, BenchError, check_array
 Mask = npt.NDArray[np.bool_]
 Ids = npt.NDArray[np.int_]
 
-SKEW = 1e-9
-"""Share of a matrix by which it may differ from its transpose."""
+SKEW = 1e-9  #: Share of a matrix by which it may differ from its transpose.
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,8 @@ from testbench.design.rows import Ids, information
 from testbench.design.specification import promise_of
 from testbench.errors import Array
 
-RANDOM = 200
-"""Random plans that the plan is compared with."""
-COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)
-"""Numbers of poses for which errors are told."""
+RANDOM = 200  #: Random plans that the plan is compared with.
+COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are told.
 
 
 @dataclass(frozen=True)

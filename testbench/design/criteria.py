@@ -19,10 +19,8 @@ import numpy as np
 
 from testbench.errors import Array
 
-POWER = 24
-"""Sharpness of the smooth stand-in for a largest value, G and E."""
-SHORTLIST = 32
-"""Candidates for which G and E are computed exactly; the stand-in ranks the others."""
+POWER = 24  #: Sharpness of the smooth stand-in for a largest value, G and E.
+SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in ranks the others.
 
 
 @dataclass(frozen=True)
@@ -113,8 +111,7 @@ class Largest:
         return self.mix(M, share / share.sum())
 
 
-Criterion = Determinant | Linear | Largest
-"""An information function, by name."""
+Criterion = Determinant | Linear | Largest  #: An information function, by name.
 
 
 def criterion_e() -> Largest:

@@ -11,13 +11,11 @@ from testbench.design.relaxation import Relaxed, sensitivity
 from testbench.design.rows import Ids, Problem, information, total
 from testbench.errors import Array
 
-STARTS = 4
-"""Starts drawn from the relaxed weights, beside the greedy one."""
+STARTS = 4  #: Starts drawn from the relaxed weights, beside the greedy one.
 SHORTLIST = 1000
 """Candidates for the starts, those that the bound finds most useful; the last exchange sees all of them."""
 SWEEPS = 30
-BETTER = 1e-7
-"""Relative gain below which an exchange does not count."""
+BETTER = 1e-7  #: Relative gain below which an exchange does not count.
 
 
 def select(

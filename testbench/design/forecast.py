@@ -9,10 +9,8 @@ import numpy.typing as npt
 from testbench.design.rows import Problem
 from testbench.errors import Array
 
-DRAWS = 4000
-"""Draws of the remaining error behind an interval."""
-OUTSIDE = 1e-6
-"""Share of a prediction's rows outside what the candidates show that counts as unseen."""
+DRAWS = 4000  #: Draws of the remaining error behind an interval.
+OUTSIDE = 1e-6  #: Share of a prediction's rows outside what the candidates show that counts as unseen.
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,13 @@ from testbench.design.criteria import Criterion
 from testbench.design.rows import total
 from testbench.errors import Array
 
-NEIGHBOURS = 64
-"""Neighbours of a pose that are judged at a time."""
-FEWER = 16
-"""The same where many poses climb at once."""
+NEIGHBOURS = 64  #: Neighbours of a pose that are judged at a time.
+FEWER = 16  #: The same where many poses climb at once.
 ROUNDS = 14
 STEP, SHRINK = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
-TRIES = 8
-"""Neighbours, the best first, that are asked for feasibility in a round."""
-BETTER = 1e-6
-"""Relative gain below which a step does not count."""
+TRIES = 8  #: Neighbours, the best first, that are asked for feasibility in a round.
+BETTER = 1e-6  #: Relative gain below which a step does not count.
 
 Rows = Callable[[Array, int], Array]
 """Whitened rows (poses, k, r) of angles (poses, n), measured as the pose of this place in the plan is."""

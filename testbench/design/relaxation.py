@@ -14,18 +14,13 @@ from testbench.design.criteria import Criterion
 from testbench.design.rows import Ids, Problem, total
 from testbench.errors import Array
 
-FIRST, JOINING = 120, 40
-"""Candidates of the first working set, and how many join it in a round."""
-STEPS, ROUNDS = 150, 40
-"""Steps of the multiplicative algorithm in a round, and rounds."""
+FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
+STEPS, ROUNDS = 150, 40  #: Steps of the multiplicative algorithm in a round, and rounds.
 POWER, GROW, MOST = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MOST`."""
-GAP = 2e-3
-"""Relative gap between value, or its smooth stand-in, and bound at which the relaxation ends."""
-DROPPED = 1e-6
-"""Share of the mean weight below which a candidate leaves the working set."""
-ENTRY = 0.02
-"""Share of all weight given to those who join."""
+GAP = 2e-3  #: Relative gap between value, or its smooth stand-in, and bound at which the relaxation ends.
+DROPPED = 1e-6  #: Share of the mean weight below which a candidate leaves the working set.
+ENTRY = 0.02  #: Share of all weight given to those who join.
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,8 @@ from testbench.identify.intervals import check_confidence
 from testbench.identify.metric import Metric, check_metric, whitened
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 
-TOLERANCE = 1e-8
-"""Feasibility and gap asked of the solver, of functionals of length one in the metric."""
-CEILING = 10.0
-"""Most that a block may exceed the prior."""
+TOLERANCE = 1e-8  #: Feasibility and gap asked of the solver, of functionals of length one in the metric.
+CEILING = 10.0  #: Most that a block may exceed the prior.
 ACCEPTED = ("Solved", "AlmostSolved")
 
 

@@ -19,10 +19,8 @@ from scipy import sparse
 
 from testbench.errors import Array
 
-TOLERANCE = 1e-10
-"""Feasibility and gap asked of Clarabel, in units where the data are of order one."""
-GAP = 1e-6
-"""Duality gap, relative to the cost, below which a program counts as solved."""
+TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
+GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 Ids = npt.NDArray[np.int_]
 Kind = Literal["zero", "nonnegative", "second order", "psd", "exponential"]

@@ -22,14 +22,12 @@ TRACE_WEIGHT = 1e-8
 It picks the least trace among models that fit alike. Where the fit goes on improving as unseen compliance
 grows without end, there is no such model, and the weight decides where to stop: the advice says so.
 """
-PENALTY_TOLD = 1e-4
-"""Share of F_M that the trace term may cost before the advice tells of it."""
+PENALTY_TOLD = 1e-4  #: Share of F_M that the trace term may cost before the advice tells of it.
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
 DATA_TOLERANCE = 1e-7
 """The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own."""
-EXACT = 1e-9
-"""Share of F_M at C = 0 below which the fit is exact: noise-free data."""
+EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 

@@ -22,8 +22,7 @@ from testbench.model.vjm import Vjm
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
 FOLDS = 8
-LEVEL_DIGITS = 1
-"""Decimals of a force [N] or moment [N m] within which two loads are of one level."""
+LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
 
 Fit = Callable[[Regression], Estimate]
 Regularised = Callable[[Regression, Metric, Strength], Estimate]

@@ -21,10 +21,8 @@ CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
 
 
-TOOL = "orientation"
-"""Stands in for the marker where the tool's orientation was read."""
-MISFIT = 2.0
-"""F_M over its floor beyond which noise is no explanation."""
+TOOL = "orientation"  #: Stands in for the marker where the tool's orientation was read.
+MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 
 
 @dataclass(frozen=True)

@@ -26,23 +26,17 @@ from testbench.model.vjm import Vjm
 Observe = Callable[[float], None]
 """Told of every F_M that is the least so far; a clock or a plot may listen."""
 
-LARGEST_ORDER = 6
-"""Order of the vector space that reaches every conservative 6x6 matrix."""
-BLOCK_POINTS = 64
-"""Points evaluated at a time: their vectors stay in the cache."""
+LARGEST_ORDER = 6  #: Order of the vector space that reaches every conservative 6x6 matrix.
+BLOCK_POINTS = 64  #: Points evaluated at a time: their vectors stay in the cache.
 FIRST_STEP = 0.3
 """Standard deviation of the entries of a random b: its compliances explain about the size of the data."""
 MEMORY = 50
 """Steps that the local solver's model of the curvature remembers: ten stall where a block loses rank."""
 MAX_STEPS = 20_000
-TOLERANCE = 1e-12
-"""Relative gain of a step at which a local solve ends."""
-FLAT = 1e-9
-"""Largest entry of the gradient at which it ends too."""
-OUT_OF_STEPS = 1
-"""Status of scipy's L-BFGS that spent all its steps."""
-CLOSE = 1e-5
-"""Certified gap, relative to F_M, below which a local solution counts as the global one."""
+TOLERANCE = 1e-12  #: Relative gain of a step at which a local solve ends.
+FLAT = 1e-9  #: Largest entry of the gradient at which it ends too.
+OUT_OF_STEPS = 1  #: Status of scipy's L-BFGS that spent all its steps.
+CLOSE = 1e-5  #: Certified gap, relative to F_M, below which a local solution counts as the global one.
 
 
 @dataclass(frozen=True)
@@ -73,8 +67,7 @@ class Descent:
     finished: bool  #: Whether it ended by itself, not for want of steps.
 
 
-Evaluate = Callable[[Factorised, Array], tuple[float, Array]]
-"""F_M and its gradient at a b, such as `cost`."""
+Evaluate = Callable[[Factorised, Array], tuple[float, Array]]  #: F_M and its gradient at a b, such as `cost`.
 
 
 def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:

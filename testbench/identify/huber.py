@@ -44,10 +44,8 @@ REJECT = 4.033
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
-MOST_REJECTED = 1 / 3
-"""Share of rejected readings beyond which the advice doubts that they are outliers."""
-WEAK = 10.0
-"""Relative uncertainty of the CAD compliances while outliers of GCO without a prior are sought."""
+MOST_REJECTED = 1 / 3  #: Share of rejected readings beyond which the advice doubts that they are outliers.
+WEAK = 10.0  #: Relative uncertainty of the CAD compliances while outliers of GCO without a prior are sought.
 NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 
 

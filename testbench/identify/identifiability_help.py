@@ -13,16 +13,12 @@ from testbench.identify.metric import Metric, whitened
 from testbench.identify.regression import Regression, marker_points, rank, reduce
 from testbench.model.vjm import Vjm, chain, observation
 
-OFFSET = 0.3
-"""Distance of a second load point or of one more marker [m]."""
+OFFSET = 0.3  #: Distance of a second load point or of one more marker [m].
 SIGMA_ROTATION = 250e-6
 """Standard deviation of one orientation reading where the data have none, as in section 5.2 [rad]."""
-REPEAT = "the same runs once more"
-"""The yardstick: what only averages noise is no better."""
-TASKS = 50
-"""Random poses in which predictions are judged."""
-TIE = 0.02
-"""Expected errors within this share of each other are the same."""
+REPEAT = "the same runs once more"  #: The yardstick: what only averages noise is no better.
+TASKS = 50  #: Random poses in which predictions are judged.
+TIE = 0.02  #: Expected errors within this share of each other are the same.
 BLIND = 1e-12
 """Share of the largest diagonal entry of a posterior's triangular factor below which it is singular."""
 

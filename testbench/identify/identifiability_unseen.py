@@ -19,12 +19,9 @@ Mask = npt.NDArray[np.bool_]
 
 SHARE = 0.15
 """A parameter takes part in a direction if it changes by this share of the one that changes most."""
-ZERO = 1e-7
-"""Below this share of the largest an entry of a direction is the rounding of a zero."""
-NEW = 1e-5
-"""A direction is new if this share of it lies outside those found before."""
-NEIGHBOURS = (1, 2, 3, 5)
-"""Links and joints along the chain that are searched together, before all are."""
+ZERO = 1e-7  #: Below this share of the largest an entry of a direction is the rounding of a zero.
+NEW = 1e-5  #: A direction is new if this share of it lies outside those found before.
+NEIGHBOURS = (1, 2, 3, 5)  #: Links and joints along the chain that are searched together, before all are.
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ from testbench.model.vjm import Vjm, chain, observation
 
 UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
-BINDS = 0.1
-"""Distance from the optimum without a cone that counts as moved by it [standard deviations]."""
+BINDS = 0.1  #: Distance from the optimum without a cone that counts as moved by it [standard deviations].
 CONFIDENCE = 0.95
 
 

@@ -22,8 +22,7 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 LEAST_POSES = 2
-ROBUST_UNCERTAINTY = 0.3
-"""Relative uncertainty of a prior beside a robust loss, where none is given."""
+ROBUST_UNCERTAINTY = 0.3  #: Relative uncertainty of a prior beside a robust loss, where none is given.
 
 
 @dataclass(frozen=True)

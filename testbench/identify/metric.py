@@ -17,8 +17,7 @@ from testbench.identify.regression import Ids, Regression, check_symmetric
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-SMALLEST = 1e-9
-"""Eigenvalue of a block of the prior of unit diagonal below which it counts as singular."""
+SMALLEST = 1e-9  #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from testbench.errors import Array, BenchError
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-RANGE = 1e-6, 1e6
-"""Relative uncertainties of a prior that mean something [1]."""
+RANGE = 1e-6, 1e6  #: Relative uncertainties of a prior that mean something [1].
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from testbench.identify.regression import rank
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, observation, rotation_observation
 
-GENERIC_RUNS = 60
-"""Random runs of a full wrench, read in full pose: they see all that any experiment can."""
+GENERIC_RUNS = 60  #: Random runs of a full wrench, read in full pose: they see all that any experiment can.
 
 
 def generic_rows(vjm: Vjm, structure: Structure) -> Array:

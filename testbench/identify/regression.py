@@ -18,10 +18,8 @@ from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, tw
 
 Ids = npt.NDArray[np.int_]
 
-BLOCK_RUNS = 384
-"""Runs reduced at a time: long enough for LAPACK, short enough for the cache."""
-PANEL = 8
-"""Columns that LAPACK eliminates at a time: few, as the blocks are short."""
+BLOCK_RUNS = 384  #: Runs reduced at a time: long enough for LAPACK, short enough for the cache.
+PANEL = 8  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 ROUNDING = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
 LARGEST = 1e9

@@ -19,8 +19,7 @@ from testbench.identify.metric import Belief, Metric, with_prior_rows
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
 
-SLACK = 1e-2
-"""Share by which F_M may exceed its optimum while the trace is made least."""
+SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
 def least_squares_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:

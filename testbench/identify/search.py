@@ -20,16 +20,11 @@ from testbench.identify.factorised import Factorised, Observe, costs, descend, f
 
 BOX = 1.0
 """Bound of the entries of b in trial points: one axis of that size explains all the data by itself."""
-REFERENCE = 10
-"""Points of quality, and as many of diversity, in the reference set of the scatter search."""
-DISTANCE_FACTOR = 0.75
-"""Share of a basin's radius within which no local solve is started."""
-WAIT = 20
-"""Trial points in a row inside one basin, or above the threshold, until that filter is relaxed."""
-SHRINK = 0.2
-"""Share by which a basin's radius is then cut."""
-PENALTY = 0.2
-"""Share of 1 + threshold by which the threshold is then raised."""
+REFERENCE = 10  #: Points of quality, and as many of diversity, in the reference set of the scatter search.
+DISTANCE_FACTOR = 0.75  #: Share of a basin's radius within which no local solve is started.
+WAIT = 20  #: Trial points in a row inside one basin, or above the threshold, until that filter is relaxed.
+SHRINK = 0.2  #: Share by which a basin's radius is then cut.
+PENALTY = 0.2  #: Share of 1 + threshold by which the threshold is then raised.
 
 
 @dataclass(frozen=True)

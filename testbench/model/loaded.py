@@ -17,8 +17,7 @@ from testbench.model.vjm import Chain, Vjm, chain, cross, generalised_load, tran
 STEP_TOLERANCE = 1e-10
 """A pose is in equilibrium after a Newton step below this [m, rad]; the next would be rounding."""
 MAX_ITERATIONS = 50
-MAX_STEP = 0.5
-"""A Newton step beyond this [m, rad] leads to no elastic deflection."""
+MAX_STEP = 0.5  #: A Newton step beyond this [m, rad] leads to no elastic deflection.
 
 
 @dataclass(frozen=True)

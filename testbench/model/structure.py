@@ -177,12 +177,10 @@ mgco147 = _named("MGCO147")
 """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
 all153 = _named("ALL153", joints=slice(None))
 """All links in full and all joints (7 x 21 + 6): every symmetric parameter that there is."""
-mgco69 = _named("MGCO69", (0, 2, 3), slice(None))
-"""Links 0, 2 and 3 in full and all joints (3 x 21 + 6)."""
+mgco69 = _named("MGCO69", (0, 2, 3), slice(None))  #: Links 0, 2 and 3 in full and all joints (3 x 21 + 6).
 mgco68 = _named("MGCO68", (0, 2, 3), slice(1, None))
 """MGCO69 without joint 1, whose axis gravity does not load."""
-mgco47 = _named("MGCO47", (2, 3), slice(1, None))
-"""Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5)."""
+mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5).
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:

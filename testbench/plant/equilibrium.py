@@ -22,11 +22,9 @@ from testbench.plant.elastic import elastic_mjcf, theta_names
 
 Index = npt.NDArray[np.int_]
 
-STEP_TOLERANCE = 1e-9
-"""A pose is in equilibrium when the last Newton step is below this [m, rad]."""
+STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
 MAX_ITERATIONS = 50
-MAX_SAG = 0.5
-"""A virtual joint beyond this [m, rad] is no longer an elastic deflection."""
+MAX_SAG = 0.5  #: A virtual joint beyond this [m, rad] is no longer an elastic deflection.
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ import numpy as np
 
 from testbench.errors import Array
 
-STIFFENING_ANGLE = 1e-3
-"""Turn phi_ref at which a joint's stiffness has grown by the share beta [rad]."""
+STIFFENING_ANGLE = 1e-3  #: Turn phi_ref at which a joint's stiffness has grown by the share beta [rad].
 
 
 @dataclass(frozen=True)

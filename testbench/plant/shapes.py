@@ -27,8 +27,7 @@ KINDS: dict[int, Kind] = {
 VISUAL_GROUPS = 3
 """Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
 
-STICK = 0.02
-"""Radius of the sticks of an arm without visual geoms, over the length of its chain [1]."""
+STICK = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,7 @@ Every geom belongs to arm, room, tracker or payload in this order, and a contact
 
 SHACKLE = 0.1
 """Length below the load point that belongs to the tool that holds the sling [m], whatever its clearance."""
-SLING_RADIUS = 0.01
-"""Radius of the sling [m]."""
+SLING_RADIUS = 0.01  #: Radius of the sling [m].
 HEAD_RADIUS = 0.2
 """Radius of the sphere that stands for the tracker's head, its swing and the top of its stand [m]."""
 TARGET_RADIUS = 0.06

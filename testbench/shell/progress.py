@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-REMEMBERED = 600.0
-"""Time over which the speed is averaged, for the time left [s]."""
+REMEMBERED = 600.0  #: Time over which the speed is averaged, for the time left [s].
 
 
 def show_progress(counts: Iterator[int], total: int, words: str, console: Console) -> None:

@@ -21,8 +21,7 @@ from testbench.studies.study import Everywhere, O, P, R, Run, S, Study, W
 from testbench.trials import Backend, Experiment, open_store, run_study, write_parquet
 from testbench.views import terminal
 
-PREPARED = "prepared"
-"""Folder in a run's, of what is made once for all trials."""
+PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 
 
 def main(study: Study[O, S, W, R]) -> int:

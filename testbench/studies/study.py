@@ -15,8 +15,7 @@ W = TypeVar("W")
 R = TypeVar("R")
 P = TypeVar("P")
 
-Trials = Iterable[tuple[int, Sequence[W]]]
-"""Seed and rows of every trial, in the order of the seeds."""
+Trials = Iterable[tuple[int, Sequence[W]]]  #: Seed and rows of every trial, in the order of the seeds.
 
 
 class Everywhere(Protocol):

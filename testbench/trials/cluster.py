@@ -22,12 +22,9 @@ from testbench.errors import BenchError
 from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
 from testbench.trials.experiment import numeric_versions
 
-PATIENCE = 10.0
-"""Time that scheduler and workers have to answer [s]."""
-BACKLOG = 1000
-"""Chunks on the cluster at a time: memory stays flat, and that many threads stay busy."""
-POLL, LOOK = 0.01, 500
-"""Time between looks for results [s]; looks without any before one for workers."""
+PATIENCE = 10.0  #: Time that scheduler and workers have to answer [s].
+BACKLOG = 1000  #: Chunks on the cluster at a time: memory stays flat, and that many threads stay busy.
+POLL, LOOK = 0.01, 500  #: Time between looks for results [s]; looks without any before one for workers.
 LOGS = ("distributed", "distributed.client")
 TLS = (
     "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "

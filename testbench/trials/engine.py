@@ -9,8 +9,7 @@ from testbench.errors import BenchError
 from testbench.trials.chunk import Backend, Work, WorkersLost
 from testbench.trials.store import TrialStore
 
-RETRIES = 3
-"""Times in a row that workers may be lost without a single new result."""
+RETRIES = 3  #: Times in a row that workers may be lost without a single new result.
 
 
 def run_study(work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1) -> Iterator[int]:

@@ -17,8 +17,7 @@ from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
-IDLE = 60
-"""Time after which a process without work ends [s]; until then the next study finds it ready."""
+IDLE = 60  #: Time after which a process without work ends [s]; until then the next study finds it ready.
 
 
 def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None = None) -> Chunks:

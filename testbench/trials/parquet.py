@@ -15,12 +15,10 @@ from testbench.errors import InputError
 from testbench.trials.experiment import check_header
 from testbench.trials.rows import SEED, Column, Flat
 
-GROUP = 2048
-"""Rows of a row group: what is in memory at a time."""
+GROUP = 2048  #: Rows of a row group: what is in memory at a time.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
-Trial = tuple[int, list[Flat]]
-"""Seed and flat rows."""
+Trial = tuple[int, list[Flat]]  #: Seed and flat rows.
 
 
 def write_trials(

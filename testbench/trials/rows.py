@@ -14,11 +14,9 @@ from testbench.errors import BenchError
 R = TypeVar("R")
 Plain = float | int | str | bool | None
 Value = Plain | tuple[Plain, ...]
-Flat = dict[str, Value]
-"""A row by column."""
+Flat = dict[str, Value]  #: A row by column.
 SEED = "seed"
-LARGEST = 2**63
-"""Integers lie below it: Parquet's have 64 bits."""
+LARGEST = 2**63  #: Integers lie below it: Parquet's have 64 bits.
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,8 @@ class Spread:
 
 Number = float | Spread | None
 """A number of one trial, its spread over several, or None where there is none."""
-Count = int | Spread | None
-"""The same of an integer."""
-Share = bool | float
-"""Whether something holds, or the share of trials in which it does."""
+Count = int | Spread | None  #: The same of an integer.
+Share = bool | float  #: Whether something holds, or the share of trials in which it does.
 
 
 def spread(values: Sequence[float]) -> Spread:

@@ -12,8 +12,7 @@ Colour = tuple[int, ...]
 
 NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
-TASK = (178, 156, 48)
-"""Where the robot works: olive, which is neither least squares nor GCO."""
+TASK = (178, 156, 48)  #: Where the robot works: olive, which is neither least squares nor GCO.
 ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105), (150, 105, 20))
 """Least squares."""
 GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60), (150, 205, 180))
@@ -32,8 +31,7 @@ PLACES = {
     "MGCO147": 3,
 }
 """Shade of a structure in its family; others take one by their letters."""
-MARKS = "osD^vP"
-"""Marker of each shade, matplotlib's letters."""
+MARKS = "osD^vP"  #: Marker of each shade, matplotlib's letters.
 
 
 @dataclass(frozen=True)

@@ -154,8 +154,7 @@ class Best:
         return f"{', '.join(self.names[:-1])} and {self.names[-1]} (alike)"
 
 
-ALIKE = 0.02
-"""Share of the least value within which others are as good as the best."""
+ALIKE = 0.02  #: Share of the least value within which others are as good as the best.
 
 
 def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:

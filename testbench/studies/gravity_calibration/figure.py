@@ -16,8 +16,7 @@ from testbench.studies.gravity_calibration.trial import normalities
 from testbench.views.colours import MEASURED, hexadecimal, look
 from testbench.views.figure import SOFT, dots, log_ticks, quiet
 
-PAPERS = ("MGCO68", "MLS32")
-"""The models of Fig. 5."""
+PAPERS = ("MGCO68", "MLS32")  #: The models of Fig. 5.
 
 
 def models(report: GravityReport) -> Figure:

@@ -12,8 +12,7 @@ from testbench.trials.spread import Number, grouped, merge, middle
 from testbench.views.schema import Column, Table, best_of
 
 PAPERS_ARM = "kr500_l480"
-ALIKE = 1e-6
-"""Relative difference of check errors below which two models predict alike."""
+ALIKE = 1e-6  #: Relative difference of check errors below which two models predict alike.
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,9 @@ from testbench.trials.spread import middle
 
 SCALE, SHAPE = 2.0, 0.3
 """How wrong the prior is: its common factor, the deviation of the logarithm of each axis's own factor."""
-SPOILED, SPOILED_BY = 0.05, 1e-3
-"""Share of marker readings that are outliers, and by how much [m]."""
+SPOILED, SPOILED_BY = 0.05, 1e-3  #: Share of marker readings that are outliers, and by how much [m].
 
-VARIED = ("MGCO56", "MGCO68")
-"""Structures whose prior's scale and number of poses are varied."""
+VARIED = ("MGCO56", "MGCO68")  #: Structures whose prior's scale and number of poses are varied.
 
 Part = Literal["linear", "nonlinear", "scale", "fixed scale", "poses", "choice", "clean", "plain", "robust"]
 """Truth of the campaign; what is varied of the linear one; loss, without and with outliers."""

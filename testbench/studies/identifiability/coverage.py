@@ -29,11 +29,9 @@ from testbench.model.structure import Structure, mgco68, template56
 from testbench.model.vjm import chain, observation
 
 CONFIDENCE = 0.95
-DRAWS_LS, DRAWS_GCO = 199, 39
-"""Refits of a bootstrap: the interval's order statistics are exact for both."""
+DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order statistics are exact for both.
 REJECTIONS = 1000
-CHECKS = 10
-"""Poses to predict in: x, y and z of one point in each."""
+CHECKS = 10  #: Poses to predict in: x, y and z of one point in each.
 DRAWN, BENT = Strength(0.1), Strength(0.3)
 """The prior that truths are drawn from, and the one of an arm that is the same in every dataset."""
 

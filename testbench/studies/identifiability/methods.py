@@ -20,8 +20,7 @@ from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147
 from testbench.model.vjm import Vjm
 from testbench.trials.spread import Number
 
-BELIEVED = 1e-6
-"""Relative uncertainty of a scale that is believed."""
+BELIEVED = 1e-6  #: Relative uncertainty of a scale that is believed.
 STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
     "joints": lambda cell: Structure.of(cell.arm, joints=[j.name for j in cell.arm.joints], name="joints"),
     "MGCO47": lambda cell: mgco47(cell.arm),
@@ -30,8 +29,7 @@ STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
     "MGCO147": lambda cell: mgco147(cell.arm),
     "ALL153": lambda cell: all153(cell.arm),
 }
-PLAIN = ("MLS56", "MGCO56", "MGCO68")
-"""Models without a prior."""
+PLAIN = ("MLS56", "MGCO56", "MGCO68")  #: Models without a prior.
 
 Filling = Literal["none", "least trace", "prior", "log-det prior"]
 """What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""

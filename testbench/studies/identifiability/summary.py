@@ -21,10 +21,8 @@ from testbench.studies.study import Trials
 from testbench.trials.spread import Number, Share, grouped, merge, middle
 from testbench.views.identifiability.report import Seen, seen_report
 
-NO_WORSE = 1.001
-"""Ratio of two errors up to which one is no worse: the solvers' digits."""
-SEEN_AT = Strength(0.3)
-"""How firmly the prior is believed where it is asked what the data see."""
+NO_WORSE = 1.001  #: Ratio of two errors up to which one is no worse: the solvers' digits.
+SEEN_AT = Strength(0.3)  #: How firmly the prior is believed where it is asked what the data see.
 
 
 @dataclass(frozen=True)

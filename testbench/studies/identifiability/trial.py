@@ -16,8 +16,7 @@ from testbench.studies.identifiability.campaigns import CampaignRow, Tried
 from testbench.studies.identifiability.coverage import Covered
 
 NAME = "identifiability"
-SIX_DOF = "arm_6r"
-"""The arm of section 5.2: the data see all its predictions."""
+SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
 QUICK = Tried(
     structures=("MGCO56", "MGCO68"),
     scales=(0.5, 2.0),

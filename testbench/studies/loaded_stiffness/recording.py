@@ -24,8 +24,7 @@ COLOURS: dict[Method, tuple[Colour, Colour]] = {
     "integrated": (GREENS[0], GREENS[1]),
 }
 """Of the weightless arm, and of the one with its own weight."""
-TRUTHS: dict[Truth, str] = {"weightless": "weightless", "own weight": "sagged"}
-"""In a word."""
+TRUTHS: dict[Truth, str] = {"weightless": "weightless", "own weight": "sagged"}  #: In a word.
 
 
 def write(run: Run[Settings, LoadedReport]) -> None:

@@ -13,8 +13,7 @@ from testbench.studies.study import Trials
 from testbench.trials.spread import grouped, spread
 from testbench.views.schema import Best, Column, Table, best_of
 
-ROUNDING_MM = 1e-6
-"""A method that is nowhere further off is exact: what is left is rounding."""
+ROUNDING_MM = 1e-6  #: A method that is nowhere further off is exact: what is left is rounding.
 METHODS: dict[Method, str] = {
     "linear": "Eq. (6): J C_theta J^T w, all at theta = 0",
     "secant": "Eq. (7) with K_w at theta = 0, as one stiffness for the whole load",

@@ -11,8 +11,7 @@ from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
 from testbench.views.figure import log_ticks, quiet
 
-STEP = 0.16
-"""Between the models of one case [cases]."""
+STEP = 0.16  #: Between the models of one case [cases].
 
 
 def disturbances(report: ModelErrorReport) -> Figure:

@@ -16,11 +16,9 @@ from testbench.views.schema import best_of
 
 CLAIM = 0.048
 """Largest difference that the paper quotes between errors with and without a gravity compensator [1]."""
-MOST = 0.5
-"""Share of trials from which on a claim holds."""
+MOST = 0.5  #: Share of trials from which on a claim holds.
 
-Groups = Mapping[tuple[str, str, float], Sequence[CaseRow]]
-"""Rows of all trials by case, model and noise."""
+Groups = Mapping[tuple[str, str, float], Sequence[CaseRow]]  #: Rows of all trials by case, model and noise.
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErrorReport:

@@ -33,8 +33,7 @@ from testbench.trials.spread import Number
 
 NAME = "model_error"
 MODELS, WITH_PRIOR, ONLY_WITH_PRIOR = ("MLS56", "MGCO56", "MGCO68"), ("MGCO56", "MGCO68"), "MGCO68"
-FEATURED = "MGCO56 + prior"
-"""The model by which disturbances are ranked."""
+FEATURED = "MGCO56 + prior"  #: The model by which disturbances are ranked.
 QUICK_WORKSPACE = 20
 
 

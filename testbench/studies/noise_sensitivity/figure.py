@@ -16,8 +16,7 @@ from testbench.views.schema import Column
 
 SHADES = (GREENS[0], GREY, *GREENS[1:], NOMINAL)
 """Of the instruments, which are all read by one model; the second has flat weights."""
-LINEAR_UM = 1.0
-"""Errors below are drawn on a linear scale: without noise some are exact."""
+LINEAR_UM = 1.0  #: Errors below are drawn on a linear scale: without noise some are exact.
 
 
 def sensitivity(report: NoiseReport) -> Figure:

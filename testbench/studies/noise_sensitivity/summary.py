@@ -28,10 +28,8 @@ from testbench.views.schema import best_of
 PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
 NEAREST: dict[Part, float] = {"six_dof": 25.0, "gravity": 50.0}
 """Noise of the paper's trackers [um], sections 5.2 and 6."""
-NEAR = 4.0
-"""Distance at which instruments are compared [m]."""
-PAIR = ("MGCO56", "MLS56")
-"""GCO and least squares of the same structure."""
+NEAR = 4.0  #: Distance at which instruments are compared [m].
+PAIR = ("MGCO56", "MLS56")  #: GCO and least squares of the same structure.
 METHODS = {"none": "least squares", "psd": "GCO"}
 
 F = TypeVar("F", bound=FitRow)

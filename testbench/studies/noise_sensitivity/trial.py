@@ -30,18 +30,14 @@ from testbench.trials.spread import Number, Share
 
 NAME = "noise_sensitivity"
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
-SIX_DOF = ("MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
-"""Models of section 5.2 without a prior."""
-GRAVITY = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
-"""Models of section 6 without a prior."""
+SIX_DOF = ("MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")  #: Models of section 5.2 without a prior.
+GRAVITY = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")  #: Models of section 6 without a prior.
 SIX_DOF_PRIOR, GRAVITY_PRIOR, INSTRUMENT = ("MGCO56", "MGCO69"), ("MGCO56", "MGCO68"), ("MGCO56",)
 """Those that are fitted with a prior too; instruments are compared by the last one alone."""
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
-WEIGHT = 25e-6
-"""Sigma by which noise-free readings are weighted [m]: any will do."""
-MOST_UM = 10_000.0
-"""Largest noise that an instrument can have [um]."""
+WEIGHT = 25e-6  #: Sigma by which noise-free readings are weighted [m]: any will do.
+MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
 
 Part = Literal["six_dof", "gravity", "instrument_linear", "instrument_nonlinear"]
 TRUTHS: dict[Part, Truth] = {

@@ -17,8 +17,7 @@ from testbench.studies.pose_selection.rows import Row
 from testbench.studies.pose_selection.settings import ON_ARMS, RANDOM, Settings
 from testbench.studies.pose_selection.ways import poses_of
 
-DRAWN = 200
-"""Stream of a seed for noise on a drawn arm, plus the number of poses."""
+DRAWN = 200  #: Stream of a seed for noise on a drawn arm, plus the number of poses.
 
 
 def draw(own: Metric, uncertainty: float, rng: np.random.Generator) -> Array:

@@ -21,8 +21,7 @@ SHADES = {
 }
 LOOKS = {name: Look(shade, k, prior=name == RANDOM) for k, (name, shade) in enumerate(SHADES.items())}
 """One a criterion, random poses dashed."""
-BANDS = ("test", RANDOM)
-"""Those whose spread is drawn."""
+BANDS = ("test", RANDOM)  #: Those whose spread is drawn.
 
 
 def curves(report: PoseReport) -> Figure:

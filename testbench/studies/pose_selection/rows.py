@@ -10,8 +10,7 @@ from testbench.trials.spread import Number
 Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant"]
 """What was measured: the true arm with noise or without, with a plan and a prior of the trial's own, an arm
 that the prior could have drawn (linear truth), or the true arm in another way."""
-Angles = tuple[tuple[float, ...], ...]
-"""Joint angles, (poses, n) [rad]."""
+Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 
 @dataclass(frozen=True)

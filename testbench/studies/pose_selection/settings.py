@@ -21,8 +21,7 @@ from testbench.model.vjm import Vjm
 from testbench.studies.pose_selection.rows import Scene
 
 NAME = "pose_selection"
-RANDOM = "random"
-"""Poses without a plan, beside the criteria of planning.CRITERIA."""
+RANDOM = "random"  #: Poses without a plan, beside the criteria of planning.CRITERIA.
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,7 @@ FITS = (
     Fit("MGCO68", mgco68, False),
     Fit("MGCO56", template56, False),
 )
-PLANNED, BARE = FITS[0], FITS[2]
-"""The fit that plans are made for, and the same without its prior."""
+PLANNED, BARE = FITS[0], FITS[2]  #: The fit that plans are made for, and the same without its prior.
 ON_ARMS = (PLANNED, Fit("MLS68 + prior", mgco68, True, least_squares))
 """On arms drawn from the prior, GCO and LS."""
 

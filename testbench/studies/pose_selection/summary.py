@@ -17,15 +17,13 @@ from testbench.studies.study import Trials
 from testbench.trials.spread import ends, grouped, merge, middle
 from testbench.views.schema import best_of
 
-ENOUGH = 0.1
-"""Error at the tasks that a campaign is to reach [mm]."""
+ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
 STEP, LITTLE = 4, 0.10
 """So many more poses that take less than this share off the error are not worth a hoist."""
 
 Groups = Mapping[tuple[Part, str, int, str], Sequence[Row]]
 """Rows of all trials by part, plan, number of poses and fit."""
-Levels = Mapping[str, list[r.Level]]
-"""Errors by plan, then by number of poses."""
+Levels = Mapping[str, list[r.Level]]  #: Errors by plan, then by number of poses.
 
 
 def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseReport:

@@ -20,8 +20,7 @@ from testbench.studies.pose_selection.rows import Row
 from testbench.studies.pose_selection.settings import FITS, PLANNED, RANDOM, Settings
 from testbench.studies.pose_selection.ways import Chosen, at_random, planned, poses_of, specify, variants
 
-NOISE = 100
-"""Stream of a seed for noise, plus the number of poses."""
+NOISE = 100  #: Stream of a seed for noise, plus the number of poses.
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:

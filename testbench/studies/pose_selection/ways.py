@@ -17,10 +17,8 @@ from testbench.identify.prior import Prior
 from testbench.studies.pose_selection.rows import PlanRow
 from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Settings
 
-MORE = 4
-"""Further poses: the yardstick of what else could be done."""
-CHANCE = 300
-"""Stream of a seed for random poses, plus their number."""
+MORE = 4  #: Further poses: the yardstick of what else could be done.
+CHANCE = 300  #: Stream of a seed for random poses, plus their number.
 
 
 def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:

@@ -12,11 +12,9 @@ from testbench.views.colours import look
 from testbench.views.figure import SOFT, log_ticks, quiet
 from testbench.views.schema import Column
 
-ROUND = 1e-3
-"""Eigenvalue below which GCO stands at the boundary of what is conservative [1e-6 SI]."""
+ROUND = 1e-3  #: Eigenvalue below which GCO stands at the boundary of what is conservative [1e-6 SI].
 BINS = 50
-SPREAD = 2.8
-"""Width of the histogram over that of its middle 80 %."""
+SPREAD = 2.8  #: Width of the histogram over that of its middle 80 %.
 
 
 def single_link(report: LinkReport) -> Figure:

@@ -27,8 +27,7 @@ class Order:
     prediction: Prediction  #: Errors of deflections.
 
 
-LEAST = 1e-8
-"""Excess of F_M below is rounding of two solvers [1]."""
+LEAST = 1e-8  #: Excess of F_M below is rounding of two solvers [1].
 
 
 def orders(draws: Sequence[Sequence[LinkRow]]) -> list[Order]:

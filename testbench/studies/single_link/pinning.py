@@ -14,8 +14,7 @@ from testbench.studies.single_link.judge import noise_scale, rms
 from testbench.studies.single_link.trial import wrenches_within
 from testbench.trials.spread import Spread, spread
 
-DRAWS = 20_000
-"""Draws of noise, and random load sets, tried for the statistics."""
+DRAWS = 20_000  #: Draws of noise, and random load sets, tried for the statistics.
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,8 @@ from testbench.studies.single_link.judge import (
 from testbench.studies.single_link.pinning import Pinning, pinning
 from testbench.studies.single_link.trial import Settings, models, of_every_order
 
-ROUNDINGS = 20_000
-"""Matrices that round to Eq. (23), tried for the range of its eigenvalues."""
-ROUNDED_COSTS = 200
-"""F_M taken of so many of them."""
+ROUNDINGS = 20_000  #: Matrices that round to Eq. (23), tried for the range of its eigenvalues.
+ROUNDED_COSTS = 200  #: F_M taken of so many of them.
 
 Numbers = list[float]
 Rows = list[Numbers]

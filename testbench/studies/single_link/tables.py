@@ -13,8 +13,7 @@ from testbench.studies.single_link.trial import GCO, LEAST_SQUARES, SYMMETRIC
 from testbench.views.schema import Column, Table
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
-SI = "1e-6 SI"
-"""Eigenvalues are in mixed SI units, as the paper's."""
+SI = "1e-6 SI"  #: Eigenvalues are in mixed SI units, as the paper's.
 
 
 def _both(key: str, heading: str, unit: str = "", form: str = "yes", **more: object) -> Column:

@@ -11,14 +11,10 @@ from testbench.studies.study import Trials
 from testbench.trials.spread import Number, Spread, grouped, merge, middle
 from testbench.views.schema import Column, Table, best_of, show, show_truth
 
-SAME = 1.02
-"""An order m serves as well as 6 where F_M and the check error exceed those of m = 6 by less."""
-FACTOR = 1.5
-"""Two errors agree within this factor."""
-CLOSE = 0.05
-"""Share by which the error of a model may exceed the least and still count as best."""
-TWINS = 1e-6
-"""Relative difference of errors below which two models predict alike."""
+SAME = 1.02  #: An order m serves as well as 6 where F_M and the check error exceed those of m = 6 by less.
+FACTOR = 1.5  #: Two errors agree within this factor.
+CLOSE = 0.05  #: Share by which the error of a model may exceed the least and still count as best.
+TWINS = 1e-6  #: Relative difference of errors below which two models predict alike.
 
 
 @dataclass(frozen=True)

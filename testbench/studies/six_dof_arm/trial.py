@@ -31,13 +31,11 @@ from testbench.identify.factorised import LARGEST_ORDER
 from testbench.trials.spread import Number, Share
 
 NAME = "six_dof_arm"
-MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")
-"""The models of Table I, in the paper's order."""
+MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
 ORDER_MODELS = ("MGCO69", "MGCO56")
 ORDER_SEEDS, QUICK_ORDER_SEEDS = 20, 1
 ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
-RANK_TOLERANCE = 1e-6
-"""Eigenvalue of a block of unit diagonal below which it counts as zero."""
+RANK_TOLERANCE = 1e-6  #: Eigenvalue of a block of unit diagonal below which it counts as zero.
 
 
 @dataclass(frozen=True)

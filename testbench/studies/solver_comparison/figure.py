@@ -10,8 +10,7 @@ from testbench.views.colours import GREENS, ORANGES, hexadecimal
 from testbench.views.figure import SOFT, quiet
 
 PERCENT = 0.01
-LEAST = 1e-10
-"""Excess drawn for an F_M that is the least one itself."""
+LEAST = 1e-10  #: Excess drawn for an F_M that is the least one itself.
 SPREAD = 0.28
 
 

@@ -25,12 +25,9 @@ from testbench.studies.study import Trials
 from testbench.trials.spread import Number, Spread, merge, middle, spread
 from testbench.views.schema import Column, Table
 
-NEVER_ABOVE = 1e-9
-"""Relative difference of F_M that rounding leaves."""
-WANTED_RATIO = 1000
-"""How much faster than the paper's optimiser the conic program is meant to be."""
-SHARP = 1e-6
-"""Relative excess of F_M within which local solves end that do not creep along a flat valley."""
+NEVER_ABOVE = 1e-9  #: Relative difference of F_M that rounding leaves.
+WANTED_RATIO = 1000  #: How much faster than the paper's optimiser the conic program is meant to be.
+SHARP = 1e-6  #: Relative excess of F_M within which local solves end that do not creep along a flat valley.
 NUMBERS = (
     "f_m", "excess_f_m", "relative_excess", "duality_gap", "relative_gap", "seconds",
     "seconds_to_1_percent", "ratio_to_conic", "whole_ratio_to_conic", "evaluations",
@@ -191,8 +188,7 @@ class SolverComparisonReport:
     targets: Targets
 
 
-Solvers = Mapping[str, Sequence[SolverRow]]
-"""Rows of every solver, one a seed."""
+Solvers = Mapping[str, Sequence[SolverRow]]  #: Rows of every solver, one a seed.
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> SolverComparisonReport:

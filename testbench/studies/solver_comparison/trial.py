@@ -40,19 +40,14 @@ NAME = "solver_comparison"
 ARM = "arm_6r"
 QUICK_GENERATIONS, QUICK_STARTS = 60, 5
 MINIMA_STARTS, MINIMA_SEEDS = 50, 3
-WITHIN = 1.01
-"""F_M over the least one at which a solver is called there: within 1 %."""
-REPEATS = 5
-"""Calls of a conic program, of which the median time counts; one more comes first, not timed."""
+WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
+REPEATS = 5  #: Calls of a conic program, of which the median time counts; one more comes first, not timed.
 DIFFERENCE = math.sqrt(np.finfo(float).eps)
 """Step of the finite differences, where the entries of b are of order one; as MATLAB and scipy take it."""
-ORDERS = (6, 4, 3)
-"""Orders m of the vector space whose local minima are counted."""
-CURVE_POINTS = 150
-"""Points kept of a solver's way down."""
+ORDERS = (6, 4, 3)  #: Orders m of the vector space whose local minima are counted.
+CURVE_POINTS = 150  #: Points kept of a solver's way down.
 
-Way = list[tuple[float, float]]
-"""Least F_M so far: seconds, F_M."""
+Way = list[tuple[float, float]]  #: Least F_M so far: seconds, F_M.
 
 
 @dataclass(frozen=True)
@@ -170,10 +165,8 @@ class Found:
 
 OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
 """A solver over b: problem, source of its starts, who is told of every least F_M."""
-Search = tuple[str, OverB, int]
-"""Letter of a solver, itself, and the number of its stream of random starts."""
-PAPERS = ("a", "a'")
-"""Letters of the paper's optimiser."""
+Search = tuple[str, OverB, int]  #: Letter of a solver, itself, and the number of its stream of random starts.
+PAPERS = ("a", "a'")  #: Letters of the paper's optimiser.
 
 
 def search(budget: Budget) -> OverB:

@@ -14,8 +14,7 @@ DIAGONAL = ("stretch", "deflection\ny", "deflection\nz", "torsion", "rotation\ny
 DATA = hexadecimal(GREENS[0])
 DARK_GREEN = "#00684C"
 """The data in words: the green of areas is too light for text."""
-PRIOR_ALPHA = 0.35
-"""The prior is the lighter grey, so that green stands out."""
+PRIOR_ALPHA = 0.35  #: The prior is the lighter grey, so that green stands out.
 CELL, NARROW, GAP = 0.9, 0.26, 0.35
 """Widths of a cell, of that of a coupling, and of the space between groups."""
 HEIGHT = 0.78

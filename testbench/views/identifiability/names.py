@@ -15,8 +15,7 @@ AXES = (
     "rotation about z",
 )
 """What the diagonal entries of a link's compliance are, in its beam frame: c11 to c66."""
-NAMED = 2
-"""Couplings that are named; more are counted."""
+NAMED = 2  #: Couplings that are named; more are counted.
 
 
 def of(found: Identifiability, parameters: Sequence[int]) -> str:

@@ -9,12 +9,9 @@ from testbench.identify.identifiability_unseen import Direction
 from testbench.views.identifiability import names
 from testbench.views.markdown import TEMPLATES, Words
 
-DECIDED = 0.05
-"""Share of the data below which the prior decides a parameter."""
-SENTENCES = 6
-"""Sentences about directions lost to the structure, and as many about those lost to the loads."""
-MOST = 3
-"""Links and joints that are named of those that too few poses leave open."""
+DECIDED = 0.05  #: Share of the data below which the prior decides a parameter.
+SENTENCES = 6  #: Sentences about directions lost to the structure, and as many about those lost to the loads.
+MOST = 3  #: Links and joints that are named of those that too few poses leave open.
 
 
 def sentences(found: Identifiability) -> tuple[str, ...]:

@@ -10,12 +10,9 @@ from testbench.views.colours import MEASURED, NOMINAL, TASK, hexadecimal
 from testbench.views.figure import SOFT, log_ticks, quiet
 
 OURS, WORK, TRACKER = (hexadecimal(colour) for colour in (NOMINAL, TASK, MEASURED))
-MARGIN = 0.4
-"""Space around everything in the top view [m]."""
-NUMBERED = 20
-"""Most poses whose number stands beside them."""
-NAMED = 40
-"""Most tasks whose number stands on the axis."""
+MARGIN = 0.4  #: Space around everything in the top view [m].
+NUMBERED = 20  #: Most poses whose number stands beside them.
+NAMED = 40  #: Most tasks whose number stands on the axis.
 
 
 def overview(report: PlanReport, candidates: Array) -> Figure:

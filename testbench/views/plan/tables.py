@@ -7,10 +7,8 @@ from testbench.bench.plan_report import PlanReport
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
-MOST_ROWS = 40
-"""Rows of the plan that are shown; plan.csv has all of them."""
-WORST = 5
-"""Tasks that are shown, those of the largest errors."""
+MOST_ROWS = 40  #: Rows of the plan that are shown; plan.csv has all of them.
+WORST = 5  #: Tasks that are shown, those of the largest errors.
 CRITERIA = {
     "test": "mean square error at the tasks",
     "I": "mean square error over the workspace",

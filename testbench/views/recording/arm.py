@@ -15,10 +15,8 @@ from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visua
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import GHOST, LOAD, Colour
 
-ARROW = 0.2
-"""Length of the load's arrow over the reach of the arm [1]."""
-STEEL = 7850.0
-"""Density [kg/m^3] of the drawn weight, a cube."""
+ARROW = 0.2  #: Length of the load's arrow over the reach of the arm [1].
+STEEL = 7850.0  #: Density [kg/m^3] of the drawn weight, a cube.
 LABEL = "world/load/label"
 
 

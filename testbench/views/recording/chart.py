@@ -15,16 +15,13 @@ from testbench.views.schema import Table
 
 ROW, TALL, WIDTH = 60.0, 100.0, 1000.0
 """Height of a line, of one that several dots share, and width of the axis, in the chart's own units."""
-SHARE = 0.7
-"""How much of a line its dots take up."""
-LEFT, RIGHT = 340.0, 200.0
-"""Room for names on the left and for numbers on the right."""
+SHARE = 0.7  #: How much of a line its dots take up.
+LEFT, RIGHT = 340.0, 200.0  #: Room for names on the left and for numbers on the right.
 PANE = 1580.0, 760.0
 """About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
 BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
 """How far a label stands below its point, half the width of a letter, space before a number [ui points]."""
-SMALLEST = 1e-9
-"""Values below are drawn here: the axis is logarithmic."""
+SMALLEST = 1e-9  #: Values below are drawn here: the axis is logarithmic.
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.pen import Pen, text_view
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
-RANGE = 2.0
-"""Colours end here: about eleven times the true diagonal [1]."""
+RANGE = 2.0  #: Colours end here: about eleven times the true diagonal [1].
 FRAME = (1, 0), (1, 0)
 """Empty rows above and columns on the left, where the viewer writes the names of the axes."""
 

@@ -22,8 +22,7 @@ from testbench.views.schema import Table
 RESIDUAL_REACH = 0.1
 """Length of the longest residual arrow of the best model over the reach of the arm, before rounding [1]."""
 MAX_RESIDUAL_SCALE = 1e5
-STEPS = 20
-"""Steps of loading, from nothing to the whole load."""
+STEPS = 20  #: Steps of loading, from nothing to the whole load.
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from testbench.views.schema import Column, Table, show
 
 ANCHORS = np.array([(86, 62, 148), (58, 100, 160), (33, 145, 140), (94, 201, 98), (240, 218, 50)])
 """Viridis, its dark end lifted and its bright end lowered: seen on dark and on light ground."""
-SMALLEST = 0.4
-"""Size of the point of least error over that of the greatest [1]: colour is never alone."""
+SMALLEST = 0.4  #: Size of the point of least error over that of the greatest [1]: colour is never alone.
 KEYS, STEP, KEY = 5, 180.0, 20.0
 """Points of the key, their distance and the radius of the largest, in the key's own units."""
 STATISTICS = {"least": 0, "median": 0.5, "95 %": 0.95, "greatest": 1}

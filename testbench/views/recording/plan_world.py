@@ -27,14 +27,10 @@ from testbench.views.recording.scene import MARKERS, frame
 from testbench.views.recording.style import LOAD, MEASURED, NOISE, NOMINAL, TASK
 from testbench.views.recording.swept import Sweep
 
-MOST_CANDIDATES = 2000
-"""Candidates drawn at most, evenly picked."""
-HEAD = 0.12
-"""Radius of the tracker's head [m]; its feet stand three times as far from its axis."""
-BESIDE = (0.45, 0.9, 0.4)
-"""Where the eye is: beyond the arm on the way to the tracker, beside, above [1]."""
-NARROW, WIDE = 0.9, 1.4
-"""Width over height of the panes of the plan and of the error map [1]."""
+MOST_CANDIDATES = 2000  #: Candidates drawn at most, evenly picked.
+HEAD = 0.12  #: Radius of the tracker's head [m]; its feet stand three times as far from its axis.
+BESIDE = (0.45, 0.9, 0.4)  #: Where the eye is: beyond the arm on the way to the tracker, beside, above [1].
+NARROW, WIDE = 0.9, 1.4  #: Width over height of the panes of the plan and of the error map [1].
 
 
 @dataclass(frozen=True)

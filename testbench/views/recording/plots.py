@@ -13,14 +13,10 @@ from testbench.views.recording.style import MEASURED, NOISE, Colour
 
 SETS = ("identification", "check")
 BINS = 17
-LEAST_TOP_MM = 0.01
-"""Where the axis of residuals ends at least: below is rounding of exact data."""
-LEAST_EDGE_UM = 0.1
-"""The same of histograms without noise."""
-MANY = 60
-"""Runs beyond which dots are small."""
-ALIKE = 0.02
-"""Models whose residuals differ by less than this share lie on each other in the plot."""
+LEAST_TOP_MM = 0.01  #: Where the axis of residuals ends at least: below is rounding of exact data.
+LEAST_EDGE_UM = 0.1  #: The same of histograms without noise.
+MANY = 60  #: Runs beyond which dots are small.
+ALIKE = 0.02  #: Models whose residuals differ by less than this share lie on each other in the plot.
 
 
 def write_residuals(pen: Pen, drawing: Drawing) -> None:

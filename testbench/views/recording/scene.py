@@ -12,14 +12,10 @@ from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import LOAD, MEASURED, NOMINAL
 
-HALF_VIEW = np.tan(np.deg2rad(27.5))
-"""Tangent of half the viewer's vertical angle of view."""
-ASPECT = 0.8
-"""Width over height of the narrowest pane that shows the arm [1]."""
-SIDE = (0.35, 0.9, 0.25)
-"""Where the eye is: ahead along the reach of the arm, beside it, above [1]."""
-CLOSER = 0.6
-"""The eye is at least at this share of the distance from which all runs are in view [1]."""
+HALF_VIEW = np.tan(np.deg2rad(27.5))  #: Tangent of half the viewer's vertical angle of view.
+ASPECT = 0.8  #: Width over height of the narrowest pane that shows the arm [1].
+SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+CLOSER = 0.6  #: The eye is at least at this share of the distance from which all runs are in view [1].
 MARKERS = "world/markers"
 
 

@@ -16,8 +16,7 @@ from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import NOISE, SHAPES, Colour
 
 TIMELINE = "iteration"
-SMALLEST = 1e-12
-"""A gap or a time below is drawn here: the axes are logarithmic."""
+SMALLEST = 1e-12  #: A gap or a time below is drawn here: the axes are logarithmic.
 SCALE = np.array([150.0, -100.0])
 """A power of ten of time and of gap, in the plane's own units; its y axis points down."""
 PLANE = "gap_over_s"

@@ -20,8 +20,7 @@ SHAPES = (
     MarkerShape.Plus,
 )
 """One a shade of a family; with a prior a cross."""
-TINT = 0.45
-"""Share of white in the colour of a model with a prior: a plot's legend shows colours only."""
+TINT = 0.45  #: Share of white in the colour of a model with a prior: a plot's legend shows colours only.
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,12 @@ from rerun.experimental import ViewerClient
 
 from testbench.errors import BenchError, InputError
 
-SOFTWARE = "lvp_icd*.json"
-"""Vulkan's description of lavapipe, Mesa's driver that needs no graphics card."""
+SOFTWARE = "lvp_icd*.json"  #: Vulkan's description of lavapipe, Mesa's driver that needs no graphics card.
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 START, LOAD, SETTLE = 30.0, 60.0, 3.0
 """Longest waits for the viewer and for the data, least wait for its messages to fade [s]."""
 LOOK_EVERY = 0.25
-ALIKE = 3
-"""Equal pictures in a row after which nothing moves any more."""
+ALIKE = 3  #: Equal pictures in a row after which nothing moves any more.
 
 
 def newest(folder: Path) -> Path:
