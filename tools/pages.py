@@ -3,6 +3,7 @@
 python tools/pages.py --runs runs/full
 """
 
+import json
 import re
 import shutil
 import subprocess
@@ -46,13 +47,19 @@ def main(
 
 def page(name: str, run: Path) -> None:
     """A study's page: how to run it, its figure, its report.md."""
-    title, _, rest = (run / "report.md").read_text(encoding="utf-8").partition("\n")
-    own = (run / figure for figure in (f"{name}.png", "models.png", "curves.png"))
-    picture = next(figure for figure in own if figure.is_file())
-    shutil.copyfile(picture, PAGES / f"{name}.png")
-    script = f"    python scenarios/{name}.py --out runs/{name}"
-    rest = re.sub(r"!\[[^]]*\]\([^)]*\)\n", "", rest)
-    parts = [title, script, f"![{name}]({name}.png)", rest.strip()]
+    _, _, rest = (run / "report.md").read_text(encoding="utf-8").partition("\n")
+    pictures = [run / f"{name}.png", run / "models.png", run / "curves.png"]
+    shutil.copyfile(next(png for png in pictures if png.is_file()), PAGES / f"{name}.png")
+    asked = json.loads((run / "manifest.json").read_text(encoding="utf-8"))
+    flags = f"--seed {asked['seed']} --seeds {asked['seeds']}"
+    if "campaigns" in asked["scenario"]:
+        flags += f" --campaigns {asked['scenario']['campaigns']}"
+    parts = [
+        f"# {name.replace('_', ' ').capitalize()}",
+        f"    python scenarios/{name}.py {flags} --out runs/{name}",
+        f"![{name}]({name}.png)",
+        re.sub(r"!\[[^]]*\]\([^)]*\)\n", "", rest).strip(),
+    ]
     (PAGES / f"{name}.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 

@@ -6,8 +6,6 @@ The template is jinja2's; under a study's name it finds its `report`, its `table
 """
 
 import json
-import re
-import shutil
 import sys
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -32,9 +30,8 @@ from testbench.views.markdown import Words
 from testbench.views.schema import Table
 
 ROOT = Path(__file__).resolve().parents[1]
-RUNS, PAGE = ROOT / "runs" / "paper", ROOT / "docs" / "paper.md"
+RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"
 TEMPLATE = ROOT / "docs" / "paper.md.in"
-FIGURES = re.compile(r"\]\((\w+\.png)\)")
 STUDIES: tuple[Study[Any, Any, Any, Any], ...] = (
     single_link.STUDY,
     six_dof_arm.STUDY,
@@ -68,12 +65,8 @@ def main(
         raise InputError(TEMPLATE, "", str(err)) from err
     try:
         out.write_text(page, encoding="utf-8")
-        for name in FIGURES.findall(page):
-            shutil.copyfile(runs / Path(name).stem / name, out.parent / name)
     except OSError as err:
-        raise InputError(
-            Path(err.filename or out), "", f"cannot be copied or written: {err.strerror}"
-        ) from err
+        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
     print(out)
 
 
