@@ -80,8 +80,3 @@ class Common:
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the trials that a stopped run has stored.")
     ] = False
-
-
-@dataclass(frozen=True)
-class NoOptions:
-    """A study without flags of its own."""

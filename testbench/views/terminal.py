@@ -22,7 +22,7 @@ def grid(table: Table) -> RichTable:
         first, *others = (_end(column, row, "median") for column in table.columns)
         marked = table.bold == first
         found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
-        spreads = [not c.exact and isinstance(c.value(row), Spread) for c in table.columns]
+        spreads = [not c.exact and _spreads(c.value(row)) for c in table.columns]
         for end, name in (("p05", "5 %"), ("p95", "95 %")) if any(spreads) else ():
             cells = [_end(c, row, end) if s else "" for c, s in zip(table.columns, spreads, strict=True)]
             found.add_row(f"  {name}", *cells[1:], style="dim")
@@ -30,6 +30,10 @@ def grid(table: Table) -> RichTable:
         if any(known):
             found.add_row("  paper", *known[1:], style="italic")
     return found
+
+
+def _spreads(value: object) -> bool:
+    return isinstance(value, Spread) and value.p05 < value.p95
 
 
 def _end(column: Column, row: object, end: str) -> str:
