@@ -14,7 +14,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import COMPLIANCE_RANGE, Tube, check_compliance, tube_compliance
 from testbench.errors import Array, BenchError, InputError, read_text

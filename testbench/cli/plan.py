@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import build_cell
 from testbench.bench.plan_input import box, place, read_tasks

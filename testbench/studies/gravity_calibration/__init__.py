@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.studies.gravity_calibration import figure, recording, summary, trial
 from testbench.studies.study import Study
 

@@ -1,6 +1,6 @@
 """What a calibration leaves beside its report: dataset, residual figure and recording of the first seed."""
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.gravity_calibration import figure, trial

@@ -1,6 +1,6 @@
 """What the study leaves beside its report: dataset of the first seed, and error over poses as a recording."""
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.identifiability.summary import IdentifiabilityReport

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell, simulate
 from testbench.bench.rows import MM, DatasetRow, dataset_row
 from testbench.identify.identifiability import describe

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario, build_cell
 from testbench.studies.identifiability import campaigns, coverage
 from testbench.studies.identifiability.campaigns import CampaignRow, Tried

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import Arm, load_arm
-from testbench.arm.library import find_arm
 from testbench.studies.loaded_stiffness.summary import MEDIAN, NAMES, P05, P95, LoadedReport
 from testbench.studies.loaded_stiffness.trial import Method, PoseRow, Settings, Truth, trials
 from testbench.studies.study import Run

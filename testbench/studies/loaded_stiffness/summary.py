@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.rows import MM
 from testbench.errors import Array
 from testbench.studies.loaded_stiffness.trial import NAME, Method, PoseRow, Settings, Truth

@@ -8,8 +8,8 @@ import numpy as np
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 
+from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import Arm
-from testbench.arm.library import find_arm
 from testbench.bench.campaign import Cell, build_cell, clear_poses, stream
 from testbench.errors import Array
 from testbench.model.loaded import (

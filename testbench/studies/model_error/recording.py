@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.csvfile import write_csv
 from testbench.studies.model_error.cases import ALL, cases

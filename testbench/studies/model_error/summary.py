@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.rows import UM
 from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, sizes
 from testbench.studies.model_error.report import CaseErrors, Claim, Held, ModelErrorReport, Together

@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from scipy.spatial.transform import Rotation
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, Model, Scenario, Truth, build_cell, named_models, simulate, stream
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.studies.pose_selection import figure, plans, recording, settings, summary, tables, trial
 from testbench.studies.pose_selection.rows import Row
 from testbench.studies.study import Study

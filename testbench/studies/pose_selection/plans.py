@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.bench.plan_summary import overall

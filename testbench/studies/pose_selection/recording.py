@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import MM
 from testbench.data.csvfile import write_csv

@@ -8,8 +8,8 @@ import numpy as np
 import typer
 from pydantic import Field
 
+from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import Arm
-from testbench.arm.library import find_arm
 from testbench.bench.wrong_prior import UNCERTAINTY
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.candidates import REASONS
 from testbench.bench.plan_report import Found
 from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY

@@ -7,7 +7,7 @@ anew from candidates and a prior of its own, and draws an arm that the prior cou
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell, stream
 from testbench.bench.plan_summary import overall
 from testbench.bench.wrong_prior import wrong_prior

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.studies.single_link import figure, recording, summary, tables, trial
 from testbench.studies.study import Study
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.single_link.report import LinkReport

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import UM, dataset_row
 from testbench.data.dataset import Dataset

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, Model, build_cell, stream
 from testbench.bench.campaign import measure as read
 from testbench.bench.full_pose import FullPose, at_tool, random_wrenches

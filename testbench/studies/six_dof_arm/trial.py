@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.bench.campaign import (
     Campaign,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.bench.full_pose import simulate
 from testbench.data.csvfile import write_csv

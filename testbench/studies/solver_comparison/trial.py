@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.library import find_arm
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Campaign, Cell, Model, build_cell, judge, named_models, stream
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.rows import UM, ErrorRow, error_row
