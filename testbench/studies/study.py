@@ -42,7 +42,7 @@ class Study(Generic[O, S, W, R]):
     name: str  #: Of the scenario.
     about: str  #: What it asks, one line for --help.
     folder: Path  #: Where `report.md.j2` is.
-    options: type[O]  #: Dataclass of its own flags; see `cli.options.takes`.
+    options: type[O]  #: Dataclass of its own flags; see `shell.options.takes`.
     #: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
