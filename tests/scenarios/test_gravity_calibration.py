@@ -96,9 +96,8 @@ def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
     ours, theirs = (json.loads((p / "report.json").read_text()) for p in (tmp_path, quick[0]))
     for a, b in zip(ours["models"], theirs["models"], strict=True):
-        a.pop("solve_seconds")
-        b.pop("solve_seconds")
-        assert a == b
+        assert (a["name"], a["rank"], a["conservative"]) == (b["name"], b["rank"], b["conservative"])
+        assert a["f_m"] == pytest.approx(b["f_m"], rel=1e-6)  # last digits hang on where arrays lie in memory
 
 
 def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
