@@ -189,7 +189,7 @@ FITS = {
     "gravity": "testbench.studies.gravity_calibration.trial.results",
     "full_pose": "testbench.studies.six_dof_arm.recording.identify",
 }
-"""What fits the models of a recording: last digits of a fit hang on where BLAS finds its arrays."""
+"""What fits the models of a recording; fitted once here, so that the writing alone is compared."""
 
 
 def test_the_same_numbers_give_the_same_recording(made, kind, tmp_path, monkeypatch):

@@ -97,7 +97,11 @@ def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
     ours, theirs = (json.loads((p / "report.json").read_text()) for p in (tmp_path, quick[0]))
     for a, b in zip(ours["models"], theirs["models"], strict=True):
         assert (a["name"], a["rank"], a["conservative"]) == (b["name"], b["rank"], b["conservative"])
-        assert a["f_m"] == pytest.approx(b["f_m"], rel=1e-6)  # last digits hang on where arrays lie in memory
+        # where the data or a prior hold a fit, a solver's last digits are far below a millionth
+        held = ("identification", "check", "workspace") if a["prior"] or a["constraint"] == "none" else ()
+        for group in {"identification", *held}:
+            assert a[group] == pytest.approx(b[group], rel=1e-6)
+        assert a["f_m"] == pytest.approx(b["f_m"], rel=1e-6)
 
 
 def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
