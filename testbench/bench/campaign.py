@@ -14,7 +14,7 @@ from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, gco, least_squares
-from testbench.identify.evaluate import Score, predict, score
+from testbench.identify.evaluate import Score, predict_all, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import Structure, mgco47, mgco68, mgco69, mgco147, template56
@@ -151,18 +151,36 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
         NoEquilibrium: When the arm cannot carry the payload.
     """
     scenario = Scenario(arm=cell.arm.name) if scenario is None else scenario
-    poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
+    return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where a campaign loads the arm; neither truth nor payload decides it."""
+
+    station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad].
+    anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad].
+
+
+def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
+    """The poses of a campaign: `PoseError` when too few are feasible."""
+    rng = stream(seed, 0)
     count = scenario.identification_poses + scenario.check_poses
-    station = clear_poses(cell, scenario.station, count, poses_rng)
-    anywhere = clear_poses(cell, scenario.workspace, scenario.workspace_poses, poses_rng)
+    station = clear_poses(cell, scenario.station, count, rng)
+    return Poses(station, clear_poses(cell, scenario.workspace, scenario.workspace_poses, rng))
+
+
+def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Campaign:
+    """A campaign in these poses, of as many as the scenario asks for; the seed is of its noise."""
     pose = np.concatenate(
         [
             spread(scenario.identification_poses, scenario.identification_runs),
             scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
         ]
     )
-    measured = measure(cell, scenario, hanging(cell, station[pose], pose + 1, scenario.payload), noise_rng)
-    everywhere = hanging(cell, anywhere, np.arange(len(anywhere)) + 1, scenario.payload)
+    loaded = hanging(cell, poses.station[pose], pose + 1, scenario.payload)
+    measured = measure(cell, scenario, loaded, stream(seed, 1))
+    everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.payload)
     identification, check = split(measured, np.arange(scenario.identification_poses) + 1)
     return Campaign(scenario, seed, measured, identification, check, measure(cell, scenario, everywhere))
 
@@ -280,26 +298,40 @@ def identify(
     cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
 ) -> list[Result]:
     """Identify every model from the campaign and judge it on all sets."""
-    results = []
+    estimates, seconds = [], []
     for model in models:
         start = clock()
-        estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
-        results.append(judge(cell, campaign, model, estimate, clock() - start))
-    return results
+        estimates.append(model.estimator(cell.vjm, model.structure, campaign.identification))
+        seconds.append(clock() - start)
+    return judge_all(cell, campaign, models, estimates, seconds)
 
 
 def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
     """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
+    return judge_all(cell, campaign, [model], [estimate], [seconds])[0]
 
-    def errors(data: Dataset) -> Score:
-        return score(predict(cell.vjm, estimate, data), data.deflection)
 
-    return Result(
-        model=model,
-        estimate=estimate,
-        identification=errors(campaign.identification),
-        check=errors(campaign.check),
-        truth=errors(campaign.truth),
-        residuals=campaign.measured.deflection - predict(cell.vjm, estimate, campaign.measured),
-        seconds=seconds,
-    )
+def judge_all(
+    cell: Cell,
+    campaign: Campaign,
+    models: Sequence[Model],
+    estimates: Sequence[Estimate],
+    seconds: Sequence[float],
+) -> list[Result]:
+    """The same of several models."""
+    sets = (campaign.measured, campaign.identification, campaign.check, campaign.truth)
+    predicted = zip(*(predict_all(cell.vjm, estimates, data) for data in sets), strict=True)
+    return [
+        Result(
+            model=model,
+            estimate=estimate,
+            identification=score(fitted, campaign.identification.deflection),
+            check=score(checked, campaign.check.deflection),
+            truth=score(elsewhere, campaign.truth.deflection),
+            residuals=campaign.measured.deflection - every,
+            seconds=taken,
+        )
+        for model, estimate, taken, (every, fitted, checked, elsewhere) in zip(
+            models, estimates, seconds, predicted, strict=True
+        )
+    ]

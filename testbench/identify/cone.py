@@ -23,13 +23,12 @@ TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the 
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 Ids = npt.NDArray[np.int_]
-Kind = Literal["zero", "nonnegative", "second order", "psd", "exponential"]
+Kind = Literal["zero", "nonnegative", "second order", "psd"]
 CONES: dict[Kind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
     "second order": clarabel.SecondOrderConeT,
     "psd": lambda rows: clarabel.PSDTriangleConeT(order(rows)),
-    "exponential": lambda _: clarabel.ExponentialConeT(),
 }
 
 

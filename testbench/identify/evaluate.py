@@ -1,9 +1,10 @@
 """How good a model is: errors of predicted deflections, and whether residuals look like noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -47,17 +48,24 @@ def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
     Returns:
         World x, y and z of every marker in every run, (runs, m, 3) [m].
     """
+    return np.asarray(predict_all(vjm, [estimate], data)[0])
+
+
+def predict_all(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
+    """The same by several models, (models, runs, m, 3) [m]: where the arm is, is worked out once."""
+    C = np.array([estimate.C_theta for estimate in estimates])
     points = marker_points(vjm, data.markers)
     blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
-    return np.concatenate([_deflections(vjm, estimate.C_theta, data, b, points) for b in blocks])
+    return np.concatenate([_deflections(vjm, C, data, b, points) for b in blocks], axis=1)
 
 
-def _deflections(vjm: Vjm, C_theta: Array, data: Dataset, runs: slice, points: Array) -> Array:
-    """J_p C_theta J_F^T w of some runs, (runs, m, 3) [m]; memory does not grow with all of them."""
+def _deflections(vjm: Vjm, C: Array, data: Dataset, runs: slice, points: Array) -> Array:
+    """J_p C_theta J_F^T w of some runs, (models, runs, m, 3) [m]; memory does not grow with all of them."""
     where = chain(vjm, data.q[runs])
-    theta = C_theta @ generalised_load(where, data.wrench[runs], data.point[runs])
+    load = generalised_load(where, data.wrench[runs], data.point[runs])
     rows = translation_rows(where, points)
-    return np.asarray(np.einsum("ptr,tr->rp", rows, theta)).reshape(-1, len(points), 3)
+    moved = [np.einsum("ptr,tr->rp", rows, C_theta @ load) for C_theta in C]
+    return np.array(moved).reshape(len(C), -1, len(points), 3)
 
 
 def score(predicted: Array, reference: Array) -> Score:
@@ -83,12 +91,22 @@ def score(predicted: Array, reference: Array) -> Score:
     )
 
 
-def normality(residuals: Array, rng: np.random.Generator) -> Normality:
-    """Lilliefors test of residual components of any shape, pooled [m] (Lilliefors 1967).
+def normality(residuals: Array, rng: np.random.Generator) -> list[Normality]:
+    """Lilliefors test of sets of residual components, (sets, components) [m] (Lilliefors 1967).
 
     The Kolmogorov-Smirnov distance to the normal of the sample's own mean and standard deviation; its null
-    distribution is simulated.
+    distribution is simulated, once for all sets.
     """
-    x = residuals.ravel()
-    fit = stats.goodness_of_fit(stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=rng)
-    return Normality(float(x.mean()), float(x.std(ddof=1)), float(fit.pvalue))
+    null = _distance_to_normal(rng.standard_normal((LILLIEFORS_SAMPLES, residuals.shape[1])))
+    return [
+        Normality(float(x.mean()), float(x.std(ddof=1)), float((1 + (null >= own).sum()) / (1 + len(null))))
+        for x, own in zip(residuals, _distance_to_normal(residuals), strict=True)
+    ]
+
+
+def _distance_to_normal(samples: Array) -> Array:
+    """Greatest distance of the distributions of samples, (sets, n), to their normals, (sets,) [1]."""
+    mean, std = samples.mean(axis=1, keepdims=True), samples.std(axis=1, ddof=1, keepdims=True)
+    below = ndtr((np.sort(samples, axis=1) - mean) / std)
+    step = np.arange(samples.shape[1] + 1) / samples.shape[1]
+    return np.asarray(np.maximum(step[1:] - below, below - step[:-1]).max(axis=1))

@@ -2,78 +2,121 @@
 
 D(X, s) = tr(X) / s - log det(X / s) - n is zero at X = s and grows without bound as X becomes singular:
 every compliance stays positive definite. Near X = s it is |X / s - 1|^2 / 2, so that D / u^2 is the Gaussian
-penalty of relative uncertainty u there. log det enters a conic program through the factor Z of
-X = Z D^-1 Z^T: [[X, Z], [Z^T, diag Z]] >= 0 with Z lower triangular gives sum log Z_ii <= log det X.
+penalty of relative uncertainty u there. The log determinant is its own barrier, so that Newton's method with
+an exact line search minimises chi^2 / 2 + D / u^2, of several datasets at once.
 """
 
-import numpy as np
-from scipy import sparse
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from testbench.errors import Array
 from testbench.identify import cone
-from testbench.identify.estimate import Estimate
+from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.metric import Belief, Metric, whitened
 from testbench.identify.prior import Strength
-from testbench.identify.regression import Regression
-from testbench.identify.regularised import conic_estimate, gco_with
+from testbench.identify.regression import Ids, Regression
+from testbench.identify.regularised import gco_with, words
 
-ROOT2 = np.sqrt(2)
+DECREMENT = 1e-6  #: Newton decrement at which the step, still taken, is the last: what is left is its square.
+MAX_STEPS = 60
+LONGEST = 4.0  #: Of a step, in Newton's own.
+HALVINGS = 30  #: Of the interval in which a line search looks for its step.
 
 
 def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
-    """GCO with the log-determinant prior; the common scale is that of the Gaussian fit.
+    """GCO with the log-determinant prior; the common scale is that of the Gaussian fit."""
+    return gco_steins([(regression, strength)], metric)[0]
 
-    The unknowns are x, residuals, the factors Z and the logarithms of their diagonals.
-    """
-    first = gco_with(regression, metric, strength)
+
+def gco_steins(fits: Sequence[tuple[Regression, Strength]], metric: Metric) -> list[Estimate]:
+    """The same of several datasets and strengths at once."""
     e = metric.expected
-    scale = max(1e-6, float(np.linalg.solve(metric.L, first.pi) @ e / (e @ e)))
-    A, y = whitened(regression, metric)
-    R = np.asarray(np.linalg.qr(np.c_[A, y], mode="r"))
-    n, weight = metric.structure.n, 1 / strength.uncertainty**2
-    logs = sum(metric.sizes)
-    fit = np.hstack([R[:n, :n] * scale, -np.eye(n), np.zeros((n, n + logs))])
-    cost = np.r_[weight * e, np.zeros(2 * n), -weight * np.ones(logs)]
-    problem = cone.Problem(
-        cost=cost,
-        blocks=(cone.free_block(0, len(cost)),),  # X lies in the larger matrices
-        rows=(cone.Rows("zero", fit, R[:n, n]), *_log_det(metric.sizes, n)),
-        quadratic=sparse.csc_matrix(sparse.diags_array(np.r_[np.zeros(n), np.ones(n), np.zeros(n + logs)])),
-    )
-    solution = cone.solve(problem)
-    belief = Belief(metric, strength)
-    return conic_estimate(regression, belief, solution, scale * solution.x[:n], "GCO with log-det prior")
-
-
-def _log_det(sizes: tuple[int, ...], n: int) -> list[cone.Rows]:
-    """Constraints that hold every block's logarithms below those of its determinant."""
-    total = 3 * n + sum(sizes)
+    scale, rows = [], []
+    for regression, strength in fits:
+        first = gco_with(regression, metric, strength)
+        scale.append(max(1e-6, float(np.linalg.solve(metric.L, first.pi) @ e / (e @ e))))
+        A, y = whitened(regression, metric)
+        rows.append((scale[-1] * A, y))
+    weight = np.array([1 / strength.uncertainty**2 for _, strength in fits])
+    H, h = np.array([A.T @ A for A, _ in rows]), np.array([A.T @ y for A, y in rows])
+    x, decrement = least_divergence(H / weight[:, None, None], h / weight[:, None], metric.sizes)
     found = []
-    x, z, q = 0, 2 * n, 3 * n
-    for size in sizes:
-        found.append(_factor_rows(size, x, z, total))
-        diagonal = z + np.cumsum([0, *range(size, 1, -1)])  # of Z, its lower triangle by column
-        rows = sparse.lil_matrix((3 * size, total))
-        rows[3 * np.arange(size), q + np.arange(size)] = -1
-        rows[3 * np.arange(size) + 2, diagonal] = -1
-        found.append(cone.Rows("exponential", rows.tocsc(), np.tile([0.0, 1.0, 0.0], size), each=3))
-        x, z, q = x + cone.triangle(size), z + cone.triangle(size), q + size
+    for (regression, strength), s, own, left in zip(fits, scale, x, decrement, strict=True):
+        belief = Belief(metric, strength)
+        estimate = make_estimate(
+            regression,
+            metric.L @ (s * own),
+            method="GCO with log-det prior",
+            constraint="psd",
+            advice=(words(belief),),
+        )
+        status = "solved" if left <= DECREMENT else f"not solved: {MAX_STEPS} Newton steps were not enough"
+        found.append(replace(estimate, belief=belief, status=status))
     return found
 
 
-def _factor_rows(size: int, x: int, z: int, total: int) -> cone.Rows:
-    """[[X, Z], [Z^T, diag Z]] >= 0: rows of its upper triangle, by column, off-diagonals times sqrt 2."""
-    rows = sparse.lil_matrix((cone.triangle(2 * size), total))
-    upper = [(i, j) for j in range(size) for i in range(j + 1)]
-    lower = [(i, j) for j in range(size) for i in range(j, size)]
-    for k, (i, j) in enumerate(upper):
-        rows[_place(i, j), x + k] = -1
-    for k, (i, j) in enumerate(lower):
-        rows[_place(i, size + j), z + k] = -ROOT2
-        if i == j:
-            rows[_place(size + i, size + i), z + k] = -1
-    return cone.Rows("psd", rows.tocsc(), np.zeros(rows.shape[0]))
+def least_divergence(H: Array, h: Array, sizes: tuple[int, ...]) -> tuple[Array, Array]:
+    """Least x^T H x / 2 - h^T x + tr X - log det X over positive definite X, x its svec, block by block.
+
+    Args:
+        H: Of several problems, (problems, n, n).
+        h: (problems, n).
+        sizes: Of the blocks, in the order of x.
+
+    Returns:
+        x, (problems, n), and the Newton decrement there, (problems,).
+    """
+    ends = np.cumsum([*map(cone.triangle, sizes)])
+    places = [np.arange(end - cone.triangle(n), end) for n, end in zip(sizes, ends, strict=True)]
+    groups = [np.array([at for at in places if len(at) == k]) for k in {len(at) for at in places}]
+    e = np.concatenate([cone.svec(np.eye(n)) for n in sizes])
+    x, left = np.tile(e, (len(h), 1)), np.full(len(h), np.inf)
+    for _ in range(MAX_STEPS):  # groups: places in x of the entries of blocks of one size, (blocks, entries)
+        moving = np.flatnonzero(left > DECREMENT)
+        if not len(moving):
+            break
+        own = H[moving]
+        slope = (own @ x[moving, :, None])[..., 0] + e - h[moving]
+        g, K = _barrier(x[moving], groups)
+        step = -np.linalg.solve(own + K, (slope + g)[..., None])[..., 0]
+        left[moving] = np.sqrt(np.maximum(0, -((slope + g) * step).sum(axis=1)))
+        curve = (step * (own @ step[..., None])[..., 0]).sum(axis=1)
+        x[moving] += _length((slope * step).sum(axis=1), curve, _stretch(x[moving], step, groups)) * step
+    return x, left
 
 
-def _place(i: int, j: int) -> int:
-    """Place of entry i <= j in an upper triangle stored by column."""
-    return cone.triangle(j) + i
+def _barrier(x: Array, groups: Sequence[Ids]) -> tuple[Array, Array]:
+    """Gradient, (problems, n), and second derivative, (problems, n, n), of -log det X."""
+    g, K = np.zeros_like(x), np.zeros((*x.shape, x.shape[1]))
+    for at in groups:
+        inverse = np.asarray(np.linalg.inv(cone.smat(x[:, at])))
+        g[:, at] = -cone.svec(inverse)
+        row, column = cone.upper(inverse.shape[-1])
+        unit = np.where(row == column, math.sqrt(0.5), 1.0)
+        rows, columns = inverse[..., row, :], inverse[..., column, :]
+        pairs = rows[..., row] * columns[..., column] + rows[..., column] * columns[..., row]
+        K[:, at[:, :, None], at[:, None]] = unit[:, None] * unit * pairs
+    return g, K
+
+
+def _stretch(x: Array, step: Array, groups: Sequence[Ids]) -> Array:
+    """Eigenvalues of the step relative to X, (problems, rows of all blocks)."""
+    found = []
+    for at in groups:
+        inverse = np.linalg.inv(np.linalg.cholesky(cone.smat(x[:, at])))
+        found.append(np.linalg.eigvalsh(inverse @ cone.smat(step[:, at]) @ inverse.swapaxes(-1, -2)))
+    return np.concatenate([values.reshape(len(x), -1) for values in found], axis=1)
+
+
+def _length(slope: Array, curve: Array, stretch: Array) -> Array:
+    """The t of least slope t + curve t^2 / 2 - sum log(1 + t stretch), by bisection, (problems, 1)."""
+    low = np.zeros(len(slope))
+    high = np.minimum(LONGEST, 0.99 / np.maximum(1e-9, -stretch.min(axis=1)))
+    for _ in range(HALVINGS):
+        t = (low + high) / 2
+        rising = slope + curve * t > (stretch / (1 + t[:, None] * stretch)).sum(axis=1)
+        low, high = np.where(rising, low, t), np.where(rising, t, high)
+    return low[:, None]

@@ -7,9 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, PoseError
-from testbench.model.vjm import Vjm, chain
+from testbench.model.vjm import Vjm, tool_pose
 
-BATCH = 4096
+BATCH = 4096  #: Poses drawn at a time.
+PIECE = 512  #: Poses looked at before it is asked whether there are enough.
 MAX_BATCHES = 400
 
 
@@ -26,9 +27,9 @@ class WorkArea:
 
 def in_area(vjm: Vjm, area: WorkArea, q: Array) -> npt.NDArray[np.bool_]:
     """Which poses have their tool in the area, (poses,)."""
-    where = chain(vjm, q)
-    inside = ((where.position >= area.lower) & (where.position <= area.upper)).all(axis=1)
-    cosine = where.rotation[:, :, 0] @ np.array(area.direction)
+    position, rotation = tool_pose(vjm, q)
+    inside = ((position >= area.lower) & (position <= area.upper)).all(axis=1)
+    cosine = rotation[:, :, 0] @ np.array(area.direction)
     return np.asarray(inside & (cosine >= np.cos(area.cone)))
 
 
@@ -56,11 +57,13 @@ def random_poses(
     drawn = reached = 0
     for _ in range(MAX_BATCHES):
         q = rng.uniform(lower, upper, (BATCH, vjm.arm.n_joints))
-        inside = q[in_area(vjm, area, q)]
-        drawn, reached = drawn + len(q), reached + len(inside)
-        kept.extend(inside[clear(inside)])
-        if len(kept) >= count:
-            return np.array(kept[:count])
+        drawn += len(q)
+        for piece in np.split(q, range(PIECE, BATCH, PIECE)):
+            inside = piece[in_area(vjm, area, piece)]
+            reached += len(inside)
+            kept.extend(inside[clear(inside)])
+            if len(kept) >= count:
+                return np.array(kept[:count])
     raise PoseError(
         f"found {len(kept)} of {count} poses: of {drawn} drawn {reached} put the tool in the work area "
         f"and {len(kept)} are clear of collision; widen the area"

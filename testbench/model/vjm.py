@@ -140,6 +140,19 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     return Chain(J, p.T, R.transpose(2, 0, 1))
 
 
+def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
+    """Tool positions, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3), as of `chain`."""
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
+    R = np.tile(vjm.base[:3, :3, None], len(q))
+    p = np.tile(vjm.base[:3, 3:], len(q))
+    for placement, axis, angle in zip(vjm.placements, vjm.axes, q.T, strict=True):
+        p = p + placement[:3, 3] @ R
+        R = turn(placement[:3, :3].T @ R, axis, angle)
+    p = p + vjm.tool[:3, 3] @ R
+    R = vjm.tool[:3, :3].T @ R
+    return p.T, R.transpose(2, 0, 1)
+
+
 def bend(p: Array, R: Array, frame: Array, theta: Array) -> tuple[Array, Array, Array]:
     """A link's virtual joint away from zero: three slides, then three hinges, each carried by those before.
 

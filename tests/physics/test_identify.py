@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize
 
 from testbench.bench.campaign import Scenario, simulate
@@ -11,7 +12,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds, gradient_dual
-from testbench.identify.evaluate import normality, predict, score
+from testbench.identify.evaluate import LILLIEFORS_SAMPLES, normality, predict, score
 from testbench.identify.plausibility import doubts
 from testbench.identify.regression import f_m
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
@@ -353,12 +354,15 @@ def test_relative_error_is_none_where_nothing_moved():
     assert score(np.ones((2, 3, 3)), np.zeros((2, 3, 3))).max_relative is None
 
 
-def test_lilliefors_keeps_normal_residuals_and_rejects_uniform_ones(rng):
-    kept = [normality(rng.standard_normal(150), rng).p_value > 0.05 for _ in range(40)]
-    rejected = [normality(rng.uniform(-1, 1, 400), rng).p_value < 0.05 for _ in range(10)]
-    # 5 % of normal samples are rejected by construction: at least 33 of 40 kept with probability 0.997
-    assert sum(kept) >= 33
-    assert sum(rejected) == 10
+def test_lilliefors_of_several_samples_is_that_of_scipy_one_by_one_and_rejects_uniform_ones(rng):
+    samples = rng.standard_normal((4, 150))
+    for x, own in zip(samples, normality(samples, np.random.default_rng(1)), strict=True):
+        seed = np.random.default_rng(1)
+        known = stats.goodness_of_fit(
+            stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=seed
+        )
+        assert own.p_value == pytest.approx(known.pvalue)
+    assert all(own.p_value < 0.05 for own in normality(rng.uniform(-1, 1, (10, 400)), rng))
 
 
 def test_an_empty_dataset_is_an_error(kr500):

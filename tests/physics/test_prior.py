@@ -128,6 +128,18 @@ def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
+    A, y = whitened(regression, own)
+    e = own.expected
+    scale = np.linalg.solve(own.L, gco_with(regression, own, Strength(3.0)).pi) @ e / (e @ e)
+
+    def cost(x):
+        log_det = sum(np.linalg.slogdet(X)[1] for X in own.matrices(x))
+        return ((A @ x - y) ** 2).sum() / 2 + (e @ x / scale - log_det) / 3.0**2
+
+    # directions in which the cost is about equally curved: none goes down
+    root = np.linalg.cholesky(A.T @ A + np.eye(len(x)) / (3.0 * scale) ** 2)
+    steps = 1e-3 * np.linalg.solve(root.T, np.random.default_rng(1).standard_normal((len(x), 40)))
+    assert min(cost(x + sign * step) for step in steps.T for sign in (1, -1)) > cost(x)
 
 
 def test_scale_of_the_prior_does_not_matter_where_the_data_set_it(kr500, structure):

@@ -52,7 +52,7 @@ def residuals(campaign: Campaign, results: Sequence[Result]) -> Figure:
     figure = Figure(figsize=(5 * len(chosen), 4.6), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(chosen), sharex=True))
     used = np.isin(campaign.measured.pose, campaign.identification.pose)
-    normal = [normalities(campaign, result) for result in chosen]
+    normal = normalities(campaign, chosen)
     edge = max(4 * UM * max(fit.std for fit, _ in normal), 1e-6)
     for ax, result, (fit, check) in zip(axes, chosen, normal, strict=True):
         _distribution(ax, result, used, (fit, edge))

@@ -106,7 +106,9 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
     found = []
     for seed in seeds:
         campaign = simulate(cell, asked.scenario, seed)
-        found.append([row(campaign, result) for result in results(cell, campaign)])
+        fitted = results(cell, campaign)
+        normal = normalities(campaign, fitted)
+        found.append([row(campaign, *pair) for pair in zip(fitted, normal, strict=True)])
     return found
 
 
@@ -116,20 +118,24 @@ def results(cell: Cell, campaign: Campaign) -> list[Result]:
     return identify(cell, campaign, models, time.perf_counter)
 
 
-def row(campaign: Campaign, result: Result) -> ModelRow:
+def row(campaign: Campaign, result: Result, normal: tuple[Normality, Normality]) -> ModelRow:
     """One model of one campaign."""
     return ModelRow(
         **vars(judged_row(result, prior=result.estimate.belief is not None)),
-        residuals=Residuals(*map(normality_row, normalities(campaign, result))),
+        residuals=Residuals(*map(normality_row, normal)),
         measured=measured(campaign),
     )
 
 
-def normalities(campaign: Campaign, result: Result) -> tuple[Normality, Normality]:
-    """Of the residuals of the runs that were fitted, and of those that were not."""
+def normalities(campaign: Campaign, results: Sequence[Result]) -> list[tuple[Normality, Normality]]:
+    """Of every model's residuals in the runs that were fitted, and in those that were not."""
     rng = stream(campaign.seed, 2)
     used = np.isin(campaign.measured.pose, campaign.identification.pose)
-    return normality(result.residuals[used], rng), normality(result.residuals[~used], rng)
+    fitted, others = (
+        normality(np.array([result.residuals[runs].ravel() for result in results]), rng)
+        for runs in (used, ~used)
+    )
+    return list(zip(fitted, others, strict=True))
 
 
 def measured(campaign: Campaign) -> Measured:
