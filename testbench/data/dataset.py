@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, BenchError, check_array
 
@@ -90,9 +89,14 @@ class Dataset:
         """Measured rotation of the tool, world axes, (runs, 3) [rad]; BenchError for positions only."""
         if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
-        before = Rotation.from_rotvec(self.rotation_before)
-        after = Rotation.from_rotvec(self.rotation_after)
-        return np.asarray((after * before.inv()).as_rotvec())
+        return turn(self.rotation_before, self.rotation_after)
+
+
+def turn(before: Array, after: Array) -> Array:
+    """Rotation vectors, (runs, 3) [rad], that lead from one orientation to another, both rotation vectors."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    return np.asarray((Rotation.from_rotvec(after) * Rotation.from_rotvec(before).inv()).as_rotvec())
 
 
 def _check_precision(precision: Array) -> None:

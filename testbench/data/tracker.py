@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, BenchError, check_least
 
@@ -166,5 +165,7 @@ def read_orientations(tracker: Tracker, rotations: Array, rng: np.random.Generat
     """
     if tracker.sigma_rotation is None:
         raise BenchError("tracker: expected a sigma_rotation to read orientations, got None")
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few campaigns need it
+
     noise = tracker.sigma_rotation * rng.standard_normal((len(rotations), 3))
     return (Rotation.from_rotvec(noise) * Rotation.from_matrix(rotations)).as_rotvec()

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
-from testbench.identify.regression import RANK_TOLERANCE, marker_motion
+from testbench.identify.regression import RANK_TOLERANCE
+from testbench.identify.weighed import marker_motion
 from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
 
 Ids = npt.NDArray[np.int_]

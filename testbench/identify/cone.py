@@ -10,6 +10,7 @@ length of svec(X) is the Frobenius norm of X.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import clarabel
@@ -147,6 +148,7 @@ def order(entries: int) -> int:
     return (math.isqrt(8 * entries + 1) - 1) // 2
 
 
+@cache
 def upper(size: int) -> tuple[Ids, Ids]:
     """Rows and columns of the upper triangle of a matrix of this order, by column."""
     column, row = np.tril_indices(size)
@@ -169,9 +171,9 @@ def smat(x: Array) -> Array:
 
 
 def psd_part(X: Array) -> Array:
-    """The nearest positive semi-definite matrix: negative eigenvalues are set to zero."""
+    """The nearest positive semi-definite matrices, (..., n, n): negative eigenvalues are set to zero."""
     values, Q = np.linalg.eigh(X)
-    return np.asarray((Q * np.maximum(values, 0)) @ Q.T)
+    return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
 def _settings(tolerance: float) -> clarabel.DefaultSettings:

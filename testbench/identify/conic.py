@@ -109,8 +109,7 @@ def scale_program(regression: Regression) -> Program:
     """Units in which data and parameters are of order one."""
     s, weight = regression.structure, regression.weight
     touched = np.flatnonzero(regression.columns)
-    seen = [block for block in s.blocks if np.isin(s.a[touched], block).any()]
-    columns = np.flatnonzero(np.isin(s.a, np.concatenate([[-1], *seen])))
+    columns = np.flatnonzero(np.isin(s.block_of[s.a], s.block_of[s.a[touched]]))
     kept = s.keep(columns, s.name)
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit)[columns]
@@ -152,9 +151,8 @@ def f_m_norms(terms: tuple[Term, ...], rows: list[Array], unit: float) -> tuple[
 def clip(s: Structure, x: Array) -> Array:
     """Parameters with every block's negative eigenvalues set to zero."""
     X = s.matrix(x)
-    for block in s.blocks:
-        i = np.ix_(block, block)
-        X[i] = cone.psd_part(X[i])
+    for group in s.groups:
+        X[group.index] = cone.psd_part(X[group.index])
     return s.entries(X)
 
 

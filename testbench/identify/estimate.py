@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -70,8 +71,6 @@ class Estimate:
     f_m: float  #: Cost, Eq. (19) [1].
     f_m_floor: float  #: Cost to expect of noise alone [1].
     conservative: bool  #: Whether every block is positive semi-definite.
-    #: Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one array a block.
-    eigenvalues: tuple[Array, ...]
     status: str = "not certified"  #: "solved", or what went wrong, or "not certified" where nobody knows.
     #: Distance from the optimum; None where none was computed (least squares).
     certificate: Certificate | None = None
@@ -88,6 +87,12 @@ class Estimate:
     def structure(self) -> Structure:
         """The structure that was identified."""
         return self.regression.structure
+
+    @cached_property
+    def eigenvalues(self) -> tuple[Array, ...]:
+        """Of every block (of its symmetric part), ascending, in its own (mixed) SI units, one a block."""
+        C = (self.C_theta + self.C_theta.T) / 2
+        return tuple(np.asarray(np.linalg.eigvalsh(C[np.ix_(i, i)])) for i in self.structure.blocks)
 
     @property
     def min_eigenvalue(self) -> float:
@@ -124,7 +129,6 @@ def make_estimate(
     """
     pi = check_array(pi, (regression.structure.n,), "pi [m/N, rad/(N m), rad/N]")
     C = regression.structure.matrix(pi)
-    blocks = [C[np.ix_(i, i)] for i in regression.structure.blocks]
     return Estimate(
         method=method,
         regression=regression,
@@ -132,24 +136,23 @@ def make_estimate(
         C_theta=C,
         f_m=f_m(regression, pi),
         f_m_floor=regression.f_m_floor,
-        conservative=all(is_conservative(block) for block in blocks),
-        eigenvalues=tuple(np.asarray(np.linalg.eigvalsh((C + C.T) / 2)) for C in blocks),
+        conservative=all(are_conservative(C[group.index]) for group in regression.structure.groups),
         advice=(*_rank_advice(regression), *_fit_advice(regression, pi), *advice),
         constraint=constraint,
     )
 
 
-def is_conservative(C: Array) -> bool:
-    """Whether a compliance, (n, n), is symmetric and positive semi-definite, up to rounding (Section 2.2).
+def are_conservative(C: Array) -> bool:
+    """Whether compliances, (k, n, n), are symmetric and positive semi-definite up to rounding (Section 2.2).
 
-    Judged on the matrix of unit diagonal, so that metres and radians do not mix.
+    Judged on the matrices of unit diagonal, so that metres and radians do not mix.
     """
     scale = eigenvalue_scale(C)
-    unitless = C / np.outer(scale, scale)
-    if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
+    unitless = C / (scale[:, :, None] * scale[:, None, :])
+    if np.abs(unitless - unitless.swapaxes(1, 2)).max() > SYMMETRY_TOLERANCE:
         return False
-    eigenvalues = np.linalg.eigvalsh(unitless)
-    return bool(eigenvalues[0] >= -CONSERVATIVE_TOLERANCE * max(abs(eigenvalues[-1]), 1e-300))
+    values = np.linalg.eigvalsh(unitless)
+    return bool((values[:, 0] >= -CONSERVATIVE_TOLERANCE * np.maximum(abs(values[:, -1]), 1e-300)).all())
 
 
 def _fit_advice(regression: Regression, pi: Array) -> tuple[str, ...]:

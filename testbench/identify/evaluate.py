@@ -9,7 +9,8 @@ from scipy.special import ndtr
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import Estimate
-from testbench.identify.regression import BLOCK_RUNS, marker_points
+from testbench.identify.regression import BLOCK_RUNS
+from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, chain, generalised_load, translation_rows
 
 LILLIEFORS_SAMPLES = 999

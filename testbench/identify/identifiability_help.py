@@ -10,7 +10,8 @@ from scipy.linalg import solve_triangular
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.metric import Metric, whitened
-from testbench.identify.regression import Regression, marker_points, rank, reduce
+from testbench.identify.regression import Regression, rank, reduce
+from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, chain, observation
 
 OFFSET = 0.3  #: Distance of a second load point or of one more marker [m].

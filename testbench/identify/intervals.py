@@ -16,7 +16,8 @@ from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Estimate
 from testbench.identify.metric import precision_root
-from testbench.identify.regression import RANK_TOLERANCE, marker_points
+from testbench.identify.regression import RANK_TOLERANCE
+from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, chain, observation
 
 UNSEEN = 1e-8

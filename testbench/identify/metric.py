@@ -14,7 +14,7 @@ from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Ids, Regression, check_symmetric
-from testbench.model.structure import Structure
+from testbench.model.structure import Group, Structure
 from testbench.model.vjm import Vjm
 
 SMALLEST = 1e-9  #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
@@ -37,7 +37,11 @@ class Metric:
 
     def project(self, x: Array) -> Array:
         """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
-        return np.concatenate([cone.svec(cone.psd_part(X)) for X in self.matrices(x)])
+        x = x.copy()
+        for group in self.structure.groups:
+            at = group.triangles
+            x[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
+        return x
 
 
 @dataclass(frozen=True)
@@ -66,12 +70,15 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
             f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
         )
     P = aggregate(P, vjm, structure)
-    L, first = np.zeros((structure.n, structure.n)), 0
-    for block in structure.blocks:
-        root = _root(P[np.ix_(block, block)], f"prior {prior.name}, {structure.labels[block[0]]} ...")
-        own = np.flatnonzero(np.isin(structure.a, block))
-        L[own, first : first + len(own)] = _congruence(structure, block, own, root)
-        first += len(own)
+    L = np.zeros((structure.n, structure.n))
+    by_block = np.argsort(structure.block_of[structure.a], kind="stable")
+    for group in structure.groups:
+        labels = [f"prior {prior.name}, {structure.labels[rows[0]]} ..." for rows in group.rows]
+        at = group.triangles
+        own = by_block[at]
+        L[own[:, :, None], at[:, None, :]] = _congruence(
+            structure, group, own, _roots(P[group.index], labels)
+        )
     expected = np.concatenate([cone.svec(np.eye(n)) for n in sizes])
     return Metric(prior.name, structure, L, expected, sizes)
 
@@ -117,8 +124,10 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Raises:
         BenchError: When the data want a scale that is not above 0.
     """
-    A, y = whitened(regression, metric)
-    moved = A @ metric.expected
+    expected = metric.L @ metric.expected
+    weights = [math.sqrt(term.equations / 3) for term in regression.terms]
+    moved = np.concatenate([w * term.R @ expected for w, term in zip(weights, regression.terms, strict=True)])
+    y = np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
@@ -128,25 +137,29 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     return replace(metric, L=scale * metric.L)
 
 
-def _root(P: Array, what: str) -> Array:
-    """Symmetric square root of a block of the prior, refused if not symmetric positive definite."""
-    d = np.sqrt(np.maximum(np.diag(P), 0))
-    if not (d > 0).all() or np.abs(P - P.T).max() > 1e-9 * np.abs(P).max():
-        raise BenchError(f"{what}: expected a symmetric block with a positive diagonal")
-    values, Q = np.linalg.eigh(P / np.outer(d, d))
-    if values[0] <= SMALLEST:
+def _roots(P: Array, labels: list[str]) -> Array:
+    """Symmetric square roots of blocks, (k, n, n), refused if not symmetric positive definite."""
+    d = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0))
+    skew = np.abs(P - P.swapaxes(1, 2)).max(axis=(1, 2)) > 1e-9 * np.abs(P).max(axis=(1, 2))
+    bad = np.flatnonzero(skew | ~(d > 0).all(axis=1))
+    if len(bad):
+        raise BenchError(f"{labels[bad[0]]}: expected a symmetric block with a positive diagonal")
+    values, Q = np.linalg.eigh(P / (d[:, :, None] * d[:, None, :]))
+    bad = np.flatnonzero(values[:, 0] <= SMALLEST)
+    if len(bad):
         raise BenchError(
-            f"{what}: expected a positive definite block, got smallest eigenvalue {values[0]:.3g} (of the "
-            "block scaled to unit diagonal)"
+            f"{labels[bad[0]]}: expected a positive definite block, got smallest eigenvalue "
+            f"{values[bad[0], 0]:.3g} (of the block scaled to unit diagonal)"
         )
-    return np.asarray(d[:, None] * (Q * np.sqrt(values)) @ Q.T)
+    return np.asarray(d[:, :, None] * (Q * np.sqrt(values)[:, None, :]) @ Q.swapaxes(1, 2))
 
 
-def _congruence(structure: Structure, block: Ids, own: Ids, root: Array) -> Array:
-    """Parameters of a block per unit of each entry of its x: C = root X root^T, (own, own)."""
-    position = np.full(structure.n_theta, -1)
-    position[block] = np.arange(len(block))
-    row, column = cone.upper(len(block))
-    a, b = root[position[structure.a[own]]], root[position[structure.b[own]]]
+def _congruence(structure: Structure, group: Group, own: Ids, roots: Array) -> Array:
+    """Parameters of every block per unit of each entry of its x: C = root X root^T, (k, own, own)."""
+    position = np.zeros(structure.n_theta, dtype=int)
+    position[group.rows] = np.arange(group.size)
+    row, column = cone.upper(group.size)
+    block = np.arange(len(roots))[:, None]
+    a, b = roots[block, position[structure.a[own]]], roots[block, position[structure.b[own]]]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))
-    return np.asarray(weight * (a[:, row] * b[:, column] + a[:, column] * b[:, row]))
+    return np.asarray(weight * (a[..., row] * b[..., column] + a[..., column] * b[..., row]))

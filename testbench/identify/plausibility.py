@@ -3,7 +3,7 @@
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.identify.regression import marker_points
+from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, chain
 
 FRAME = 0.2

@@ -68,10 +68,9 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
 def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
     """C_theta, (n_theta, n_theta), the joints that a structure leaves out put into the links before them."""
     C, first = C.copy(), 6 * len(vjm.arm.links)
-    used = np.union1d(structure.a, structure.b)
-    for j, link in enumerate(vjm.arm.links[:-1]):
-        if first + j not in used:
-            axis = link.frame.T @ vjm.placements[j][:3, :3] @ vjm.axes[j]
-            turn = slice(6 * j + 3, 6 * j + 6)
-            C[turn, turn] += C[first + j, first + j] * np.outer(axis, axis)
+    out = np.flatnonzero(structure.block_of[first:] < 0)
+    turned = 6 * out[:, None] + np.arange(3, 6)
+    axis = vjm.beam_axes[out]
+    added = C[first + out, first + out, None, None] * axis[:, :, None] * axis[:, None, :]
+    C[turned[:, :, None], turned[:, None, :]] += added
     return C

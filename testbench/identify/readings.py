@@ -7,7 +7,8 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array, BenchError
-from testbench.identify.regression import Ids, Regression, Term, marker_points, regression_of
+from testbench.identify.regression import Ids, Regression, Term, regression_of
+from testbench.identify.weighed import marker_points
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, observation, rotation_observation
 

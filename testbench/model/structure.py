@@ -9,15 +9,15 @@ Only least squares of section 5.1 leaves the symmetry open: 36 free entries a li
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array, BenchError
 
+Ids = npt.NDArray[np.int_]
 Pairs = tuple[tuple[int, int], ...]
 
 FULL: Pairs = tuple((a, b) for b in range(6) for a in range(b + 1))
@@ -29,13 +29,36 @@ TEMPLATE: Pairs = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4
 
 
 @dataclass(frozen=True)
+class Group:
+    """The blocks of one size: what is asked of every block is asked of all of them at once."""
+
+    at: Ids  #: Their places among all blocks, (k,).
+    rows: Ids  #: Their rows of C_theta, (k, size).
+    #: Where the triangle of each stands among those of all blocks, (k, size (size + 1) / 2).
+    triangles: Ids
+
+    @property
+    def size(self) -> int:
+        """Order of each block."""
+        return int(self.rows.shape[1])
+
+    @property
+    def index(self) -> tuple[Ids, Ids]:
+        """Where the blocks stand in C_theta: C[index] is (k, size, size)."""
+        return self.rows[:, :, None], self.rows[:, None, :]
+
+
+@dataclass(frozen=True)
 class Structure:
-    """The unknown entries of C_theta."""
+    """The unknown entries of C_theta.
+
+    What follows from them, such as the blocks, is found when it is first asked for, once a structure.
+    """
 
     name: str  #: For reports, such as MGCO68.
     n_theta: int  #: Size of C_theta.
-    a: npt.NDArray[np.int_]  #: Row of each parameter in C_theta, (n,).
-    b: npt.NDArray[np.int_]  #: Column of each parameter, (n,).
+    a: Ids  #: Row of each parameter in C_theta, (n,).
+    b: Ids  #: Column of each parameter, (n,).
     #: A name for each row of C_theta, (n_theta,), such as "link_2.phi_x".
     labels: tuple[str, ...] = field(repr=False)
     #: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
@@ -89,20 +112,43 @@ class Structure:
         """Number of parameters."""
         return len(self.a)
 
-    @property
+    @cached_property
     def mirrored(self) -> npt.NDArray[np.bool_]:
         """Which parameters stand at two places of C_theta, (n,)."""
         return np.asarray(self.symmetric & (self.a != self.b))
 
-    @property
-    def blocks(self) -> list[npt.NDArray[np.int_]]:
-        """Rows of C_theta that no parameter couples to other rows: each block must be PSD by itself."""
-        graph = coo_array((np.ones(self.n), (self.a, self.b)), shape=(self.n_theta,) * 2)
-        _, label = connected_components(graph, directed=False)
-        used = np.unique(np.concatenate([self.a, self.b]))
-        return [used[label[used] == k] for k in np.unique(label[used])]
+    @cached_property
+    def block_of(self) -> Ids:
+        """Place of every row of C_theta among the blocks, (n_theta,); -1 where no parameter is."""
+        label = np.arange(self.n_theta)
+        while (label[self.a] != label[self.b]).any():  # the least row that a row is coupled to
+            least = np.minimum(label[self.a], label[self.b])
+            np.minimum.at(label, self.a, least)
+            np.minimum.at(label, self.b, least)
+        place = np.full(self.n_theta, -1)
+        used = np.union1d(self.a, self.b)
+        place[used] = np.unique(label[used], return_inverse=True)[1]
+        return place
 
-    @property
+    @cached_property
+    def blocks(self) -> tuple[Ids, ...]:
+        """Rows of C_theta that no parameter couples to other rows: each block must be PSD by itself."""
+        return tuple(np.flatnonzero(self.block_of == k) for k in range(self.block_of.max() + 1))
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The blocks by size."""
+        sizes = np.array([len(block) for block in self.blocks])
+        entries = sizes * (sizes + 1) // 2
+        first = np.cumsum(entries) - entries
+
+        def group(at: Ids) -> Group:
+            rows = np.array([self.blocks[k] for k in at])
+            return Group(at, rows, first[at, None] + np.arange(entries[at[0]]))
+
+        return tuple(group(np.flatnonzero(sizes == size)) for size in np.unique(sizes))
+
+    @cached_property
     def whole(self) -> bool:
         """Whether every block has all its entries: a prior speaks of whole blocks."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
@@ -137,7 +183,7 @@ class Structure:
         """
         return self.matrix(np.where(self.mirrored, g / 2, g))
 
-    def keep(self, columns: npt.NDArray[np.int_], name: str) -> "Structure":
+    def keep(self, columns: Ids, name: str) -> "Structure":
         """The structure with only these parameters unknown; the dropped ones are zero."""
         return replace(self, name=name, a=self.a[columns], b=self.b[columns])
 

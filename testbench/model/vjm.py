@@ -9,6 +9,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,6 +33,31 @@ class Vjm:
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
+
+    @cached_property
+    def beam_axes(self) -> Array:
+        """Unit axis of each joint in the beam frame of the link before it, (n, 3)."""
+        frames = np.array([link.frame for link in self.arm.links[:-1]]).reshape(-1, 3, 3)
+        return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))
+
+    @cached_property
+    def links(self) -> tuple[tuple[Array, Array], ...]:
+        """Of every link its beam axes and the axes of the next body, (6, 3), and the arm to that, (3,) [m].
+
+        All are products with the axes of its own body.
+        """
+        poses = (*self.placements, self.tool)
+        frames = [link.frame for link in self.arm.links]
+        return tuple((np.vstack([f.T, x[:3, :3].T]), x[:3, 3]) for f, x in zip(frames, poses, strict=True))
+
+    @cached_property
+    def joints(self) -> tuple[Array, ...]:
+        """Of every joint what turns with the sine, what with one less the cosine, and its axis, (7, 3).
+
+        All are products with the axes of its body (Rodrigues).
+        """
+        turns = [skew(axis) for axis in self.axes]
+        return tuple(np.vstack([W.T, (W @ W).T, axis]) for W, axis in zip(turns, self.axes, strict=True))
 
 
 @dataclass(frozen=True)
@@ -117,25 +143,28 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
     bent = None if theta is None else check_array(theta, (runs, vjm.arm.n_theta), "theta [m, rad]")
-    turned = q if bent is None else q + bent[:, links:]
+    turned = (q if bent is None else q + bent[:, links:]).T
+    sine, less = np.sin(turned), 1 - np.cos(turned)
     J = np.zeros((6, vjm.arm.n_theta, runs))
     origins = np.empty((3, vjm.arm.n_theta, runs))
     R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
     p = np.tile(vjm.base[:3, 3:], runs)
-    for i, link in enumerate(vjm.arm.links):
-        placement = vjm.placements[i] if i < n else vjm.tool
-        p = p + placement[:3, 3] @ R
-        slides = hinges = link.frame.T @ R
+    for i, (link, arm) in enumerate(vjm.links):
+        p = p + arm @ R
+        of = link @ R
+        slides = hinges = of[:, :3]
         if bent is not None:
-            p, hinges, R = bend(p, R, link.frame, bent[:, 6 * i : 6 * i + 6])
+            p, hinges, R = bend(p, R, vjm.arm.links[i].frame, bent[:, 6 * i : 6 * i + 6])
+            of = link @ R
         J[:3, 6 * i : 6 * i + 3] = slides
         J[3:, 6 * i + 3 : 6 * i + 6] = hinges
         origins[:, 6 * i : 6 * i + 6] = p[:, None]
-        R = placement[:3, :3].T @ R
+        R = of[:, 3:]
         if i < n:
-            J[3:, links + i] = vjm.axes[i] @ R
+            of = vjm.joints[i] @ R
+            J[3:, links + i] = of[:, 6]
             origins[:, links + i] = p
-            R = turn(R, vjm.axes[i], turned[:, i])
+            R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
     J[:3] += cross(J[3:], p[:, None] - origins)
     return Chain(J, p.T, R.transpose(2, 0, 1))
 
@@ -181,9 +210,14 @@ def turn(R: Array, axis: Array, angle: Array) -> Array:
         axis: Unit axis in the body, (3,).
         angle: Angles, (runs,) [rad].
     """
-    x, y, z = axis
-    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    W = skew(axis)
     return np.asarray(R + np.sin(angle) * (W.T @ R) + (1 - np.cos(angle)) * ((W @ W).T @ R))
+
+
+def skew(axis: Array) -> Array:
+    """W with W v = axis x v, (3, 3)."""
+    x, y, z = axis
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -209,9 +243,9 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     runs = len(where.position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
-    force, arm = wrench[:, :3], np.einsum("rxy,ry->rx", where.rotation, point)
-    at_tool = np.hstack([force, wrench[:, 3:] + np.cross(arm, force)])
-    return np.asarray(np.einsum("xtr,rx->tr", where.J_theta, at_tool))
+    force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", where.rotation, point)
+    at_tool = np.concatenate([force, wrench[:, 3:].T + cross(arm, force)])
+    return np.asarray(np.einsum("xtr,xr->tr", where.J_theta, at_tool))
 
 
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
