@@ -306,6 +306,11 @@ def identify(
     return judge_all(cell, campaign, models, estimates, seconds)
 
 
+def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
+    """Identify one model from each of several datasets."""
+    return [model.estimator(cell.vjm, model.structure, data) for data in datasets]
+
+
 def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
     """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
     return judge_all(cell, campaign, [model], [estimate], [seconds])[0]

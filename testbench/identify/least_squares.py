@@ -1,5 +1,6 @@
 """Weighted least squares, Eq. (14)-(15), by SVD of the reduced rows; never by an inverse."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,11 +25,21 @@ def minimum_norm(regression: Regression) -> Estimate:
 
 def solve(regression: Regression) -> Array:
     """Parameters of least sum of squares over all terms, of minimum norm in scaled units, (n,)."""
+    return np.asarray(solve_all([regression])[0])
+
+
+def solve_all(regressions: Sequence[Regression]) -> Array:
+    """The same of datasets that differ in their readings alone, (datasets, n)."""
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
-    rows = [np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms]
-    A, y = np.split(np.vstack(rows), [regression.structure.n], axis=1)
-    seen = regression.columns > 0
+    one = regressions[0]
+    weights = [np.sqrt(term.equations) for term in one.terms]
+    A = np.vstack([w * term.R for w, term in zip(weights, one.terms, strict=True)])
+    y = [
+        np.concatenate([w * term.z for w, term in zip(weights, own.terms, strict=True)])
+        for own in regressions
+    ]
+    seen = one.columns > 0
     scale = np.linalg.norm(A[:, seen], axis=0)
-    pi = np.zeros(regression.structure.n)
-    pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y[:, 0], rcond=RANK_TOLERANCE)[0] / scale
+    pi = np.zeros((len(y), one.structure.n))
+    pi[:, seen] = np.linalg.lstsq(A[:, seen] / scale, np.transpose(y), rcond=RANK_TOLERANCE)[0].T / scale
     return pi

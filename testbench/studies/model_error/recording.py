@@ -9,7 +9,7 @@ from testbench.studies.model_error.cases import ALL, cases
 from testbench.studies.model_error.report import ModelErrorReport
 from testbench.studies.model_error.tables import CASE, MODEL, RMS
 from testbench.studies.model_error.trial import Settings, disturbed
-from testbench.studies.noise_sensitivity.trial import reread
+from testbench.studies.noise_sensitivity.fits import reread
 from testbench.studies.study import Run
 from testbench.views.colours import look
 from testbench.views.recording.stream import Header

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.bench.rows import DatasetRow
+from testbench.studies.noise_sensitivity.fits import FitRow
 from testbench.studies.noise_sensitivity.report import ModelAt
-from testbench.studies.noise_sensitivity.trial import FitRow
 from testbench.trials.spread import Number, Spread
 
 

@@ -19,6 +19,7 @@ from testbench.bench.campaign import (
     Model,
     Scenario,
     build_cell,
+    identify_each,
     named_models,
     simulate,
     stream,
@@ -28,7 +29,7 @@ from testbench.bench.wrong_prior import with_wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.plant import Disturbances, disturb, settle_pair
 from testbench.studies.model_error.cases import ALL, cases
-from testbench.studies.noise_sensitivity.trial import FitRow, fit, reread
+from testbench.studies.noise_sensitivity.fits import FitRow, judged, reread
 from testbench.trials.spread import Number
 
 NAME = "model_error"
@@ -95,19 +96,22 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
         arm=cell.arm.name, truth="linear", noise=False, sigma=asked.sigma, workspace_poses=asked.workspace
     )
     campaign = simulate(cell, scenario, seed)  # for its poses and loads
-    quiet: Dataset | None = None
-    for case, disturbances in cases(asked.scale, asked.only).items():
-        clean, truth = disturbed(cell, campaign, disturbances, seed)
-        quiet = quiet or truth
-        moved = UM * float(np.sqrt(np.square(truth.deflection - quiet.deflection).sum(axis=2).mean()))
-        for noise in (0.0, asked.sigma):
-            data = reread(clean, noise, stream(seed, 1))
+    arms = {
+        case: disturbed(cell, campaign, disturbances, seed)
+        for case, disturbances in cases(asked.scale, asked.only).items()
+    }
+    noises = (0.0, asked.sigma)
+    read = [reread(clean, noise, stream(seed, 1)) for clean, _ in arms.values() for noise in noises]
+    fits = [identify_each(cell, model, read) for model in models]
+    quiet = next(iter(arms.values()))[1].deflection
+    for k, (case, (_, truth)) in enumerate(arms.items()):
+        own = slice(len(noises) * k, len(noises) * (k + 1))
+        moved = UM * float(np.sqrt(np.square(truth.deflection - quiet).sum(axis=2).mean()))
+        rows = [judged(cell, model, found[own], truth) for model, found in zip(models, fits, strict=True)]
+        for noise, data, found in zip(noises, read[own], zip(*rows, strict=True), strict=True):
             measured = dataset_row(data) if case == ALL and noise > 0 else None
-            for model in models:
-                found = fit(cell, model, data, truth)
-                yield CaseRow(
-                    **vars(found), case=case, noise_um=UM * noise, moved_um=moved, measured=measured
-                )
+            for row in found:
+                yield CaseRow(**vars(row), case=case, noise_um=UM * noise, moved_um=moved, measured=measured)
 
 
 def disturbed(

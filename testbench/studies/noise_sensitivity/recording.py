@@ -5,10 +5,11 @@ from dataclasses import replace
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.csvfile import write_csv
+from testbench.studies.noise_sensitivity.fits import reread
 from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA
 from testbench.studies.noise_sensitivity.report import NoiseReport
 from testbench.studies.noise_sensitivity.tables import MODEL, RMS, SIGMA
-from testbench.studies.noise_sensitivity.trial import HEAVY, Settings, reread
+from testbench.studies.noise_sensitivity.trial import HEAVY, Settings
 from testbench.studies.study import Run
 from testbench.views.colours import look
 from testbench.views.recording.stream import Header

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from testbench.bench.campaign import Truth
 from testbench.bench.rows import DatasetRow
 from testbench.identify import Constraint
-from testbench.studies.noise_sensitivity.trial import FitRow, Part
+from testbench.studies.noise_sensitivity.fits import FitRow
+from testbench.studies.noise_sensitivity.trial import Part
 from testbench.trials.spread import Number, Share, Spread
 
 

@@ -7,6 +7,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from testbench.bench.rows import UM
+from testbench.studies.noise_sensitivity.fits import FitRow
 from testbench.studies.noise_sensitivity.instruments import UNWEIGHTED, WEIGHTED
 from testbench.studies.noise_sensitivity.report import (
     Costs,
@@ -20,7 +21,7 @@ from testbench.studies.noise_sensitivity.report import (
     Slope,
     Weighted,
 )
-from testbench.studies.noise_sensitivity.trial import NAME, TRUTHS, FitRow, NoiseRow, Part, Settings
+from testbench.studies.noise_sensitivity.trial import NAME, TRUTHS, NoiseRow, Part, Settings
 from testbench.studies.study import Trials
 from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
 from testbench.views.schema import best_of

@@ -6,27 +6,33 @@ poses read by laser trackers near and far, weighted or not. All levels of a tria
 so that differences between levels and methods are theirs alone.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-import numpy as np
 import typer
-from scipy.spatial.transform import Rotation
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, Model, Scenario, Truth, build_cell, named_models, simulate, stream
+from testbench.bench.campaign import (
+    Campaign,
+    Cell,
+    Model,
+    Scenario,
+    Truth,
+    build_cell,
+    draw_poses,
+    identify_each,
+    named_models,
+    simulate_at,
+    stream,
+)
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.rows import UM, DatasetRow, dataset_row
+from testbench.bench.rows import DatasetRow, dataset_row
 from testbench.bench.wrong_prior import with_wrong_prior
-from testbench.data.dataset import Dataset
-from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import BenchError
-from testbench.identify import Constraint, Estimate
-from testbench.identify.evaluate import predict, score
+from testbench.studies.noise_sensitivity.fits import FitRow, judged, reread
 from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA, readings
-from testbench.trials.spread import Number, Share
 
 NAME = "noise_sensitivity"
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
@@ -34,9 +40,6 @@ SIX_DOF = ("MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")  #: Models of sectio
 GRAVITY = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")  #: Models of section 6 without a prior.
 SIX_DOF_PRIOR, GRAVITY_PRIOR, INSTRUMENT = ("MGCO56", "MGCO69"), ("MGCO56", "MGCO68"), ("MGCO56",)
 """Those that are fitted with a prior too; instruments are compared by the last one alone."""
-ANGLE_PER_LENGTH = 10.0
-"""Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
-WEIGHT = 25e-6  #: Sigma by which noise-free readings are weighted [m]: any will do.
 MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
 
 Part = Literal["six_dof", "gravity", "instrument_linear", "instrument_nonlinear"]
@@ -67,20 +70,6 @@ class Settings:
     gravity_trials: int = 200  #: So many of the trials have the gravity part too.
     instrument_trials: int = 100  #: So many have the part of the instruments.
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)  #: Of the tracker from the work area [m].
-
-
-@dataclass(frozen=True)
-class FitRow:
-    """A model fitted and judged by true deflections, in one trial or over all."""
-
-    model: str  #: Its name; of an instrument the instrument's.
-    structure: str
-    constraint: Constraint
-    prior: bool
-    rms_um: Number
-    p95_um: Number
-    conservative: Share
-    solved: Share
 
 
 @dataclass(frozen=True)
@@ -119,69 +108,60 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[NoiseRow]]:
     found = []
     for seed in seeds:
         rows = list(_six_dof(light, with_wrong_prior(light, light_models, SIX_DOF_PRIOR, seed), asked, seed))
-        if seed - asked.first < asked.gravity_trials:
-            rows += _gravity(cell, with_wrong_prior(cell, models, GRAVITY_PRIOR, seed), asked, seed)
-        if seed - asked.first < asked.instrument_trials:
-            rows += _instruments(cell, with_wrong_prior(cell, models, INSTRUMENT, seed)[-1], asked, seed)
+        gravity = seed - asked.first < asked.gravity_trials
+        instruments = seed - asked.first < asked.instrument_trials
+        if gravity or instruments:
+            clean = _campaigns(cell, seed)
+        if gravity:
+            rows += _gravity(
+                cell, with_wrong_prior(cell, models, GRAVITY_PRIOR, seed), asked, clean["gravity"]
+            )
+        if instruments:
+            rows += _instruments(cell, with_wrong_prior(cell, models, INSTRUMENT, seed)[-1], asked, clean)
         found.append(rows)
     return found
+
+
+def _campaigns(cell: Cell, seed: int) -> dict[Part, Campaign]:
+    """Campaigns under gravity without noise, in the same poses."""
+    scenario = Scenario(arm=cell.arm.name, noise=False)
+    poses = draw_poses(cell, scenario, seed)
+    bent = simulate_at(cell, scenario, seed, poses)
+    linear = simulate_at(cell, scenario.model_copy(update={"truth": "linear"}), seed, poses)
+    return {"gravity": bent, "instrument_nonlinear": bent, "instrument_linear": linear}
 
 
 def _six_dof(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
     scenario = FullPose(arm=cell.arm.name, least=9e-3, most=41e-3, noise=False)
     campaign = simulate_full_pose(cell, scenario, seed)
-    for sigma in asked.sigmas:
-        data = reread(campaign.identification, sigma, stream(seed, 1))
-        for model in models:
-            yield NoiseRow(**vars(fit(cell, model, data, campaign.truth)), part="six_dof", x=sigma)
+    for sigma, found in _levels(cell, models, asked, campaign):
+        yield NoiseRow(**vars(found), part="six_dof", x=sigma)
 
 
-def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
-    campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False), seed)
-    measured = dataset_row(reread(campaign.identification, FLAT_SIGMA, stream(seed, 1)))
-    for sigma in asked.sigmas:
-        data = reread(campaign.identification, sigma, stream(seed, 1))
-        for model in models:
-            found = fit(cell, model, data, campaign.truth)
-            yield NoiseRow(**vars(found), part="gravity", x=sigma, measured=measured)
+def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign) -> Iterator[NoiseRow]:
+    measured = dataset_row(reread(campaign.identification, FLAT_SIGMA, stream(campaign.seed, 1)))
+    for sigma, found in _levels(cell, models, asked, campaign):
+        yield NoiseRow(**vars(found), part="gravity", x=sigma, measured=measured)
 
 
-def _instruments(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[NoiseRow]:
+def _levels(
+    cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign
+) -> Iterator[tuple[float, FitRow]]:
+    """Every level of noise with the fits of all models."""
+    data = [reread(campaign.identification, sigma, stream(campaign.seed, 1)) for sigma in asked.sigmas]
+    fits = [judged(cell, model, identify_each(cell, model, data), campaign.truth) for model in models]
+    for sigma, found in zip(asked.sigmas, zip(*fits, strict=True), strict=True):
+        yield from ((sigma, row) for row in found)
+
+
+def _instruments(
+    cell: Cell, model: Model, asked: Settings, clean: Mapping[Part, Campaign]
+) -> Iterator[NoiseRow]:
     """The same poses read by several instruments, MGCO56 with prior; linear truth tells their noise alone."""
     for part in INSTRUMENT_PARTS:
-        campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, truth=TRUTHS[part]), seed)
-        flat = reread(campaign.identification, FLAT_SIGMA, stream(seed, 1))
-        for name, distance, data in readings(campaign.identification, flat, asked.distances, seed):
-            found = replace(fit(cell, model, data, campaign.truth), model=name)
-            yield NoiseRow(**vars(found), part=part, x=distance)
-
-
-def fit(cell: Cell, model: Model, data: Dataset, truth: Dataset) -> FitRow:
-    """Identify a model, and judge it by true deflections."""
-    estimate: Estimate = model.estimator(cell.vjm, model.structure, data)
-    found = score(predict(cell.vjm, estimate, truth), truth.deflection)
-    return FitRow(
-        model=model.name,
-        structure=model.structure.name,
-        constraint=estimate.constraint,
-        prior=estimate.belief is not None,
-        rms_um=UM * found.rms,
-        p95_um=UM * found.p95,
-        conservative=estimate.conservative,
-        solved=estimate.status == "solved",
-    )
-
-
-def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
-    """A noise-free dataset read with noise: for every sigma [m] the same numbers; orientations follow it."""
-    tracker = Tracker(sigma, ANGLE_PER_LENGTH * sigma)
-    before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
-    data = replace(clean, before=before, after=after, sigma=sigma or WEIGHT)
-    if clean.rotation_before is None or clean.rotation_after is None:
-        return data
-    turned = [
-        read_orientations(tracker, Rotation.from_rotvec(r).as_matrix(), rng)
-        for r in (clean.rotation_before, clean.rotation_after)
-    ]
-    sigma_rotation = ANGLE_PER_LENGTH * data.sigma
-    return replace(data, rotation_before=turned[0], rotation_after=turned[1], sigma_rotation=sigma_rotation)
+        data, seed = clean[part].identification, clean[part].seed
+        flat = reread(data, FLAT_SIGMA, stream(seed, 1))
+        names, distances, read = zip(*readings(data, flat, asked.distances, seed), strict=True)
+        fits = judged(cell, model, identify_each(cell, model, read), clean[part].truth)
+        for name, distance, found in zip(names, distances, fits, strict=True):
+            yield NoiseRow(**vars(replace(found, model=name)), part=part, x=distance)

@@ -1,0 +1,66 @@
+"""Fits of clean readings read again with noise, judged by true deflections."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from testbench.bench.campaign import Cell, Model
+from testbench.bench.rows import UM
+from testbench.data.dataset import Dataset
+from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.identify import Constraint, Estimate
+from testbench.identify.evaluate import predict_all, score
+from testbench.trials.spread import Number, Share
+
+ANGLE_PER_LENGTH = 10.0
+"""Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
+WEIGHT = 25e-6  #: Sigma by which noise-free readings are weighted [m]: any will do.
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """A model fitted and judged by true deflections, in one trial or over all."""
+
+    model: str  #: Its name; of an instrument the instrument's.
+    structure: str
+    constraint: Constraint
+    prior: bool
+    rms_um: Number
+    p95_um: Number
+    conservative: Share
+    solved: Share
+
+
+def judged(cell: Cell, model: Model, estimates: Sequence[Estimate], truth: Dataset) -> list[FitRow]:
+    """A model's estimates judged by the same true deflections."""
+    errors = [score(moved, truth.deflection) for moved in predict_all(cell.vjm, estimates, truth)]
+    return [
+        FitRow(
+            model=model.name,
+            structure=model.structure.name,
+            constraint=estimate.constraint,
+            prior=estimate.belief is not None,
+            rms_um=UM * found.rms,
+            p95_um=UM * found.p95,
+            conservative=estimate.conservative,
+            solved=estimate.status == "solved",
+        )
+        for estimate, found in zip(estimates, errors, strict=True)
+    ]
+
+
+def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
+    """A noise-free dataset read with noise: for every sigma [m] the same numbers; orientations follow it."""
+    tracker = Tracker(sigma, ANGLE_PER_LENGTH * sigma)
+    before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
+    data = replace(clean, before=before, after=after, sigma=sigma or WEIGHT)
+    if clean.rotation_before is None or clean.rotation_after is None:
+        return data
+    turned = [
+        read_orientations(tracker, Rotation.from_rotvec(r).as_matrix(), rng)
+        for r in (clean.rotation_before, clean.rotation_after)
+    ]
+    sigma_rotation = ANGLE_PER_LENGTH * data.sigma
+    return replace(data, rotation_before=turned[0], rotation_after=turned[1], sigma_rotation=sigma_rotation)
