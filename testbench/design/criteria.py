@@ -1,10 +1,9 @@
 """What makes a plan good: information functions of the information matrix M, each with its certificate.
 
 Every criterion Phi is concave in M and positively homogeneous (Pukelsheim 1993, ch. 5), so that its
-efficiency Phi(plan) / Phi(best) is a share. `dual(M)` is a matrix Z with Phi(M') <= <Z, M'> for every M':
-what the equivalence theorem needs to bound all plans at once. `after(M, rows)` is Phi with one more
-candidate, for every candidate, by updates of rank k; 0 where it was not worth computing. `smooth(M)` is what
-the relaxation climbs: Phi, or a stand-in with a gradient everywhere. M is (r, r), rows (candidates, k, r).
+efficiency Phi(plan) / Phi(best) is a share. `after(M, rows)` is Phi with one more candidate, for every
+candidate, by updates of rank k; 0 where it was not worth computing. `tangent(M)` is a plane above Phi: what
+the equivalence theorem needs to bound all plans at once. M is (r, r), rows (candidates, k, r).
 
 D: det(M)^(1/r). A: 1 / tr(M^-1). E: least eigenvalue. I and the test-pose criterion (Klimchik et al.,
 Robotics and CIM 2014; Wu et al. 2015): 1 / tr(W M^-1), W the mean of the prediction rows' squares. G: 1 /
@@ -12,15 +11,26 @@ largest prediction variance. Formulas: Fedorov (1972), Pukelsheim (1993); for ca
 Hollerbach (ICRA 2008).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.design.squares import squares
 from testbench.errors import Array
 
 POWER = 24  #: Sharpness of the smooth stand-in for a largest value, G and E.
 SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in ranks the others.
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A plane above Phi, taken at some M."""
+
+    Z: Array  #: Phi(M') <= <Z, M'> for every M', symmetric, (r, r).
+    #: What the relaxation climbs: Phi(M), or a stand-in with a gradient everywhere.
+    height: float
 
 
 @dataclass(frozen=True)
@@ -34,16 +44,15 @@ class Determinant:
         sign, size = np.linalg.slogdet(M)
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
 
-    smooth = information
-
     def after(self, M: Array, rows: Array) -> Array:
         """By det(M + F^T F) = det(M) det(1 + F M^-1 F^T)."""
         K = _leverage(rows @ np.linalg.inv(M), rows)
         return np.asarray(self.information(M) * np.exp(np.linalg.slogdet(K)[1] / len(M)))
 
-    def dual(self, M: Array) -> Array:
+    def tangent(self, M: Array) -> Tangent:
         """Phi(M) M^-1 / r: the arithmetic mean of eigenvalues is no less than the geometric."""
-        return np.asarray(self.information(M) * np.linalg.inv(M) / len(M))
+        value = self.information(M)
+        return Tangent(value * np.linalg.inv(M) / len(M), value)
 
 
 @dataclass(frozen=True)
@@ -57,14 +66,12 @@ class Linear:
         """1 / tr(W M^-1)."""
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
-    smooth = information
-
     def after(self, M: Array, rows: Array) -> Array:
         """By Woodbury's formula."""
         return np.asarray(1 / _cost_after(M, rows, self.W))
 
-    def dual(self, M: Array) -> Array:
-        """M^-1 W M^-1 / tr(W M^-1)^2: a tangent of a concave function that is homogeneous."""
+    def tangent(self, M: Array) -> Tangent:
+        """M^-1 W M^-1 / tr(W M^-1)^2: that of a concave function that is homogeneous."""
         return _tangent(M, self.W)
 
 
@@ -77,7 +84,7 @@ class Largest:
     """
 
     name: str  #: For reports.
-    costs: Callable[[Array], Array]  #: At M, (k,).
+    costs: Callable[[Array], Array]  #: At any M, (..., r, r) to (..., k).
     #: W of their weighted mean at M, from weights whose sum is one, (k,) to (r, r).
     mix: Callable[[Array, Array], Array]
 
@@ -85,28 +92,25 @@ class Largest:
         """1 / largest cost."""
         return float(1 / self.costs(M).max())
 
-    def smooth(self, M: Array) -> float:
-        """1 / power mean of the costs."""
-        costs = self.costs(M)
-        most = costs.max()
-        return float(1 / (most * np.mean((costs / most) ** POWER) ** (1 / POWER)))
-
     def after(self, M: Array, rows: Array) -> Array:
         """Exact for the candidates that the stand-in ranks first."""
         found = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
-            cost = _cost_after(M, rows, self._weights(M))
+            cost = _cost_after(M, rows, self._weighted(M, self.costs(M)))
             first = np.argpartition(cost, SHORTLIST)[:SHORTLIST]
-        found[first] = [self.information(M + F.T @ F) for F in rows[first]]
+        few = rows[first]
+        found[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
         return found
 
-    def dual(self, M: Array) -> Array:
-        """That of the weighted mean."""
-        return _tangent(M, self._weights(M))
-
-    def _weights(self, M: Array) -> Array:
+    def tangent(self, M: Array) -> Tangent:
+        """That of the weighted mean, and 1 / power mean of the costs."""
         costs = self.costs(M)
+        most = costs.max()
+        height = 1 / (most * np.mean((costs / most) ** POWER) ** (1 / POWER))
+        return Tangent(_tangent(M, self._weighted(M, costs)).Z, float(height))
+
+    def _weighted(self, M: Array, costs: Array) -> Array:
         share = (costs / costs.max()) ** (POWER - 1)
         return self.mix(M, share / share.sum())
 
@@ -129,16 +133,12 @@ def criterion_e() -> Largest:
 
 def criterion_g(rows: Array) -> Largest:
     """G-optimality: worst mean square error of a pose, of predictions per unit of a, (poses, k, r) [m]."""
+    every = squares(rows / math.sqrt(_points(rows)))
 
     def costs(M: Array) -> Array:
-        half = rows @ np.linalg.inv(np.linalg.cholesky(M)).T
-        return np.asarray((half**2).sum(axis=(1, 2)) / _points(rows))
+        return every.inner(np.asarray(np.linalg.inv(M)))
 
-    def mix(_: Array, share: Array) -> Array:
-        A = (np.sqrt(share / _points(rows))[:, None, None] * rows).reshape(-1, rows.shape[2])
-        return np.asarray(A.T @ A)
-
-    return Largest("G", costs, mix)
+    return Largest("G", costs, lambda _, share: every.total(share))
 
 
 def mean_square(rows: Array) -> Array:
@@ -165,6 +165,7 @@ def _cost_after(M: Array, rows: Array, W: Array) -> Array:
     return np.asarray(np.trace(I @ W) - np.trace(gain, axis1=1, axis2=2))
 
 
-def _tangent(M: Array, W: Array) -> Array:
-    half = np.linalg.solve(M, W)
-    return np.asarray(np.linalg.solve(M, half.T) / np.trace(half) ** 2)
+def _tangent(M: Array, W: Array) -> Tangent:
+    I = np.linalg.inv(M)  # noqa: E741 - used thrice
+    value = float(1 / (I * W).sum())
+    return Tangent(value**2 * (I @ W @ I), value)

@@ -2,18 +2,32 @@
 
 A travelling salesman problem as an integer program: every pose has two of the chosen legs, and subtours are
 forbidden as they show up (Dantzig, Fulkerson and Johnson 1954). A place at no distance from all others is
-where the round trip is cut open.
+where the round trip is cut open. The relaxed program (legs between 0 and 1) bounds every trip from below; a
+leg whose reduced cost exceeds the gap to a trip found is in no shorter one and is left out.
+
+What is costly to ask of a leg, its surcharge, is asked only of legs that a best trip would take. Without it a
+trip seems no longer than it is, so that the best one of which every leg was asked is the shortest.
 """
 
-import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import coo_array, csr_array
+import numpy.typing as npt
+from scipy.optimize import Bounds, LinearConstraint, linprog, milp
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from testbench.design.rows import Ids
 from testbench.errors import Array
+
+NEAR = 6  #: Nearest other places whose legs the relaxed program starts with.
+GAP = 0.0005  #: Share of the bound by which a trip is expected to be longer; more costs a second look.
+TINY = 1e-9  #: Of a leg in a solution, and of a reduced cost over the longest leg, which counts as zero.
+
+Mask = npt.NDArray[np.bool_]
+Surcharge = Callable[[int, int], float]
+"""What a leg between two places costs beyond its travel, 0 or more."""
 
 
 def joint_travel(q: Array) -> Array:
@@ -21,31 +35,125 @@ def joint_travel(q: Array) -> Array:
     return np.asarray(np.abs(q[:, None] - q[None]).max(axis=2))
 
 
-def shortest_path(cost: Array) -> Ids:
-    """The shortest way through all places, wherever it begins and ends, (places,); cost is symmetric."""
-    return round_trip(np.pad(cost, (1, 0)))[1:] - 1
+def shortest_path(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
+    """The shortest way through all places, wherever it begins and ends, (places,); cost is symmetric.
+
+    Equal places, at no distance, are one stop.
+    """
+    first = (cost == 0).argmax(axis=1)
+    stops = np.unique(first)
+
+    def beyond(a: int, b: int) -> float:
+        return surcharge(int(stops[a - 1]), int(stops[b - 1])) if a else 0.0
+
+    trip = round_trip(np.pad(cost[np.ix_(stops, stops)], (1, 0)), beyond)
+    return np.concatenate([np.flatnonzero(first == stop) for stop in stops[trip[1:] - 1]])
 
 
-def round_trip(cost: Array) -> Ids:
+def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
     """The shortest round trip, (places,): it begins at place 0 and ends before it; cost is symmetric."""
     n = len(cost)
     if n <= 3:
         return np.arange(n)
-    legs = np.array(list(itertools.combinations(range(n), 2)))
-    each = np.arange(len(legs))
-    ends = coo_array((np.ones(2 * len(legs)), (legs.T.ravel(), np.tile(each, 2))), shape=(n, len(legs)))
-    rules = [LinearConstraint(csr_array(ends), 2, 2)]
-    price = cost[legs[:, 0], legs[:, 1]]
+    legs = np.stack(np.triu_indices(n, 1), axis=1)
+    trip = _Trip(n, legs, cost[legs[:, 0], legs[:, 1]], surcharge, np.zeros(len(legs), dtype=bool))
+    inside, slack = _near(cost)[legs[:, 0], legs[:, 1]], 0.0
     while True:
-        solution = milp(
-            price, integrality=np.ones(len(legs), dtype=int), bounds=Bounds(0, 1), constraints=rules
-        )
-        assert solution.x is not None, solution.message  # a full graph always has a round trip
-        used = legs[solution.x > 0.5]
-        graph = coo_array((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(n, n))
-        count, part = connected_components(graph, directed=False)
-        if count == 1:
+        least, reduced = _relaxed(trip, inside)
+        slack = max(slack, GAP * least)
+        solution = trip.best(np.flatnonzero(reduced <= slack))
+        if solution is None:
+            slack = 2 * slack + TINY * float(cost.max())
+            continue
+        used, length = solution
+        if trip.learns(used):
+            continue
+        if length - least <= slack:
+            graph = trip.graph(used)
             return np.asarray(depth_first_order(graph, 0, directed=False, return_predecessors=False))
-        for k in range(count):
-            inside = (part[legs] == k).all(axis=1)
-            rules.append(LinearConstraint(inside[None].astype(float), ub=(part == k).sum() - 1))
+        slack = length - least
+
+
+def _near(cost: Array) -> Mask:
+    """Legs to the nearest places and, so that there is a round trip, from each place to the next."""
+    n = len(cost)
+    rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
+    near = np.zeros((n, n), dtype=bool)
+    near[np.arange(n)[:, None], rank[:, :NEAR]] = True
+    near[np.arange(n), np.roll(np.arange(n), 1)] = True
+    return np.asarray(near | near.T)
+
+
+@dataclass
+class _Trip:
+    """The integer program, which grows: what was asked of legs, and the subtours that are forbidden."""
+
+    places: int
+    legs: Ids  #: First and second place of all, (legs, 2).
+    price: Array  #: Travel, and the surcharge where it was asked, (legs,).
+    surcharge: Surcharge
+    asked: Mask  #: Legs whose surcharge is known, (legs,).
+    parts: list[Mask] = field(default_factory=list)  #: Places that no subtour may join, (places,) each.
+
+    def rules(self, chosen: Ids) -> tuple[Array, Array, Array]:
+        """Of some legs: those at every place (two of them), those inside every part, how many at most."""
+        legs = self.legs[chosen]
+        ends = np.zeros((self.places, len(legs)))
+        ends[legs.T, np.arange(len(legs))] = 1
+        inside = np.array([part[legs].all(axis=1) for part in self.parts], dtype=float)
+        most = np.array([part.sum() - 1 for part in self.parts], dtype=float)
+        return ends, inside.reshape(-1, len(legs)), most
+
+    def best(self, chosen: Ids) -> tuple[Ids, float] | None:
+        """The best of some legs by the rules so far, and their length; None where they make no trip."""
+        ends, inside, most = self.rules(chosen)
+        rules = [LinearConstraint(ends, 2, 2), LinearConstraint(inside, ub=most)]
+        found = milp(
+            self.price[chosen],
+            integrality=np.ones(len(chosen), dtype=int),
+            bounds=Bounds(0, 1),
+            constraints=rules,
+            options={"mip_rel_gap": 0},
+        )
+        return None if found.x is None else (chosen[found.x > 0.5], float(found.fun))
+
+    def worth(self, place: Array, part: Array) -> Array:
+        """What every leg is worth by the duals of the rules, (places,) and (parts,) to (legs,)."""
+        a, b = self.legs.T
+        members = np.array(self.parts, dtype=float).reshape(-1, self.places)
+        return np.asarray(place[a] + place[b] + (members.T @ (part[:, None] * members))[a, b])
+
+    def learns(self, used: Ids) -> bool:
+        """Ask the surcharge of legs and forbid their subtours; whether they cost more or are no trip."""
+        before = self.price[used].sum()
+        for k in used[~self.asked[used]]:
+            self.price[k] += self.surcharge(*map(int, self.legs[k]))
+        self.asked[used] = True
+        count, part = connected_components(self.graph(used), directed=False)
+        self.parts += [part == k for k in range(count)] if count > 1 else []
+        return bool(count > 1 or self.price[used].sum() > before)
+
+    def graph(self, used: Ids) -> coo_array:
+        """Places joined by legs."""
+        a, b = self.legs[used].T
+        return coo_array((np.ones(len(used)), (a, b)), shape=(self.places, self.places))
+
+
+def _relaxed(trip: _Trip, inside: Mask) -> tuple[float, Array]:
+    """Length that no round trip undercuts, and what each leg adds to it at least, its reduced cost, (legs,).
+
+    Legs that would shorten the relaxed trip join those inside.
+    """
+    tiny = TINY * float(trip.price.max())
+    while True:
+        chosen = np.flatnonzero(inside)
+        ends, within, most = trip.rules(chosen)
+        twice = np.full(trip.places, 2.0)
+        found = linprog(trip.price[chosen], A_ub=within, b_ub=most, A_eq=ends, b_eq=twice, bounds=(0, 1))
+        assert found.x is not None, found.message  # from each place to the next is a trip
+        reduced = trip.price - trip.worth(found.eqlin.marginals, found.ineqlin.marginals)
+        joining = ~inside & (reduced < -tiny)
+        if joining.any():
+            inside |= joining
+        elif not trip.learns(chosen[found.x > TINY]):
+            return float(trip.price[chosen] @ found.x), reduced

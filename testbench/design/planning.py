@@ -170,12 +170,12 @@ def _order(q: Array, load: Ids, reach: Reach) -> Ids:
     """Order of measuring: one load after the other, each on the shortest way through its poses."""
     found: list[int] = []
     for kind in np.unique(load):
-        own = np.flatnonzero(load == kind)
-        cost = joint_travel(q[own])
-        for i, k in zip(*np.tril_indices(len(own), -1), strict=True):
-            if not reach.clear(q[own[i]], q[own[k]]):
-                cost[i, k] = cost[k, i] = cost[i, k] + DETOUR
-        found += own[shortest_path(cost)].tolist()
+        own = q[load == kind]
+
+        def detour(a: int, b: int, own: Array = own) -> float:
+            return 0.0 if reach.clear(own[a], own[b]) else DETOUR
+
+        found += np.flatnonzero(load == kind)[shortest_path(joint_travel(own), detour)].tolist()
     return np.array(found)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from testbench.design.criteria import Criterion
 from testbench.design.rows import Ids, Problem, total
+from testbench.design.squares import squares
 from testbench.errors import Array
 
 FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
@@ -50,13 +51,12 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
     for _ in range(ROUNDS):
         w = _climb(problem, criterion, S, w)
         M = total(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
-        Z = criterion.dual(M)
-        g = sensitivity(problem.rows, Z)
-        limit = float((Z * problem.prior).sum() + poses * g.max())
-        value = criterion.information(M)
+        plane = criterion.tangent(M)
+        g = sensitivity(problem.rows, plane.Z)
+        limit = float((plane.Z * problem.prior).sum() + poses * g.max())
         if best is None or limit < best.bound:
-            best = Relaxed(S, w, value, limit, Z)
-        if limit <= (1 + GAP) * criterion.smooth(M):
+            best = Relaxed(S, w, criterion.information(M), limit, plane.Z)
+        if limit <= (1 + GAP) * plane.height:
             break
         S, w = _exchange_members(g, S, w)
     assert best is not None
@@ -66,23 +66,20 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
 def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
     """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum.
 
-    M and all <Z, F^T F> are products with the squares F^T F, one row a candidate.
+    M and all <Z, F^T F> are products with the squares F^T F.
     """
-    rows, total, power = problem.rows[S], w.sum(), POWER
-    squares = (rows.swapaxes(1, 2) @ rows).reshape(len(S), -1)
-    M = problem.prior + (w @ squares).reshape(problem.prior.shape)
-    value = criterion.smooth(M)
+    every, total, power = squares(problem.rows[S]), w.sum(), POWER
+    plane = criterion.tangent(problem.prior + every.total(w))
     for _ in range(STEPS):
-        g = squares @ criterion.dual(M).ravel()
-        if total * g.max() - w @ g <= GAP / 4 * value:
+        g = every.inner(plane.Z)
+        if total * g.max() - w @ g <= GAP / 4 * plane.height:
             break
         while power > 1e-3:
             trial = w * (g / g.max()) ** power
             trial *= total / trial.sum()
-            M = problem.prior + (trial @ squares).reshape(problem.prior.shape)
-            reached = criterion.smooth(M)
-            if reached >= value:
-                w, value, power = trial, reached, min(GROW * power, MOST)
+            reached = criterion.tangent(problem.prior + every.total(trial))
+            if reached.height >= plane.height:
+                w, plane, power = trial, reached, min(GROW * power, MOST)
                 break
             power /= 2
         else:

@@ -13,6 +13,7 @@ from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.refine import Neighbourhood, ascend, refine
 from testbench.design.relaxation import relax, sensitivity
 from testbench.design.rows import Problem, information
+from testbench.design.squares import squares
 
 R, K = 5, 2
 A_OPTIMAL = Linear("A", np.eye(R) / R)
@@ -56,7 +57,7 @@ class TestEveryCriterion:
         assert criterion.after(M, rows).max() == pytest.approx(max(direct), rel=1e-9)
 
     def test_dual_bounds_every_information_matrix(self, criterion):
-        Z = criterion.dual(positive(1))
+        Z = criterion.tangent(positive(1)).Z
         for seed in range(200):
             M = positive(seed) * 10 ** rng(seed).uniform(-2, 2)
             assert criterion.information(M) <= (Z * M).sum() * (1 + 1e-9)
@@ -88,7 +89,7 @@ class TestEveryCriterion:
 @pytest.mark.parametrize("criterion", [Determinant(), A_OPTIMAL], ids=lambda c: c.name)
 def test_smooth_duals_touch_the_criterion(criterion):
     M = positive(4)
-    assert (criterion.dual(M) * M).sum() == pytest.approx(criterion.information(M))
+    assert (criterion.tangent(M).Z * M).sum() == pytest.approx(criterion.information(M))
 
 
 def parabola():
@@ -129,6 +130,13 @@ def test_bound_is_that_of_the_most_useful_candidate():
     useful = max(np.trace(F @ relaxed.dual @ F.T) for F in problem.rows)
     assert relaxed.bound == pytest.approx((relaxed.dual * problem.prior).sum() + 4 * useful)
     assert sensitivity(problem.rows, Z)[7] == pytest.approx(np.trace(problem.rows[7] @ Z @ problem.rows[7].T))
+
+
+def test_squares_are_those_of_the_rows():
+    rows, Z, weights = rng(1).normal(size=(7, K, R)), positive(3), rng(2).random(7)
+    every = squares(rows)
+    np.testing.assert_allclose(every.inner(Z), sensitivity(rows, Z))
+    np.testing.assert_allclose(every.total(weights), np.einsum("p,pkr,pkl->rl", weights, rows, rows))
 
 
 def test_forecast_is_the_spread_of_least_squares():
@@ -180,17 +188,41 @@ def test_a_plan_that_sees_too_little_has_no_observability():
     assert (found.seen, found.o1, found.o3) == (K, 0, 0)
 
 
+def held_karp(cost):
+    """Length of the shortest way through all places, by dynamic programming over sets of places."""
+    n = len(cost)
+    best = {(1 << k, k): 0.0 for k in range(n)}
+    for size in range(2, n + 1):
+        for places in itertools.combinations(range(n), size):
+            all_of = sum(1 << k for k in places)
+            for k in places:
+                best[all_of, k] = min(best[all_of ^ (1 << k), i] + cost[i, k] for i in places if i != k)
+    return min(best[2**n - 1, k] for k in range(n))
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_shortest_path_is_that_of_brute_force(seed):
-    cost = joint_travel(rng(seed).uniform(-3, 3, (7, 6)))
+def test_shortest_path_is_that_of_held_and_karp_though_few_legs_were_asked_what_they_cost(seed):
+    travel = joint_travel(rng(seed).uniform(-3, 3, (10, 6)))
+    blocked = np.triu(rng(seed + 50).random((10, 10)) < 0.4, 1)
+    blocked |= blocked.T
+    asked = []
 
-    def length(path):
-        return sum(cost[a, b] for a, b in itertools.pairwise(path))
+    def surcharge(a, b):
+        asked.append((a, b))
+        return 4.0 * blocked[a, b]
 
-    best = min(map(length, itertools.permutations(range(7))))
-    found = shortest_path(cost)
-    assert sorted(found) == list(range(7))
-    assert length(found) == pytest.approx(best)
+    path = shortest_path(travel, surcharge)
+    cost = travel + 4.0 * blocked
+    assert sorted(path) == list(range(10))
+    assert cost[path[:-1], path[1:]].sum() == pytest.approx(held_karp(cost))
+    assert len(set(asked)) == len(asked) < 45
+
+
+def test_equal_places_are_one_stop():
+    cost = joint_travel(np.repeat(rng(1).uniform(-3, 3, (9, 6)), 4, axis=0)[rng(2).permutation(36)])
+    path = shortest_path(cost)
+    assert sorted(path) == list(range(36))
+    assert (cost[path[:-1], path[1:]] > 0).sum() == 8
 
 
 def test_round_trip_goes_around_and_not_across():
