@@ -68,10 +68,10 @@ def eigenvalue_scale(C: Array) -> Array:
     """Units in which eigenvalues of a compliance mean something: the square root of its diagonal.
 
     Eigenvalues of a matrix that mixes m/N with rad/(N m) depend on the unit of length; those of
-    D^-1/2 C D^-1/2 with D = |diag C| do not, and have the same signs (Sylvester). C is symmetric,
-    (..., n, n); the scales are positive, (..., n), 1 where the diagonal is zero.
+    D^-1/2 C D^-1/2 with D = |diag C| do not, and have the same signs (Sylvester). C is symmetric, (n, n);
+    the scales are positive, (n,), 1 where the diagonal is zero.
     """
-    d = np.sqrt(np.abs(np.diagonal(C, axis1=-2, axis2=-1)))
+    d = np.sqrt(np.abs(np.diag(C)))
     return np.where(d > 0, d, 1.0)
 
 

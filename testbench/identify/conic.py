@@ -13,6 +13,7 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.certify import bound_gap, scaled_units, total_trace
 from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
+from testbench.identify.metric import clipped
 from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
 from testbench.model.structure import Structure
 
@@ -150,10 +151,7 @@ def f_m_norms(terms: tuple[Term, ...], rows: list[Array], unit: float) -> tuple[
 
 def clip(s: Structure, x: Array) -> Array:
     """Parameters with every block's negative eigenvalues set to zero."""
-    X = s.matrix(x)
-    for group in s.groups:
-        X[group.index] = cone.psd_part(X[group.index])
-    return s.entries(X)
+    return s.entries(clipped(s, s.matrix(x)))
 
 
 def _solve(regression: Regression, program: Program) -> cone.Solution:

@@ -128,35 +128,35 @@ def make_estimate(
         BenchError: When pi has another shape or is not finite.
     """
     pi = check_array(pi, (regression.structure.n,), "pi [m/N, rad/(N m), rad/N]")
-    C = regression.structure.matrix(pi)
+    C, cost = regression.structure.matrix(pi), f_m(regression, pi)
     return Estimate(
         method=method,
         regression=regression,
         pi=pi,
         C_theta=C,
-        f_m=f_m(regression, pi),
+        f_m=cost,
         f_m_floor=regression.f_m_floor,
-        conservative=all(are_conservative(C[group.index]) for group in regression.structure.groups),
-        advice=(*_rank_advice(regression), *_fit_advice(regression, pi), *advice),
+        conservative=is_conservative(regression.structure, C),
+        advice=(*_rank_advice(regression), *_fit_advice(regression, cost), *advice),
         constraint=constraint,
     )
 
 
-def are_conservative(C: Array) -> bool:
-    """Whether compliances, (k, n, n), are symmetric and positive semi-definite up to rounding (Section 2.2).
+def is_conservative(structure: Structure, C: Array) -> bool:
+    """Whether every block of C_theta is symmetric and positive semi-definite up to rounding (Section 2.2).
 
-    Judged on the matrices of unit diagonal, so that metres and radians do not mix.
+    Judged on the matrix of unit diagonal, so that metres and radians do not mix.
     """
     scale = eigenvalue_scale(C)
-    unitless = C / (scale[:, :, None] * scale[:, None, :])
-    if np.abs(unitless - unitless.swapaxes(1, 2)).max() > SYMMETRY_TOLERANCE:
+    unitless = C / np.outer(scale, scale)
+    if np.abs(unitless - unitless.T).max() > SYMMETRY_TOLERANCE:
         return False
-    values = np.linalg.eigvalsh(unitless)
-    return bool((values[:, 0] >= -CONSERVATIVE_TOLERANCE * np.maximum(abs(values[:, -1]), 1e-300)).all())
+    values = [np.linalg.eigvalsh(unitless[group.index]) for group in structure.groups]
+    return all((v[:, 0] >= -CONSERVATIVE_TOLERANCE * np.maximum(v[:, -1], 0)).all() for v in values)
 
 
-def _fit_advice(regression: Regression, pi: Array) -> tuple[str, ...]:
-    cost, floor = f_m(regression, pi), regression.f_m_floor
+def _fit_advice(regression: Regression, cost: float) -> tuple[str, ...]:
+    floor = regression.f_m_floor
     if cost <= MISFIT * floor:
         return ()
     name = regression.structure.name

@@ -13,10 +13,11 @@ import numpy as np
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
 from testbench.identify.prior import Prior, Strength, aggregate
-from testbench.identify.regression import Ids, Regression, check_symmetric
-from testbench.model.structure import Group, Structure
+from testbench.identify.regression import Regression, check_symmetric
+from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
+SKEW = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
 SMALLEST = 1e-9  #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
 
 
@@ -37,11 +38,19 @@ class Metric:
 
     def project(self, x: Array) -> Array:
         """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
-        x = x.copy()
-        for group in self.structure.groups:
-            at = group.triangles
-            x[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
-        return x
+        s = self.structure
+        row, column = s.triangles
+        X = np.zeros((s.n_theta, s.n_theta))
+        X[row, column] = X[column, row] = x * np.where(row == column, 1, math.sqrt(0.5))
+        return np.asarray(clipped(s, X)[row, column] * np.where(row == column, 1, math.sqrt(2)))
+
+
+def clipped(structure: Structure, X: Array) -> Array:
+    """A matrix with the negative eigenvalues of every block set to zero, (n_theta, n_theta)."""
+    X = X.copy()
+    for group in structure.groups:
+        X[group.index] = cone.psd_part(X[group.index])
+    return X
 
 
 @dataclass(frozen=True)
@@ -69,17 +78,12 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
         raise BenchError(
             f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
         )
-    P = aggregate(P, vjm, structure)
-    L = np.zeros((structure.n, structure.n))
-    by_block = np.argsort(structure.block_of[structure.a], kind="stable")
+    row, column = structure.triangles
+    root = _root(aggregate(P, vjm, structure), prior, structure)
+    L, expected = np.zeros((structure.n, structure.n)), np.where(row == column, 1.0, 0.0)
     for group in structure.groups:
-        labels = [f"prior {prior.name}, {structure.labels[rows[0]]} ..." for rows in group.rows]
-        at = group.triangles
-        own = by_block[at]
-        L[own[:, :, None], at[:, None, :]] = _congruence(
-            structure, group, own, _roots(P[group.index], labels)
-        )
-    expected = np.concatenate([cone.svec(np.eye(n)) for n in sizes])
+        own = structure.parameter[group.entries]
+        L[own[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
     return Metric(prior.name, structure, L, expected, sizes)
 
 
@@ -137,29 +141,33 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     return replace(metric, L=scale * metric.L)
 
 
-def _roots(P: Array, labels: list[str]) -> Array:
-    """Symmetric square roots of blocks, (k, n, n), refused if not symmetric positive definite."""
-    d = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0))
-    skew = np.abs(P - P.swapaxes(1, 2)).max(axis=(1, 2)) > 1e-9 * np.abs(P).max(axis=(1, 2))
-    bad = np.flatnonzero(skew | ~(d > 0).all(axis=1))
-    if len(bad):
-        raise BenchError(f"{labels[bad[0]]}: expected a symmetric block with a positive diagonal")
-    values, Q = np.linalg.eigh(P / (d[:, :, None] * d[:, None, :]))
-    bad = np.flatnonzero(values[:, 0] <= SMALLEST)
-    if len(bad):
-        raise BenchError(
-            f"{labels[bad[0]]}: expected a positive definite block, got smallest eigenvalue "
-            f"{values[bad[0], 0]:.3g} (of the block scaled to unit diagonal)"
-        )
-    return np.asarray(d[:, :, None] * (Q * np.sqrt(values)[:, None, :]) @ Q.swapaxes(1, 2))
+def _root(P: Array, prior: Prior, structure: Structure) -> Array:
+    """Symmetric square root of a prior in every block, refused if not symmetric positive definite there."""
+
+    def refused(row: int, problem: str) -> BenchError:
+        label = structure.labels[structure.blocks[structure.block_of[row]][0]]
+        return BenchError(f"prior {prior.name}, {label} ...: expected a {problem}")
+
+    d = np.sqrt(np.maximum(np.diag(P), 0))
+    safe = np.where(d > 0, d, 1.0)
+    unit, root = P / np.outer(safe, safe), np.zeros_like(P)
+    row, column = structure.triangles
+    bad = (d[row] == 0) | (np.abs(unit[row, column] - unit[column, row]) > SKEW)
+    if bad.any():
+        raise refused(row[np.argmax(bad)], "symmetric block with a positive diagonal")
+    for group in structure.groups:
+        values, Q = np.linalg.eigh(unit[group.index])
+        if values.min() <= SMALLEST:
+            k = np.argmin(values[:, 0])
+            problem = f"positive definite block, got smallest eigenvalue {values[k, 0]:.3g}"
+            raise refused(group.rows[k, 0], f"{problem} (of the block scaled to unit diagonal)")
+        root[group.index] = d[group.rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
+    return root
 
 
-def _congruence(structure: Structure, group: Group, own: Ids, roots: Array) -> Array:
-    """Parameters of every block per unit of each entry of its x: C = root X root^T, (k, own, own)."""
-    position = np.zeros(structure.n_theta, dtype=int)
-    position[group.rows] = np.arange(group.size)
-    row, column = cone.upper(group.size)
-    block = np.arange(len(roots))[:, None]
-    a, b = roots[block, position[structure.a[own]]], roots[block, position[structure.b[own]]]
+def _congruences(roots: Array) -> Array:
+    """Upper triangles of C = root X root^T per unit of each entry of x = svec(X), (k, entries, entries)."""
+    row, column = cone.upper(roots.shape[1])
+    a, b = roots[:, row], roots[:, column]
     weight = np.where(row == column, 0.5, math.sqrt(0.5))
     return np.asarray(weight * (a[..., row] * b[..., column] + a[..., column] * b[..., row]))

@@ -123,7 +123,9 @@ def rank(A: Array) -> int:
     seen = norm > ROUNDING * norm.max(initial=0)
     if not seen.any():
         return 0
-    s = np.linalg.svd(A[:, seen] / norm[seen], compute_uv=False)
+    A = A[:, seen] / norm[seen]
+    length = np.linalg.norm(A, axis=1)  # of a few readings most rows of R are rounding
+    s = np.linalg.svd(A[length > ROUNDING * length.max()], compute_uv=False)
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
 

@@ -48,7 +48,7 @@ def weigh(vjm: Vjm, data: Dataset, runs: slice, equations: int, *, rotation: boo
     if data.precision is None or rotation:
         weight = 1 / (math.sqrt(2) * sigma * math.sqrt(equations / 3))
         Q, G = np.linalg.qr(motion, mode="complete")
-        J = np.tensordot(weight * G[:6], twist, axes=1)
+        J = (weight * G[:6] @ twist.reshape(6, -1)).reshape(-1, *twist.shape[1:])
         z = weight * Q.T @ (y @ where.rotation).reshape(len(y), -1).T
     else:
         own, z = _weighted(data.precision[runs] / (equations / 3), where.rotation, motion, y)
@@ -89,7 +89,8 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
 
 def marker_motion(points: Array) -> Array:
     """How markers at (m, 3) [m] move per unit twist of the tool, all in the tool's frame, (3 m, 6) [1, m]."""
-    return np.vstack([np.hstack([np.eye(3), skew(point).T]) for point in points])
+    turns = np.array([skew(point).T for point in points])
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
 
 
 def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:

@@ -34,15 +34,10 @@ class Group:
 
     at: Ids  #: Their places among all blocks, (k,).
     rows: Ids  #: Their rows of C_theta, (k, size).
-    #: Where the triangle of each stands among those of all blocks, (k, size (size + 1) / 2).
-    triangles: Ids
+    #: Where their upper triangles stand in `Structure.triangles`, (k, size (size + 1) / 2).
+    entries: Ids
 
-    @property
-    def size(self) -> int:
-        """Order of each block."""
-        return int(self.rows.shape[1])
-
-    @property
+    @cached_property
     def index(self) -> tuple[Ids, Ids]:
         """Where the blocks stand in C_theta: C[index] is (k, size, size)."""
         return self.rows[:, :, None], self.rows[:, None, :]
@@ -147,6 +142,21 @@ class Structure:
             return Group(at, rows, first[at, None] + np.arange(entries[at[0]]))
 
         return tuple(group(np.flatnonzero(sizes == size)) for size in np.unique(sizes))
+
+    @cached_property
+    def triangles(self) -> tuple[Ids, Ids]:
+        """Rows and columns in C_theta of the upper triangles, by column, of one block after the other."""
+        entries = [np.tril_indices(len(block)) for block in self.blocks]
+        rows = [block[row] for block, (_, row) in zip(self.blocks, entries, strict=True)]
+        columns = [block[column] for block, (column, _) in zip(self.blocks, entries, strict=True)]
+        return np.concatenate(rows), np.concatenate(columns)
+
+    @cached_property
+    def parameter(self) -> Ids:
+        """Parameter of every such entry, -1 where none is."""
+        place = np.full((self.n_theta,) * 2, -1)
+        place[self.a, self.b] = place[self.b, self.a] = np.arange(self.n)
+        return np.asarray(place[self.triangles])
 
     @cached_property
     def whole(self) -> bool:
