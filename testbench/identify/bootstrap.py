@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.conic import optimum, sensitivity_units
+from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Estimate
 from testbench.identify.intervals import Intervals, check_confidence, linearise
-from testbench.identify.least_squares import solve_all
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
+from testbench.identify.regularised import fit_all
 
 
 def bootstrap(
@@ -39,8 +39,7 @@ def bootstrap(
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
     centre, linear = a @ estimate.pi, linearise(estimate)
     again = resampler(estimate.regression)
-    drawn = [again(estimate.pi, rng) for _ in range(draws)]
-    refits = solve_all(drawn) if estimate.constraint == "none" else np.array([optimum(r).pi for r in drawn])
+    refits = fit_all([again(estimate.pi, rng) for _ in range(draws)], estimate.constraint)
     errors = refits @ a.T - centre
     errors.sort(axis=0)
     unseen = np.where(np.isinf(linear.deviations(a)), np.inf, 0.0)

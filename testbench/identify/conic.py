@@ -1,19 +1,25 @@
 """Gramian-constrained optimisation as a conic program with a certificate.
 
 Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
-sets are one (Theorem 1). Solved by Clarabel's interior-point method in scaled units.
+sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, all datasets of
+a structure at once; by Clarabel where they are not, or where the dense answer is not proven.
 """
 
 import math
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.errors import Array
 from testbench.identify import cone
-from testbench.identify.certify import bound_gap, scaled_units, total_trace
+from testbench.identify.blocks import blocks_of
+from testbench.identify.certify import bound_gap, gradient_dual, scaled_units, total_trace
+from testbench.identify.dense import least_norms, shares
 from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
 from testbench.identify.metric import clipped
+from testbench.identify.objective import Objective
 from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
 from testbench.model.structure import Structure
 
@@ -29,6 +35,7 @@ GAP_TOLERANCE = 1e-5
 DATA_TOLERANCE = 1e-7
 """The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own."""
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
+PROVEN = 1e-10  #: Gap in the unit of F_M up to which the dense answer is taken: what Clarabel is asked for.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
@@ -60,12 +67,9 @@ def optimum(regression: Regression) -> Estimate:
     structure = regression.structure
     check_symmetric(structure)
     program = scale_program(regression)
-    solution = _solve(regression, program)
-    terms = len(regression.terms)
-    pi = np.zeros(structure.n)
-    pi[program.columns] = program.scale * clip(program.structure, solution.x[terms:])
-    z = np.array(solution.duals[:terms])
-    certificate = bound_gap(regression, pi, Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0]))
+    answer = answers([regression], [program])[0]
+    pi = answer.pi
+    certificate = bound_gap(regression, pi, answer.dual or gradient_dual(regression, pi))
     exact = f_m(regression, pi) <= EXACT * program.unit  # and F_M cannot be negative
     solved = exact or _reached(regression, program, pi, certificate)
     held = not exact and _held(regression, program, pi)
@@ -74,11 +78,88 @@ def optimum(regression: Regression) -> Estimate:
     )
     return replace(
         estimate,
-        status="solved" if solved else solution.failure,
+        status="solved" if solved else answer.failure,
         certificate=certificate,
-        solver_seconds=solution.seconds,
+        solver_seconds=answer.seconds,
         held_by_trace_weight=held,
     )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a solver found."""
+
+    pi: Array  #: Parameters, (n,).
+    seconds: float  #: Time inside the solver.
+    failure: str  #: What is said where it is not proven to be near the optimum.
+    dual: Dual | None = None  #: Its proof; None for the gradient of F_M.
+
+
+def optima(regressions: Sequence[Regression]) -> Array:
+    """Parameters that `optimum` finds, of many datasets of one structure, (datasets, n)."""
+    return np.array([a.pi for a in answers(regressions, [scale_program(r) for r in regressions])])
+
+
+def answers(regressions: Sequence[Regression], programs: Sequence[Program]) -> list[Answer]:
+    """The answers to the programs of some datasets of one structure, those of one shape together."""
+    found: dict[int, Answer | None] = {}
+    shapes: dict[tuple[int, bytes], list[int]] = {}
+    for k, (regression, program) in enumerate(zip(regressions, programs, strict=True)):
+        shapes.setdefault((len(regression.terms), program.columns.tobytes()), []).append(k)
+    for which in shapes.values():
+        first = programs[which[0]]
+        suits = len(first.columns) > 0 and first.structure.whole
+        for share in shares(len(which), len(first.columns)) if suits else ():
+            some = [(regressions[k], programs[k]) for k in which[share]]
+            found |= zip(which[share], _dense(some), strict=True)
+    return [found.get(k) or _by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
+
+
+def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer | None]:
+    """The proven answers of our own method to programs of one shape; None for the others."""
+    start = time.perf_counter()
+    structure = some[0][1].structure
+    order, sizes = structure.triangles, tuple(len(block) for block in structure.blocks)
+    blocks = blocks_of(sizes)
+    unit = np.where(structure.mirrored[order], math.sqrt(0.5), 1.0)
+    found = least_norms(_objective(some, order, unit), blocks)
+    seconds = (time.perf_counter() - start) / len(some)
+    result: list[Answer | None] = []
+    for (regression, program), x, gap in zip(some, found.x, found.gap, strict=True):
+        pi = np.zeros(regression.structure.n)
+        pi[program.columns[order]] = program.scale[order] * unit * x
+        result.append(
+            Answer(pi, seconds, f"proven to {gap:.1g} of F_M without a model") if gap <= PROVEN else None
+        )
+    return result
+
+
+def _objective(some: Sequence[tuple[Regression, Program]], order: Ids, unit: Array) -> Objective:
+    """F_M and the trace term in coordinates of the blocks, in the programs' units of F_M."""
+    known: dict[int, tuple[Array, Array]] = {}  # resamples share their rows; F_M's unit cancels in them
+    for regression, p in some:
+        for term in regression.terms:
+            if id(term.R) not in known:
+                A = term.R[:, p.columns[order]] * (p.scale[order] * unit / p.unit)
+                known[id(term.R)] = A, A.T @ A
+    count, rows = len(some[0][0].terms), len(some[0][0].terms[0].R)
+    return Objective(
+        R=np.array([np.concatenate([known[id(t.R)][0] for t in r.terms]) for r, _ in some]),
+        z=np.array([np.concatenate([t.z for t in r.terms]) / p.unit for r, p in some]),
+        rest=np.array([[math.sqrt(t.rest) / p.unit for t in r.terms] for r, p in some]),
+        c=np.array([trace_cost(p)[order] * unit for _, p in some]),
+        H=np.array([[known[id(t.R)][1] for t in r.terms] for r, _ in some]),
+        terms=tuple(slice(k * rows, (k + 1) * rows) for k in range(count)),
+    )
+
+
+def _by_clarabel(regression: Regression, program: Program) -> Answer:
+    solution = _solve(regression, program)
+    terms = len(regression.terms)
+    pi = np.zeros(regression.structure.n)
+    pi[program.columns] = program.scale * clip(program.structure, solution.x[terms:])
+    z = np.array(solution.duals[:terms])
+    return Answer(pi, solution.seconds, solution.failure, Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0]))
 
 
 def _reached(regression: Regression, program: Program, pi: Array, certificate: Certificate) -> bool:

@@ -6,14 +6,12 @@ were never fitted. So it is with the runs of one load, where the data have sever
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
-from testbench.identify.estimate import Estimate
-from testbench.identify.metric import Metric
+from testbench.identify.metric import Belief, Case, Metric
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m, reduce
 from testbench.model.structure import Structure
@@ -24,8 +22,10 @@ UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 FOLDS = 8
 LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
 
-Fit = Callable[[Regression], Estimate]
-Regularised = Callable[[Regression, Metric, Strength], Estimate]
+Fits = Callable[[Sequence[Regression]], Array]
+"""Parameters of many datasets of one structure, (datasets, n)."""
+Regularised = Callable[[Sequence[Case]], Array]
+"""The same with priors."""
 
 
 @dataclass(frozen=True)
@@ -88,20 +88,18 @@ def _fold(vjm: Vjm, structure: Structure, data: Dataset, held_out: Mask) -> Fold
     return Fold(runs, reduce(vjm, structure, runs), reduce(vjm, structure, select(data, held_out)))
 
 
-def held_out_errors(folds: Sequence[Fold], fit: Fit) -> Array:
+def held_out_errors(folds: Sequence[Fold], fits: Fits) -> Array:
     """F_M on the poses held out, fitted to the others, (folds,) [1]."""
-    return np.array([f_m(fold.held_out, fit(fold.fitted).pi) for fold in folds])
+    found = fits([fold.fitted for fold in folds])
+    return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, found, strict=True)])
 
 
-def choose_strength(folds: Sequence[Fold], metric: Metric, fit: Regularised) -> Strength:
+def choose_strength(folds: Sequence[Fold], metric: Metric, fits: Regularised) -> Strength:
     """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
     tried = [Strength(u) for u in UNCERTAINTIES]
-    errors = [held_out_errors(folds, partial(_at, fit, metric, strength)).mean() for strength in tried]
-    return tried[int(np.argmin(errors))]
-
-
-def _at(fit: Regularised, metric: Metric, strength: Strength, regression: Regression) -> Estimate:
-    return fit(regression, metric, strength)
+    found = fits([Case(fold.fitted, Belief(metric, strength)) for strength in tried for fold in folds])
+    errors = [f_m(fold.held_out, pi) for fold, pi in zip(list(folds) * len(tried), found, strict=True)]
+    return tried[int(np.argmin(np.reshape(errors, (len(tried), len(folds))).mean(axis=1)))]
 
 
 def one_standard_error(candidates: Sequence[Candidate]) -> str:

@@ -61,6 +61,14 @@ class Belief:
     strength: Strength
 
 
+@dataclass(frozen=True)
+class Case:
+    """A dataset, and what is believed beforehand."""
+
+    regression: Regression
+    belief: Belief
+
+
 def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     """A structure, every block with all its entries, in the metric of a prior.
 

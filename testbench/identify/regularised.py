@@ -5,35 +5,121 @@ expected, e its expectation, u the relative uncertainty; GCO keeps every block p
 scale s common to all compliances is left to the data: a CAD model that is wrong by one factor costs nothing.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.errors import Array
 from testbench.identify import cone
-from testbench.identify.conic import EXACT, f_m_norms, optimum
+from testbench.identify.blocks import blocks_of
+from testbench.identify.conic import EXACT, f_m_norms, optima, optimum
+from testbench.identify.dense import least_squares, shares
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
-from testbench.identify.least_squares import minimum_norm
-from testbench.identify.metric import Belief, Metric, with_prior_rows
+from testbench.identify.least_squares import minimum_norm, solve
+from testbench.identify.metric import Belief, Case, Metric, precision_root, whitened, with_prior_rows
+from testbench.identify.objective import Objective
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
 
+GAP = (
+    1e-9  #: Proven distance from the least sum of squares, relative to one more, of an answer that is taken.
+)
+UNIT = 0.1  #: Size of x over that of its multipliers, times the prior's variance: a guess that saves steps.
 SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
 def least_squares_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
     """Weighted least squares with a prior; not conservative where the data pull it out of the cone."""
-    M, r = with_prior_rows(regression, metric, strength)
-    pi = metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
-    belief = Belief(metric, strength)
-    estimate = make_estimate(regression, pi, method="least squares with prior", advice=(words(belief),))
-    return replace(estimate, status="solved", belief=belief)
+    return _with("none", Case(regression, Belief(metric, strength)))
 
 
 def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
-    """GCO with a prior: the conservative model of greatest posterior density, a conic program."""
-    M, r = with_prior_rows(regression, metric, strength)
+    """GCO with a prior: the conservative model of greatest posterior density."""
+    return _with("psd", Case(regression, Belief(metric, strength)))
+
+
+def _with(constraint: Constraint, case: Case) -> Estimate:
+    answer = answers(constraint, [case])[0]
+    estimate = make_estimate(
+        case.regression,
+        answer.pi,
+        method=METHODS[constraint],
+        constraint=constraint,
+        advice=(words(case.belief),),
+    )
+    return replace(estimate, belief=case.belief, status=answer.status, solver_seconds=answer.seconds)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a solver found."""
+
+    pi: Array  #: Parameters, (n,).
+    seconds: float  #: Time inside the solver.
+    status: str  #: "solved", or what went wrong.
+
+
+def parameters(constraint: Constraint, cases: Sequence[Case]) -> Array:
+    """Parameters of many datasets of one structure with priors, all at once, (cases, n)."""
+    return np.array([answer.pi for answer in answers(constraint, cases)])
+
+
+def answers(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
+    """What `parameters` come from."""
+    found: list[Answer] = []
+    for share in shares(len(cases), cases[0].belief.metric.structure.n):
+        found += _dense(constraint, cases[share])
+    return found
+
+
+def _dense(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
+    """By our own method; by an independent solver where its answer is not proven."""
+    start = time.perf_counter()
+    objective = _objective(cases)
+    blocks = blocks_of(cases[0].belief.metric.sizes) if constraint == "psd" else None
+    unit = UNIT * np.array([case.belief.strength.uncertainty for case in cases]) ** 2
+    found = least_squares(objective, blocks, unit)
+    good = found.gap <= GAP * (1 + objective.value(found.x))
+    seconds = (time.perf_counter() - start) / len(cases)
+    return [
+        Answer(case.belief.metric.L @ x, seconds, "solved") if proven else REFEREES[constraint](case)
+        for case, x, proven in zip(cases, found.x, good, strict=True)
+    ]
+
+
+def _objective(cases: Sequence[Case]) -> Objective:
+    """Squared residuals of data and prior; a dataset is squared once, however many strengths there are."""
+    data: dict[tuple[int, int], tuple[Array, Array, Array]] = {}
+    R, z, H = [], [], []
+    for case in cases:
+        key = id(case.regression), id(case.belief.metric)
+        if key not in data:
+            A, y = whitened(case.regression, case.belief.metric)
+            data[key] = A, y, A.T @ A
+        A, y, AA = data[key]
+        B, c = precision_root(case.belief.metric, case.belief.strength)
+        R.append(np.concatenate([A, B]))
+        z.append(np.concatenate([y, c]))
+        H.append(AA + B.T @ B)
+    rows, n = R[0].shape
+    zero = np.zeros((len(R), n))
+    return Objective(
+        np.array(R), np.array(z), zero[:, :1], zero, np.array(H)[:, None], (slice(0, rows),), squared=True
+    )
+
+
+def _by_lapack(case: Case) -> Answer:
+    start = time.perf_counter()
+    M, r = with_prior_rows(case.regression, case.belief.metric, case.belief.strength)
+    pi = case.belief.metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
+    return Answer(pi, time.perf_counter() - start, "solved")
+
+
+def _by_clarabel(case: Case) -> Answer:
+    metric = case.belief.metric
+    M, r = with_prior_rows(case.regression, metric, case.belief.strength)
     n = metric.structure.n
     R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
     unit = max(1.0, abs(R[n, n]))
@@ -45,7 +131,11 @@ def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Esti
             rows=(cone.norm_below(0, residual, R[:, n] / unit),),
         )
     )
-    return conic_estimate(regression, Belief(metric, strength), solution, solution.x[1:], "GCO with prior")
+    return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status)
+
+
+REFEREES: dict[Constraint, Callable[[Case], Answer]] = {"none": _by_lapack, "psd": _by_clarabel}
+METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
 
 
 def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
@@ -79,15 +169,6 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
     return replace(estimate, status=solution.status, solver_seconds=solution.seconds)
 
 
-def conic_estimate(
-    regression: Regression, belief: Belief, solution: cone.Solution, x: Array, method: str
-) -> Estimate:
-    """The conservative estimate of x, the solver's last digits outside the cone cut off."""
-    pi = belief.metric.L @ belief.metric.project(x)
-    estimate = make_estimate(regression, pi, method=method, constraint="psd", advice=(words(belief),))
-    return replace(estimate, belief=belief, status=solution.status, solver_seconds=solution.seconds)
-
-
 def words(belief: Belief) -> str:
     """Which prior filled what the data cannot see."""
     strength = belief.strength
@@ -99,14 +180,17 @@ def words(belief: Belief) -> str:
     return f"prior: {belief.metric.prior}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
 
 
-WITH_PRIOR: dict[Constraint, Callable[[Regression, Metric, Strength], Estimate]] = {
-    "none": least_squares_with,
-    "psd": gco_with,
-}
-
-
 def fit_reduced(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:
     """Least squares or GCO of a reduced dataset; GCO refuses by BenchError what is not symmetric."""
     if belief is None:
         return optimum(regression) if constraint == "psd" else minimum_norm(regression)
-    return WITH_PRIOR[constraint](regression, belief.metric, belief.strength)
+    return _with(constraint, Case(regression, belief))
+
+
+def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: Belief | None = None) -> Array:
+    """The parameters that `fit_reduced` finds, of many datasets of one structure, (datasets, n)."""
+    if belief is not None:
+        return parameters(constraint, [Case(regression, belief) for regression in regressions])
+    if constraint == "psd":
+        return optima(regressions)
+    return np.array([solve(r) for r in regressions])

@@ -263,6 +263,7 @@ def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkey
     settings = cone._settings(cone.TOLERANCE)
     settings.max_iter = 4
     monkeypatch.setattr(cone, "_settings", lambda _: settings)
+    monkeypatch.setattr(interior, "ITERATIONS", 2)  # not proven, so that Clarabel is asked
     stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
     assert stopped.status.startswith("not solved: Clarabel says")
     assert stopped.conservative  # poor, but never unphysical

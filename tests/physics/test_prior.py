@@ -1,6 +1,7 @@
 """Priors: their metric, what they do to least squares and GCO, how firmly to believe them."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -21,7 +22,13 @@ from testbench.identify.crossval import (
 from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric, precision_root, rescaled, whitened
 from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, distorted
-from testbench.identify.regularised import SLACK, gco_least_trace, gco_with, least_squares_with
+from testbench.identify.regularised import (
+    SLACK,
+    gco_least_trace,
+    gco_with,
+    least_squares_with,
+    parameters,
+)
 from testbench.identify.stein import gco_stein
 from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
@@ -201,11 +208,12 @@ def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     structure = template56(kr500.arm)
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
     folds = fold_poses(kr500.vjm, structure, data)
-    errors = {
-        u: held_out_errors(folds, lambda r, u=u: least_squares_with(r, own, Strength(u))).mean()
-        for u in UNCERTAINTIES
-    }
-    assert choose_strength(folds, own, least_squares_with).uncertainty == min(errors, key=errors.get)
+    errors = {}
+    for u in UNCERTAINTIES:
+        fits = [least_squares_with(fold.fitted, own, Strength(u)).pi for fold in folds]
+        errors[u] = held_out_errors(folds, lambda _, fits=fits: fits).mean()
+    chosen = choose_strength(folds, own, partial(parameters, "none"))
+    assert chosen.uncertainty == min(errors, key=errors.get)
 
 
 def test_one_standard_error_takes_the_simplest_that_is_good_enough():

@@ -16,7 +16,7 @@ from testbench.identify import gco, robust, with_prior
 from testbench.identify.crossval import Candidate, every_fold, held_out_errors, one_standard_error
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.prior import Prior, Strength, cad_prior, distorted
-from testbench.identify.regularised import gco_with
+from testbench.identify.regularised import fit_all
 from testbench.studies.identifiability.methods import (
     STRUCTURES,
     WITH_PRIOR,
@@ -118,7 +118,7 @@ def _choice(cell: Cell, campaign: Campaign, prior: Prior, tried: Tried) -> Itera
         fits[name], estimate = judge(cell, campaign, Model(name, structure, with_prior(gco, prior)), "prior")
         belief = estimate.belief
         assert belief is not None  # it has a prior
-        fit = partial(gco_with, metric=belief.metric, strength=belief.strength)
+        fit = partial(fit_all, constraint="psd", belief=belief)
         errors = held_out_errors(every_fold(cell.vjm, structure, data), fit)
         candidates.append(Candidate(name, structure.n, errors))
     chosen = one_standard_error(candidates)

@@ -1,17 +1,20 @@
 """Models of a campaign, with a prior or without, identified from the same runs and judged."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+import numpy as np
+
 from testbench.bench.campaign import Campaign, Cell, Model, identify, named_models
 from testbench.bench.rows import JudgedRow, judged_row
 from testbench.data.dataset import Dataset
+from testbench.errors import Array
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.crossval import Regularised, choose_strength, every_fold
-from testbench.identify.metric import Metric, metric, rescaled
+from testbench.identify.crossval import choose_strength, every_fold
+from testbench.identify.metric import Case, Metric, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import gco_least_trace, gco_with
@@ -31,6 +34,7 @@ STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
 }
 PLAIN = ("MLS56", "MGCO56", "MGCO68")  #: Models without a prior.
 
+OwnMethod = Callable[[Regression, Metric, Strength], Estimate]
 Filling = Literal["none", "least trace", "prior", "log-det prior"]
 """What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""
 
@@ -45,13 +49,16 @@ def least_trace(prior: Prior) -> Estimator:
     return fit
 
 
-def cross_validated(prior: Prior, method: Regularised, *, scaled: bool = True) -> Estimator:
+def cross_validated(prior: Prior, method: OwnMethod, *, scaled: bool = True) -> Estimator:
     """A method with a prior, as firm as cross-validation over poses chooses; scaled to the data or not."""
+
+    def each(cases: Sequence[Case]) -> Array:
+        return np.array([method(c.regression, c.belief.metric, c.belief.strength).pi for c in cases])
 
     def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         regression, own = reduce(vjm, structure, data), metric(prior, vjm, structure)
         own = rescaled(own, regression) if scaled else own
-        return method(regression, own, choose_strength(every_fold(vjm, structure, data), own, method))
+        return method(regression, own, choose_strength(every_fold(vjm, structure, data), own, each))
 
     return fit
 
