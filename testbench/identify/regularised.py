@@ -17,7 +17,7 @@ from testbench.identify.blocks import blocks_of
 from testbench.identify.conic import EXACT, f_m_norms, optima, optimum
 from testbench.identify.dense import least_squares, shares
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
-from testbench.identify.least_squares import minimum_norm, solve
+from testbench.identify.least_squares import minimum_norm, solve, solve_all
 from testbench.identify.metric import Belief, Case, Metric, precision_root, whitened, with_prior_rows
 from testbench.identify.objective import Objective
 from testbench.identify.prior import Strength
@@ -193,4 +193,5 @@ def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: B
         return parameters(constraint, [Case(regression, belief) for regression in regressions])
     if constraint == "psd":
         return optima(regressions)
-    return np.array([solve(r) for r in regressions])
+    same = all(a.R is b.R for r in regressions for a, b in zip(r.terms, regressions[0].terms, strict=True))
+    return solve_all(regressions) if same else np.array([solve(r) for r in regressions])

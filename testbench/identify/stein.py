@@ -15,10 +15,10 @@ import numpy as np
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.metric import Belief, Metric, whitened
+from testbench.identify.metric import Belief, Case, Metric, whitened
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Ids, Regression
-from testbench.identify.regularised import gco_with, words
+from testbench.identify.regularised import parameters, words
 
 DECREMENT = 1e-6  #: Newton decrement at which the step, still taken, is the last: what is left is its square.
 MAX_STEPS = 60
@@ -26,18 +26,16 @@ LONGEST = 4.0  #: Of a step, in Newton's own.
 HALVINGS = 30  #: Of the interval in which a line search looks for its step.
 
 
-def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
-    """GCO with the log-determinant prior; the common scale is that of the Gaussian fit."""
-    return gco_steins([(regression, strength)], metric)[0]
-
-
 def gco_steins(fits: Sequence[tuple[Regression, Strength]], metric: Metric) -> list[Estimate]:
-    """The same of several datasets and strengths at once."""
+    """GCO with the log-determinant prior, of several datasets and strengths in one metric.
+
+    The common scale is that of the Gaussian fit.
+    """
     e = metric.expected
     scale, rows = [], []
-    for regression, strength in fits:
-        first = gco_with(regression, metric, strength)
-        scale.append(max(1e-6, float(np.linalg.solve(metric.L, first.pi) @ e / (e @ e))))
+    firsts = parameters("psd", [Case(regression, Belief(metric, strength)) for regression, strength in fits])
+    for (regression, _), first in zip(fits, firsts, strict=True):
+        scale.append(max(1e-6, float(np.linalg.solve(metric.L, first) @ e / (e @ e))))
         A, y = whitened(regression, metric)
         rows.append((scale[-1] * A, y))
     weight = np.array([1 / strength.uncertainty**2 for _, strength in fits])

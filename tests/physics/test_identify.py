@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from testbench.bench.campaign import Scenario, simulate
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify import certify, cone, gco, least_squares, make_estimate, reduce
+from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds, gradient_dual
 from testbench.identify.evaluate import LILLIEFORS_SAMPLES, normality, predict, score
 from testbench.identify.plausibility import doubts

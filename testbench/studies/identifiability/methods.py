@@ -18,7 +18,7 @@ from testbench.identify.metric import Case, Metric, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import gco_least_trace, gco_with
-from testbench.identify.stein import gco_stein
+from testbench.identify.stein import gco_steins
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import Vjm
 from testbench.trials.spread import Number
@@ -34,7 +34,8 @@ STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
 }
 PLAIN = ("MLS56", "MGCO56", "MGCO68")  #: Models without a prior.
 
-OwnMethod = Callable[[Regression, Metric, Strength], Estimate]
+Family = Callable[[Sequence[tuple[Regression, Strength]], Metric], list[Estimate]]
+"""Estimates of several datasets and strengths in one metric."""
 Filling = Literal["none", "least trace", "prior", "log-det prior"]
 """What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""
 
@@ -49,23 +50,25 @@ def least_trace(prior: Prior) -> Estimator:
     return fit
 
 
-def cross_validated(prior: Prior, method: OwnMethod, *, scaled: bool = True) -> Estimator:
+def cross_validated(prior: Prior, family: Family, *, scaled: bool = True) -> Estimator:
     """A method with a prior, as firm as cross-validation over poses chooses; scaled to the data or not."""
-
-    def each(cases: Sequence[Case]) -> Array:
-        return np.array([method(c.regression, c.belief.metric, c.belief.strength).pi for c in cases])
 
     def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         regression, own = reduce(vjm, structure, data), metric(prior, vjm, structure)
         own = rescaled(own, regression) if scaled else own
-        return method(regression, own, choose_strength(every_fold(vjm, structure, data), own, each))
+
+        def each(cases: Sequence[Case]) -> Array:
+            return np.array([e.pi for e in family([(c.regression, c.belief.strength) for c in cases], own)])
+
+        strength = choose_strength(every_fold(vjm, structure, data), own, each)
+        return family([(regression, strength)], own)[0]
 
     return fit
 
 
 def log_det(prior: Prior) -> Estimator:
     """GCO with the log-determinant prior."""
-    return cross_validated(prior, gco_stein)
+    return cross_validated(prior, gco_steins)
 
 
 def fixed_scale(prior: Prior) -> Estimator:
@@ -73,8 +76,8 @@ def fixed_scale(prior: Prior) -> Estimator:
     return cross_validated(prior, _believed, scaled=False)
 
 
-def _believed(regression: Regression, own: Metric, strength: Strength) -> Estimate:
-    return gco_with(regression, own, Strength(strength.uncertainty, BELIEVED))
+def _believed(fits: Sequence[tuple[Regression, Strength]], own: Metric) -> list[Estimate]:
+    return [gco_with(regression, own, Strength(u.uncertainty, BELIEVED)) for regression, u in fits]
 
 
 WITH_PRIOR: dict[str, tuple[Filling, Callable[[Prior], Estimator]]] = {
