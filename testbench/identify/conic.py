@@ -119,7 +119,7 @@ def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer | None]:
     """The proven answers of our own method to programs of one shape; None for the others."""
     start = time.perf_counter()
     structure = some[0][1].structure
-    order, sizes = structure.triangles, tuple(len(block) for block in structure.blocks)
+    order, sizes = structure.parameter, tuple(len(block) for block in structure.blocks)
     blocks = blocks_of(sizes)
     unit = np.where(structure.mirrored[order], math.sqrt(0.5), 1.0)
     found = least_norms(_objective(some, order, unit), blocks)

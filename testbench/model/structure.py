@@ -163,13 +163,6 @@ class Structure:
         """Whether every block has all its entries: a prior speaks of whole blocks."""
         return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n
 
-    @cached_property
-    def triangles(self) -> Ids:
-        """Parameter of every entry of the blocks' upper triangles, by column; whole blocks only, (n,)."""
-        place = np.zeros((self.n_theta, self.n_theta), dtype=int)
-        place[self.a, self.b] = place[self.b, self.a] = np.arange(self.n)
-        return np.concatenate([place[b][:, b].T[np.tril_indices(len(b))] for b in self.blocks])
-
     def matrix(self, pi: Array) -> Array:
         """C_theta of a parameter vector.
 
