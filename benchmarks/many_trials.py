@@ -11,10 +11,13 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_least, interleave, note, spread
 
-from testbench import trials
 from testbench.bench.campaign import build_cell
 from testbench.identify import gco
 from testbench.studies.single_link import trial as single_link
+from testbench.trials.engine import run_study
+from testbench.trials.experiment import Experiment
+from testbench.trials.local import on_cores
+from testbench.trials.store import open_store, write_parquet
 
 SEEDS = range(1, 201)
 CHUNK = 10
@@ -51,11 +54,11 @@ def study(workers: int, shares: list[float]) -> None:
     """The study from an empty folder to its Parquet file; appends the share of the time spent in trials."""
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
-        asked = trials.Experiment("many_trials", {}, SEEDS)
-        with trials.open_store(Path(name), asked, row=Draw, resume=False) as store:
-            for _ in trials.run_study(draws, store, partial(trials.on_cores, workers=workers), size=CHUNK):
+        asked = Experiment("many_trials", {}, SEEDS)
+        with open_store(Path(name), asked, row=Draw, resume=False) as store:
+            for _ in run_study(draws, store, partial(on_cores, workers=workers), size=CHUNK):
                 pass
-            trials.write_parquet(store, Path(name))
+            write_parquet(store, Path(name))
             inside = math.fsum(row.seconds for _, rows in store.trials() for row in rows)
     shares.append(inside / (workers * (time.perf_counter() - start)))
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -19,16 +20,9 @@ from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import Structure, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import Vjm, build_vjm
-from testbench.plant import (
-    Equilibrium,
-    Plant,
-    Room,
-    build_plant,
-    build_room,
-    collisions,
-    settle,
-    settle_linear,
-)
+
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and who only fits runs does without
+    from testbench.plant import Equilibrium, Plant, Room
 
 Truth = Literal["nonlinear", "linear"]
 
@@ -71,12 +65,28 @@ class Scenario(Setup):
 
 @dataclass(frozen=True)
 class Cell:
-    """An arm with its truth, its model and its room, built once for many campaigns."""
+    """An arm with its model, its truth and its room, built once for many campaigns.
+
+    Truth and room are built when they are first asked for: who fits measured runs does without MuJoCo.
+    """
 
     arm: Arm
-    plant: Plant
     vjm: Vjm
-    room: Room
+    truth: "Plant | None" = None  #: A truth other than that of the arm's folder.
+
+    @cached_property
+    def plant(self) -> "Plant":
+        """The truth."""
+        from testbench.plant import build_plant
+
+        return self.truth or build_plant(self.arm)
+
+    @cached_property
+    def room(self) -> "Room":
+        """Where it stands, for collisions."""
+        from testbench.plant import build_room
+
+        return build_room(self.arm)
 
 
 @dataclass(frozen=True)
@@ -115,7 +125,7 @@ class Result:
 
 
 def build_cell(folder: str | Path) -> Cell:
-    """Load an arm and build its truth, its model and its room.
+    """Load an arm and build its model.
 
     Args:
         folder: The arm's; the name of an arm that comes with testbench does as well.
@@ -127,7 +137,7 @@ def build_cell(folder: str | Path) -> Cell:
         InputError: When the arm's folder is wrong.
     """
     arm = load_arm(folder)
-    return Cell(arm, build_plant(arm), build_vjm(arm), build_room(arm))
+    return Cell(arm, build_vjm(arm))
 
 
 def stream(seed: int, trial: int = 0) -> np.random.Generator:
@@ -191,6 +201,7 @@ def clear_poses(cell: Cell, area: WorkArea, count: int, rng: np.random.Generator
     Raises:
         PoseError: When too few can be found.
     """
+    from testbench.plant import collisions
 
     def clear(q: Array) -> Mask:
         return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
@@ -253,9 +264,11 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
 
 
 def settle_both(
-    plant: Plant, truth: Truth, q: Array, wrench: Array, point: Array
-) -> tuple[Equilibrium, Equilibrium]:
+    plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array
+) -> tuple["Equilibrium", "Equilibrium"]:
     """The true arm unloaded and loaded."""
+    from testbench.plant import settle, settle_linear
+
     if truth == "linear":
         rest = settle_linear(plant, q, np.zeros_like(wrench), point)
         return rest, settle_linear(plant, q, wrench, point)

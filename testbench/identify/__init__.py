@@ -2,19 +2,15 @@
 
 from testbench.identify.certify import certify
 from testbench.identify.estimate import Certificate, Constraint, Estimate, Estimator, make_estimate
-from testbench.identify.factorised import LocalSolves
 from testbench.identify.intervals import intervals
 from testbench.identify.method import Method, gco, least_squares, robust, with_prior
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.search import Budget
 
 __all__ = [
-    "Budget",
     "Certificate",
     "Constraint",
     "Estimate",
     "Estimator",
-    "LocalSolves",
     "Method",
     "Regression",
     "certify",

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import gammaincinv
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
@@ -88,7 +88,7 @@ def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceilin
         ceiling=ceiling,
         rows=rows,
         centre=centre,
-        radius=math.sqrt(stats.chi2.ppf(confidence, r)) if r else 0.0,
+        radius=math.sqrt(2 * gammaincinv(r / 2, confidence)) if r else 0.0,
         nearest=_nearest(rows, centre, metric.sizes, ceiling) if r else 0.0,
     )
 

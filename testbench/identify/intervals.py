@@ -7,9 +7,9 @@ infinite standard deviation. GCO away from the boundary of the cone has the same
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
-from scipy import stats
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, check_array
@@ -67,7 +67,7 @@ class Linearised:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
         """
         check_confidence(confidence)
-        half = float(stats.norm.ppf((1 + confidence) / 2)) * self.deviations(functionals)
+        half = NormalDist().inv_cdf((1 + confidence) / 2) * self.deviations(functionals)
         centre = functionals @ self.pi
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
 

@@ -18,7 +18,10 @@ from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
 from testbench.studies.study import Everywhere, O, P, R, Run, S, Study, W
-from testbench.trials import Backend, Experiment, open_store, run_study, write_parquet
+from testbench.trials.chunk import Backend
+from testbench.trials.engine import run_study
+from testbench.trials.experiment import Experiment
+from testbench.trials.store import open_store, write_parquet
 from testbench.views import terminal
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.

@@ -6,8 +6,9 @@ import pytest
 from testbench.bench.campaign import stream
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.errors import BenchError
-from testbench.identify import Budget, LocalSolves, gco, reduce
+from testbench.identify import gco, reduce
 from testbench.identify.factorised import (
+    LocalSolves,
     best_of,
     cost,
     costs,
@@ -19,7 +20,7 @@ from testbench.identify.factorised import (
     random_start,
 )
 from testbench.identify.regression import f_m
-from testbench.identify.search import BOX, explore, trial_points
+from testbench.identify.search import BOX, Budget, explore, trial_points
 from testbench.model.structure import free36, mgco69, mgco147, template56
 
 SECTION_5_2 = FullPose(

@@ -22,8 +22,12 @@ import pytest
 import trial_work
 
 from testbench.errors import BenchError
-from testbench.trials import Experiment, cluster, on_cluster, on_cores, open_store, run_study, write_parquet
-from testbench.trials.store import FILE
+from testbench.trials import cluster
+from testbench.trials.cluster import on_cluster
+from testbench.trials.engine import run_study
+from testbench.trials.experiment import Experiment
+from testbench.trials.local import on_cores
+from testbench.trials.store import FILE, open_store, write_parquet
 
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "trial_study.py"

@@ -18,7 +18,9 @@ from testbench.shell import command
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
-from testbench.trials import Experiment, open_store, run_study, write_parquet
+from testbench.trials.engine import run_study
+from testbench.trials.experiment import Experiment
+from testbench.trials.store import open_store, write_parquet
 
 FIRST = 5  # seed of the first trial
 

@@ -8,8 +8,8 @@ import pytest
 from testbench.errors import BenchError
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common
-from testbench.trials import on_cores
 from testbench.trials.cluster import check_address, on_cluster
+from testbench.trials.local import on_cores
 
 
 @pytest.mark.parametrize(

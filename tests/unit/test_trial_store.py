@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbench.errors import BenchError, InputError
-from testbench.trials import Experiment, open_store, write_parquet
 from testbench.trials.chunk import do_chunk
+from testbench.trials.experiment import Experiment
 from testbench.trials.spread import Number, Share
-from testbench.trials.store import FILE, WHOLE
+from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 

@@ -49,7 +49,7 @@ def of_drawn_arm(bench: Bench, asked: Settings, seed: int) -> list[Row]:
     scope, spec, rows = asked.scope, bench.spec, []
     own, ahead, prior = spec.experiment.metric, task_rows(spec), wrong_prior(bench.cell, asked.seed)
     plant = with_compliance(bench.cell.plant, draw(own, UNCERTAINTY, stream(seed, 11)))
-    arm = build_bench(replace(bench.cell, plant=plant), asked, "linear")
+    arm = build_bench(replace(bench.cell, truth=plant), asked, "linear")
     for name in (*scope.criteria, RANDOM):
         for poses in scope.poses if name in (scope.criteria[0], RANDOM) else (scope.featured,):
             chosen = poses_of(asked, name, poses, seed)

@@ -26,8 +26,8 @@ from testbench.bench.campaign import (
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.rows import UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.errors import Array
-from testbench.identify import Estimate, LocalSolves, gco
-from testbench.identify.factorised import LARGEST_ORDER
+from testbench.identify import Estimate, gco
+from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.trials.spread import Number, Share
 
 NAME = "six_dof_arm"

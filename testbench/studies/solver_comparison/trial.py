@@ -18,7 +18,7 @@ from testbench.bench.campaign import Campaign, Cell, Model, build_cell, judge, n
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.rows import UM, ErrorRow, error_row
 from testbench.errors import Array, BenchError
-from testbench.identify import Budget, Estimate, Estimator, certify, gco, make_estimate, reduce
+from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
     CLOSE,
     LARGEST_ORDER,
@@ -32,7 +32,7 @@ from testbench.identify.factorised import (
     random_start,
 )
 from testbench.identify.modelled import cvxpy, modelled
-from testbench.identify.search import explore
+from testbench.identify.search import Budget, explore
 from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
 from testbench.trials.spread import Number, Share
 
