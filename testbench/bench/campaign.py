@@ -112,15 +112,21 @@ class Campaign:
 
 
 @dataclass(frozen=True)
-class Result:
-    """One model, identified and judged."""
+class Errors:
+    """An estimate judged."""
 
-    model: Model  #: What was asked for.
-    estimate: Estimate  #: What was found.
     identification: Score  #: Errors on the runs it was identified from, against their readings.
     check: Score  #: Errors on the check runs, against their readings.
     truth: Score  #: Errors against the true deflections.
     residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
+
+
+@dataclass(frozen=True)
+class Result(Errors):
+    """One model, identified and judged."""
+
+    model: Model  #: What was asked for.
+    estimate: Estimate  #: What was found.
     seconds: float  #: Wall time of the estimator.
 
 
@@ -316,7 +322,8 @@ def identify(
         start = clock()
         estimates.append(model.estimator(cell.vjm, model.structure, campaign.identification))
         seconds.append(clock() - start)
-    return judge_all(cell, campaign, models, estimates, seconds)
+    found = zip(models, estimates, seconds, judge_all(cell, campaign, estimates), strict=True)
+    return [Result(**vars(errors), model=m, estimate=e, seconds=taken) for m, e, taken, errors in found]
 
 
 def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
@@ -326,30 +333,20 @@ def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list
 
 def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
     """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
-    return judge_all(cell, campaign, [model], [estimate], [seconds])[0]
+    [errors] = judge_all(cell, campaign, [estimate])
+    return Result(**vars(errors), model=model, estimate=estimate, seconds=seconds)
 
 
-def judge_all(
-    cell: Cell,
-    campaign: Campaign,
-    models: Sequence[Model],
-    estimates: Sequence[Estimate],
-    seconds: Sequence[float],
-) -> list[Result]:
-    """The same of several models."""
-    sets = (campaign.measured, campaign.identification, campaign.check, campaign.truth)
-    predicted = zip(*(predict_all(cell.vjm, estimates, data) for data in sets), strict=True)
+def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> list[Errors]:
+    """The errors of several estimates of one campaign."""
+    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
+    predicted = [predict_all(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
     return [
-        Result(
-            model=model,
-            estimate=estimate,
-            identification=score(fitted, campaign.identification.deflection),
-            check=score(checked, campaign.check.deflection),
-            truth=score(elsewhere, campaign.truth.deflection),
-            residuals=campaign.measured.deflection - every,
-            seconds=taken,
+        Errors(
+            identification=score(own[0], fitted.deflection),
+            check=score(own[1], check.deflection),
+            truth=score(own[2], truth.deflection),
+            residuals=campaign.measured.deflection - own[3],
         )
-        for model, estimate, taken, (every, fitted, checked, elsewhere) in zip(
-            models, estimates, seconds, predicted, strict=True
-        )
+        for own in zip(*predicted, strict=True)
     ]

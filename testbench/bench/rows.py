@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.bench.campaign import Result
+from testbench.bench.campaign import Errors
 from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
@@ -85,13 +85,13 @@ class JudgedRow(FitRow):
     workspace: ErrorRow
 
 
-def judged_row(result: Result, *, prior: bool = False) -> JudgedRow:
-    """A model of a campaign of section 6, and whether it had a prior."""
+def judged_row(fit: FitRow, errors: Errors) -> JudgedRow:
+    """A model of a campaign of section 6."""
     return JudgedRow(
-        **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
-        identification=error_row(result.identification),
-        check=error_row(result.check),
-        workspace=error_row(result.truth),
+        **vars(fit),
+        identification=error_row(errors.identification),
+        check=error_row(errors.check),
+        workspace=error_row(errors.truth),
     )
 
 

@@ -26,6 +26,7 @@ LONGEST = 4.0  #: Of a step, in Newton's own.
 HALVINGS = 30  #: Of the interval in which a line search looks for its step.
 
 
+<<<<<<< HEAD
 def gco_steins(fits: Sequence[tuple[Regression, Strength]], metric: Metric) -> list[Estimate]:
     """GCO with the log-determinant prior, of several datasets and strengths in one metric.
 
@@ -54,6 +55,42 @@ def gco_steins(fits: Sequence[tuple[Regression, Strength]], metric: Metric) -> l
         status = "solved" if left <= DECREMENT else f"not solved: {MAX_STEPS} Newton steps were not enough"
         found.append(replace(estimate, belief=belief, status=status))
     return found
+=======
+def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
+    """GCO with the log-determinant prior; the common scale is that of the Gaussian fit."""
+    case = Case(regression, Belief(metric, strength))
+    pi, left = _minima([case])
+    estimate = make_estimate(
+        regression,
+        pi[0],
+        method="GCO with log-det prior",
+        constraint="psd",
+        advice=(words(case.belief),),
+    )
+    status = "solved" if left[0] <= DECREMENT else f"not solved: {MAX_STEPS} Newton steps were not enough"
+    return replace(estimate, belief=case.belief, status=status)
+
+
+def stein_parameters(cases: Sequence[Case]) -> Array:
+    """The parameters that `gco_stein` finds, of many datasets of one structure, (cases, n)."""
+    return _minima(cases)[0]
+
+
+def _minima(cases: Sequence[Case]) -> tuple[Array, Array]:
+    """Parameters, (cases, n), and the Newton decrement there, (cases,)."""
+    weight = np.array([1 / case.belief.strength.uncertainty**2 for case in cases])[:, None]
+    scale, H, h = [], [], []
+    for case, pi in zip(cases, parameters("psd", cases), strict=True):
+        L, e = case.belief.metric.L, case.belief.metric.expected
+        scale.append(max(1e-6, float(np.linalg.solve(L, pi) @ e / (e @ e))))
+        A, y = whitened(case.regression, case.belief.metric)
+        H.append(scale[-1] ** 2 * A.T @ A)
+        h.append(scale[-1] * A.T @ y)
+    sizes = cases[0].belief.metric.sizes
+    x, left = least_divergence(np.array(H) / weight[..., None], np.array(h) / weight, sizes)
+    L = np.array([s * case.belief.metric.L for s, case in zip(scale, cases, strict=True)])
+    return (L @ x[..., None])[..., 0], left
+>>>>>>> 217a315 (Identifiability: every fit of a campaign is made once, from runs reduced and dealt to folds once a structure)
 
 
 def least_divergence(H: Array, h: Array, sizes: tuple[int, ...]) -> tuple[Array, Array]:

@@ -20,7 +20,15 @@ from testbench.bench.campaign import (
     simulate,
     stream,
 )
-from testbench.bench.rows import DatasetRow, JudgedRow, NormalityRow, dataset_row, judged_row, normality_row
+from testbench.bench.rows import (
+    DatasetRow,
+    JudgedRow,
+    NormalityRow,
+    dataset_row,
+    fit_row,
+    judged_row,
+    normality_row,
+)
 from testbench.bench.wrong_prior import with_wrong_prior
 from testbench.identify.evaluate import Normality, normality
 
@@ -120,8 +128,10 @@ def results(cell: Cell, campaign: Campaign) -> list[Result]:
 
 def row(campaign: Campaign, result: Result, normal: tuple[Normality, Normality]) -> ModelRow:
     """One model of one campaign."""
+    prior = result.estimate.belief is not None
+    fit = fit_row(result.model.name, result.estimate, result.seconds, prior=prior)
     return ModelRow(
-        **vars(judged_row(result, prior=result.estimate.belief is not None)),
+        **vars(judged_row(fit, result)),
         residuals=Residuals(*map(normality_row, normal)),
         measured=measured(campaign),
     )

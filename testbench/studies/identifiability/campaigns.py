@@ -4,32 +4,44 @@ Every method sees the same runs. Errors over the workspace are those of the true
 measured.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Literal
 
-from testbench.bench.campaign import Campaign, Cell, Model, Scenario, simulate, stream
+from testbench.bench.campaign import (
+    Campaign,
+    Cell,
+    Model,
+    Scenario,
+    draw_poses,
+    judge_all,
+    simulate,
+    simulate_at,
+    stream,
+)
+from testbench.bench.rows import MM
+from testbench.bench.wrong_prior import SCALE, wrong_prior
 from testbench.data.outliers import spoil
 from testbench.identify import gco, robust, with_prior
-from testbench.identify.crossval import Candidate, every_fold, held_out_errors, one_standard_error
+from testbench.identify.crossval import Candidate, held_out_errors, one_standard_error
 from testbench.identify.method import ROBUST_UNCERTAINTY
-from testbench.identify.prior import Prior, Strength, cad_prior, distorted
-from testbench.identify.regularised import fit_all
+from testbench.identify.prior import Strength
+from testbench.identify.regularised import fit_all, fit_reduced
 from testbench.studies.identifiability.methods import (
+    SCALE_BELIEVED,
     STRUCTURES,
     WITH_PRIOR,
+    Asked,
+    Fitted,
     ModelRow,
-    filled,
-    fixed_scale,
-    judge,
+    fit_each,
+    identified,
     plain,
 )
 from testbench.trials.spread import middle
 
-SCALE, SHAPE = 2.0, 0.3
-"""How wrong the prior is: its common factor, the deviation of the logarithm of each axis's own factor."""
 SPOILED, SPOILED_BY = 0.05, 1e-3  #: Share of marker readings that are outliers, and by how much [m].
 
 VARIED = ("MGCO56", "MGCO68")  #: Structures whose prior's scale and number of poses are varied.
@@ -64,75 +76,78 @@ class CampaignRow:
 
 def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[CampaignRow]:
     """All fits of one seed."""
-    prior = _wrong(cell, SCALE, seed)
-    linear = simulate(cell, scenario.model_copy(update={"truth": "linear"}), seed)
-    bent = simulate(cell, scenario.model_copy(update={"truth": "nonlinear"}), seed)
-    yield from (CampaignRow("linear", fit) for fit in _all_methods(cell, linear, prior, tried))
-    yield from (CampaignRow("nonlinear", fit) for fit in _all_methods(cell, bent, prior, tried))
-    for scale, name, method in product(tried.scales, VARIED, ("LS + prior", "GCO + prior")):
-        yield CampaignRow("scale", filled(cell, linear, name, method, _wrong(cell, scale, seed)), scale)
-    for name in VARIED:
-        model = Model(name, STRUCTURES[name](cell), fixed_scale(prior))
-        yield CampaignRow("fixed scale", judge(cell, linear, model, "prior")[0])
+    scenario, poses = scenario.model_copy(update={"truth": "linear"}), draw_poses(cell, scenario, seed)
+    linear = simulate_at(cell, scenario, seed, poses)
+    bent = simulate_at(cell, scenario.model_copy(update={"truth": "nonlinear"}), seed, poses)
+    asked = [Asked(name, method, SCALE) for name, method in product(tried.structures, WITH_PRIOR)]
+    scaled = [
+        Asked(n, m, scale) for scale, n, m in product(tried.scales, VARIED, ("LS + prior", "GCO + prior"))
+    ]
+    believed = [Asked(name, SCALE_BELIEVED, SCALE) for name in VARIED]
+    choice = {name: Asked(name, "GCO + prior", SCALE) for name in (*tried.choice, *VARIED)}
+    fits = fit_each(cell, linear, [*asked, *scaled, *believed, *choice.values()], seed)
+    yield from _all_methods(cell, linear, "linear", {own: fits[own] for own in asked})
+    yield from _all_methods(cell, bent, "nonlinear", fit_each(cell, bent, asked, seed))
+    for own in scaled:
+        yield CampaignRow("scale", fits[own].row, own.scale)
+    for own in believed:
+        yield CampaignRow("fixed scale", replace(fits[own].row, name=own.structure))
+    known = [choice[name] for name in VARIED]
     for count in tried.poses:
-        yield from _poses(cell, scenario, count, prior, seed)
-    yield from _choice(cell, linear, prior, tried)
-    yield from _outliers(cell, linear, prior, seed)
+        more = _with_poses(scenario, count)
+        campaign = linear if more == scenario else simulate(cell, more, seed)
+        found = fits if more == scenario else fit_each(cell, campaign, known, seed)
+        for row in (*plain(cell, campaign), *(found[own].row for own in known)):
+            yield CampaignRow("poses", row, count)
+    yield from _choice({name: fits[choice[name]] for name in tried.choice})
+    yield from _outliers(cell, linear, seed)
 
 
-def _wrong(cell: Cell, scale: float, seed: int) -> Prior:
-    return distorted(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=stream(seed, 5))
-
-
-def _all_methods(cell: Cell, campaign: Campaign, prior: Prior, tried: Tried) -> Iterator[ModelRow]:
-    yield from plain(cell, campaign)
-    for name in tried.structures:
-        for method in WITH_PRIOR:
-            row = filled(cell, campaign, name, method, prior)
-            yield _against_gco(cell, campaign, row, prior) if row.constraint == "none" else row
-
-
-def _against_gco(cell: Cell, campaign: Campaign, ls: ModelRow, prior: Prior) -> ModelRow:
-    """Least squares with a prior, and how GCO does with the same one, believed as firmly."""
-    method = with_prior(gco, prior, Strength(middle(ls.uncertainty_percent) / 100))
-    ours, _ = judge(cell, campaign, Model(ls.name, STRUCTURES[ls.structure](cell), method), "prior")
-    ratio = middle(ours.workspace.rms_mm) / middle(ls.workspace.rms_mm)
-    return replace(ls, gco_over_ls_at_this_strength=ratio)
-
-
-def _poses(cell: Cell, scenario: Scenario, count: int, prior: Prior, seed: int) -> Iterator[CampaignRow]:
-    """So many poses, each measured about twice."""
+def _with_poses(scenario: Scenario, count: int) -> Scenario:
+    """The scenario with so many poses, each measured about twice."""
     runs = round(count * scenario.identification_runs / scenario.identification_poses)
-    update = {"truth": "linear", "identification_poses": count, "identification_runs": runs}
-    campaign = simulate(cell, scenario.model_copy(update=update), seed)
-    fits = [*plain(cell, campaign)]
-    fits += [filled(cell, campaign, name, "GCO + prior", prior) for name in VARIED]
-    yield from (CampaignRow("poses", fit, count) for fit in fits)
+    return scenario.model_copy(update={"identification_poses": count, "identification_runs": runs})
 
 
-def _choice(cell: Cell, campaign: Campaign, prior: Prior, tried: Tried) -> Iterator[CampaignRow]:
+def _all_methods(
+    cell: Cell, campaign: Campaign, part: Part, fits: Mapping[Asked, Fitted]
+) -> Iterator[CampaignRow]:
+    """Models without a prior, then with; beside least squares how GCO does with the same, as firm a prior."""
+    yield from (CampaignRow(part, row) for row in plain(cell, campaign))
+    least_squares = [fit for fit in fits.values() if fit.row.constraint == "none"]
+    firm = [fit_reduced(fit.seen.regression, "psd", fit.estimate.belief) for fit in least_squares]
+    ours = iter(judge_all(cell, campaign, firm))
+    for fit in fits.values():
+        row = fit.row
+        if fit.row.constraint == "none":
+            ratio = MM * next(ours).truth.rms / middle(fit.row.workspace.rms_mm)
+            row = replace(row, gco_over_ls_at_this_strength=ratio)
+        yield CampaignRow(part, row)
+
+
+def _choice(fits: Mapping[str, Fitted]) -> Iterator[CampaignRow]:
     """Cross-validated errors of every structure with the prior, and which one the rule recommends."""
-    data, candidates, fits = campaign.identification, [], {}
-    for name in tried.choice:
-        structure = STRUCTURES[name](cell)
-        fits[name], estimate = judge(cell, campaign, Model(name, structure, with_prior(gco, prior)), "prior")
-        belief = estimate.belief
-        assert belief is not None  # it has a prior
-        fit = partial(fit_all, constraint="psd", belief=belief)
-        errors = held_out_errors(every_fold(cell.vjm, structure, data), fit)
-        candidates.append(Candidate(name, structure.n, errors))
+    candidates = []
+    for name, fit in fits.items():
+        again = partial(fit_all, constraint="psd", belief=fit.estimate.belief)
+        candidates.append(
+            Candidate(name, fit.seen.regression.structure.n, held_out_errors(fit.seen.folds, again))
+        )
     chosen = one_standard_error(candidates)
     for c in candidates:
-        yield CampaignRow("choice", fits[c.name], held_out_f_m=c.error, chosen=c.name == chosen)
+        row = replace(fits[c.name].row, name=c.name)
+        yield CampaignRow("choice", row, held_out_f_m=c.error, chosen=c.name == chosen)
 
 
-def _outliers(cell: Cell, campaign: Campaign, prior: Prior, seed: int) -> Iterator[CampaignRow]:
+def _outliers(cell: Cell, campaign: Campaign, seed: int) -> Iterator[CampaignRow]:
     """What outliers cost with and without the robust loss, at one strength of the prior."""
     spoiled, where = spoil(campaign.identification, SPOILED, SPOILED_BY, stream(seed, 6))
-    bad = replace(campaign, identification=spoiled)
-    method = with_prior(gco, prior, Strength(ROBUST_UNCERTAINTY))
+    method = with_prior(gco, wrong_prior(cell, seed, SCALE), Strength(ROBUST_UNCERTAINTY))
     model = Model("MGCO68", STRUCTURES["MGCO68"](cell), method)
-    yield CampaignRow("clean", judge(cell, campaign, model, "prior")[0])
-    yield CampaignRow("plain", judge(cell, bad, model, "prior")[0])
-    fit, estimate = judge(cell, bad, replace(model, estimator=robust(method)), "prior")
-    yield CampaignRow("robust", fit, spoiled=int(where.sum()), rejected=len(estimate.rejected))
+    careful = replace(model, estimator=robust(method))
+    bad = replace(campaign, identification=spoiled)
+    [(clean, _)] = identified(cell, campaign, [model], "prior")
+    (unaware, _), (aware, estimate) = identified(cell, bad, [model, careful], "prior")
+    yield CampaignRow("clean", clean)
+    yield CampaignRow("plain", unaware)
+    yield CampaignRow("robust", aware, spoiled=int(where.sum()), rejected=len(estimate.rejected))

@@ -1,26 +1,23 @@
-"""Models of a campaign, with a prior or without, identified from the same runs and judged."""
+"""Fits of a campaign with a prior: each is made once, from runs that are reduced once a structure."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
-import numpy as np
-
-from testbench.bench.campaign import Campaign, Cell, Model, identify, named_models
-from testbench.bench.rows import JudgedRow, judged_row
-from testbench.data.dataset import Dataset
+from testbench.bench.campaign import Campaign, Cell, Errors, Model, identify, judge_all, named_models
+from testbench.bench.rows import JudgedRow, fit_row, judged_row
+from testbench.bench.wrong_prior import wrong_prior
 from testbench.errors import Array
-from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.crossval import choose_strength, every_fold
-from testbench.identify.metric import Case, Metric, metric, rescaled
-from testbench.identify.prior import Prior, Strength
+from testbench.identify import Estimate, reduce
+from testbench.identify.crossval import Fold, choose_strength, every_fold
+from testbench.identify.estimate import Constraint
+from testbench.identify.metric import Belief, Case, Metric, metric, rescaled
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import gco_least_trace, gco_with
-from testbench.identify.stein import gco_steins
+from testbench.identify.regularised import fit_reduced, gco_least_trace, parameters
+from testbench.identify.stein import gco_stein, stein_parameters
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
-from testbench.model.vjm import Vjm
 from testbench.trials.spread import Number
 
 BELIEVED = 1e-6  #: Relative uncertainty of a scale that is believed.
@@ -34,58 +31,69 @@ STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
 }
 PLAIN = ("MLS56", "MGCO56", "MGCO68")  #: Models without a prior.
 
-Family = Callable[[Sequence[tuple[Regression, Strength]], Metric], list[Estimate]]
-"""Estimates of several datasets and strengths in one metric."""
 Filling = Literal["none", "least trace", "prior", "log-det prior"]
 """What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""
 
 
-def least_trace(prior: Prior) -> Estimator:
+@dataclass(frozen=True)
+class Seen:
+    """What the runs of a campaign say of a structure."""
+
+    regression: Regression  #: All runs to identify from.
+    folds: Sequence[Fold]  #: The same with poses held out.
+
+
+Filled = Callable[[Seen, Metric], Estimate]
+
+
+def _least_trace(seen: Seen, own: Metric) -> Estimate:
     """GCO of least trace in the metric of a prior, no compliance believed."""
-
-    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        regression = reduce(vjm, structure, data)
-        return gco_least_trace(regression, rescaled(metric(prior, vjm, structure), regression))
-
-    return fit
+    return gco_least_trace(seen.regression, rescaled(own, seen.regression))
 
 
-def cross_validated(prior: Prior, family: Family, *, scaled: bool = True) -> Estimator:
-    """A method with a prior, as firm as cross-validation over poses chooses; scaled to the data or not."""
-
-    def fit(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        regression, own = reduce(vjm, structure, data), metric(prior, vjm, structure)
-        own = rescaled(own, regression) if scaled else own
-
-        def each(cases: Sequence[Case]) -> Array:
-            return np.array([e.pi for e in family([(c.regression, c.belief.strength) for c in cases], own)])
-
-        strength = choose_strength(every_fold(vjm, structure, data), own, each)
-        return family([(regression, strength)], own)[0]
-
-    return fit
+def _with_prior(constraint: Constraint, seen: Seen, own: Metric) -> Estimate:
+    """Least squares or GCO with a prior, as firm as cross-validation over poses chooses."""
+    own = rescaled(own, seen.regression)
+    strength = choose_strength(seen.folds, own, partial(parameters, constraint))
+    return fit_reduced(seen.regression, constraint, Belief(own, strength))
 
 
-def log_det(prior: Prior) -> Estimator:
-    """GCO with the log-determinant prior."""
-    return cross_validated(prior, gco_steins)
-
-
-def fixed_scale(prior: Prior) -> Estimator:
+def _scale_believed(seen: Seen, own: Metric) -> Estimate:
     """GCO with a prior whose scale is believed."""
-    return cross_validated(prior, _believed, scaled=False)
+
+    def firm(belief: Belief) -> Belief:
+        return replace(belief, strength=replace(belief.strength, scale_uncertainty=BELIEVED))
+
+    def fits(cases: Sequence[Case]) -> Array:
+        return parameters("psd", [replace(case, belief=firm(case.belief)) for case in cases])
+
+    strength = choose_strength(seen.folds, own, fits)
+    return fit_reduced(seen.regression, "psd", firm(Belief(own, strength)))
 
 
-def _believed(fits: Sequence[tuple[Regression, Strength]], own: Metric) -> list[Estimate]:
-    return [gco_with(regression, own, Strength(u.uncertainty, BELIEVED)) for regression, u in fits]
+def _log_det(seen: Seen, own: Metric) -> Estimate:
+    """GCO with the log-determinant prior."""
+    own = rescaled(own, seen.regression)
+    return gco_stein(seen.regression, own, choose_strength(seen.folds, own, stein_parameters))
 
 
-WITH_PRIOR: dict[str, tuple[Filling, Callable[[Prior], Estimator]]] = {
-    "least trace": ("least trace", least_trace),
-    "LS + prior": ("prior", partial(with_prior, least_squares)),
-    "GCO + prior": ("prior", partial(with_prior, gco)),
-    "GCO + log-det": ("log-det prior", log_det),
+WITH_PRIOR: dict[str, tuple[Filling, Filled]] = {
+    "least trace": ("least trace", _least_trace),
+    "LS + prior": ("prior", partial(_with_prior, "none")),
+    "GCO + prior": ("prior", partial(_with_prior, "psd")),
+    "GCO + log-det": ("log-det prior", _log_det),
 }
+SCALE_BELIEVED = "scale believed"
+METHODS: dict[str, tuple[Filling, Filled]] = {**WITH_PRIOR, SCALE_BELIEVED: ("prior", _scale_believed)}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A fit."""
+
+    structure: str  #: One of `STRUCTURES`.
+    method: str  #: One of `METHODS`.
+    scale: float  #: Common factor by which the prior is wrong.
 
 
 @dataclass(frozen=True)
@@ -99,26 +107,55 @@ class ModelRow(JudgedRow):
     gco_over_ls_at_this_strength: Number = None
 
 
-def judge(cell: Cell, campaign: Campaign, model: Model, filling: Filling) -> tuple[ModelRow, Estimate]:
-    """Identify a model and judge it."""
-    [result] = identify(cell, campaign, [model], time.perf_counter)
-    belief = result.estimate.belief
-    row = ModelRow(
-        **vars(judged_row(result, prior=filling in ("prior", "log-det prior"))),
+@dataclass(frozen=True)
+class Fitted:
+    """A fit, and what it was made from."""
+
+    row: ModelRow
+    estimate: Estimate
+    seen: Seen
+
+
+def fit_each(cell: Cell, campaign: Campaign, asked: Iterable[Asked], seed: int) -> dict[Asked, Fitted]:
+    """Every fit that is asked of a campaign, once; the seed is of the errors of its priors."""
+    wanted = tuple(dict.fromkeys(asked))
+    seen = {name: _seen(cell, campaign, STRUCTURES[name](cell)) for name in {own.structure for own in wanted}}
+    estimates, seconds = [], []
+    for own in wanted:
+        start, runs = time.perf_counter(), seen[own.structure]
+        prior = metric(wrong_prior(cell, seed, own.scale), cell.vjm, runs.regression.structure)
+        estimates.append(METHODS[own.method][1](runs, prior))
+        seconds.append(time.perf_counter() - start)
+    fits = {}
+    errors = judge_all(cell, campaign, estimates)
+    for own, estimate, taken, off in zip(wanted, estimates, seconds, errors, strict=True):
+        row = _row(f"{own.structure}, {own.method}", METHODS[own.method][0], estimate, taken, off)
+        fits[own] = Fitted(row, estimate, seen[own.structure])
+    return fits
+
+
+def _seen(cell: Cell, campaign: Campaign, structure: Structure) -> Seen:
+    args = cell.vjm, structure, campaign.identification
+    return Seen(reduce(*args), every_fold(*args))
+
+
+def _row(name: str, filling: Filling, estimate: Estimate, seconds: float, errors: Errors) -> ModelRow:
+    belief, believed = estimate.belief, filling in ("prior", "log-det prior")
+    return ModelRow(
+        **vars(judged_row(fit_row(name, estimate, seconds, prior=believed), errors)),
         filling=filling,
         uncertainty_percent=100 * belief.strength.uncertainty if belief else None,
     )
-    return row, result.estimate
 
 
-def plain(cell: Cell, campaign: Campaign) -> Iterator[ModelRow]:
+def identified(
+    cell: Cell, campaign: Campaign, models: Sequence[Model], filling: Filling
+) -> list[tuple[ModelRow, Estimate]]:
+    """Models identified and judged."""
+    results = identify(cell, campaign, models, time.perf_counter)
+    return [(_row(r.model.name, filling, r.estimate, r.seconds, r), r.estimate) for r in results]
+
+
+def plain(cell: Cell, campaign: Campaign) -> list[ModelRow]:
     """Models without a prior."""
-    for model in named_models(cell, PLAIN):
-        yield judge(cell, campaign, model, "none")[0]
-
-
-def filled(cell: Cell, campaign: Campaign, name: str, method: str, prior: Prior) -> ModelRow:
-    """One of `STRUCTURES`, what the data do not see filled by one of `WITH_PRIOR`."""
-    filling, make = WITH_PRIOR[method]
-    model = Model(f"{name}, {method}", STRUCTURES[name](cell), make(prior))
-    return judge(cell, campaign, model, filling)[0]
+    return [row for row, _ in identified(cell, campaign, named_models(cell, PLAIN), "none")]

@@ -9,10 +9,11 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell, simulate
 from testbench.bench.rows import MM, DatasetRow, dataset_row
+from testbench.bench.wrong_prior import SCALE, SHAPE
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import mgco68
-from testbench.studies.identifiability.campaigns import SCALE, SHAPE, SPOILED, SPOILED_BY, CampaignRow, Part
+from testbench.studies.identifiability.campaigns import SPOILED, SPOILED_BY, CampaignRow, Part
 from testbench.studies.identifiability.coverage import CONFIDENCE, Covered, Kind
 from testbench.studies.identifiability.methods import ModelRow
 from testbench.studies.identifiability.trial import NAME, Settings, TrialRow
