@@ -26,36 +26,6 @@ LONGEST = 4.0  #: Of a step, in Newton's own.
 HALVINGS = 30  #: Of the interval in which a line search looks for its step.
 
 
-<<<<<<< HEAD
-def gco_steins(fits: Sequence[tuple[Regression, Strength]], metric: Metric) -> list[Estimate]:
-    """GCO with the log-determinant prior, of several datasets and strengths in one metric.
-
-    The common scale is that of the Gaussian fit.
-    """
-    e = metric.expected
-    scale, rows = [], []
-    firsts = parameters("psd", [Case(regression, Belief(metric, strength)) for regression, strength in fits])
-    for (regression, _), first in zip(fits, firsts, strict=True):
-        scale.append(max(1e-6, float(np.linalg.solve(metric.L, first) @ e / (e @ e))))
-        A, y = whitened(regression, metric)
-        rows.append((scale[-1] * A, y))
-    weight = np.array([1 / strength.uncertainty**2 for _, strength in fits])
-    H, h = np.array([A.T @ A for A, _ in rows]), np.array([A.T @ y for A, y in rows])
-    x, decrement = least_divergence(H / weight[:, None, None], h / weight[:, None], metric.sizes)
-    found = []
-    for (regression, strength), s, own, left in zip(fits, scale, x, decrement, strict=True):
-        belief = Belief(metric, strength)
-        estimate = make_estimate(
-            regression,
-            metric.L @ (s * own),
-            method="GCO with log-det prior",
-            constraint="psd",
-            advice=(words(belief),),
-        )
-        status = "solved" if left <= DECREMENT else f"not solved: {MAX_STEPS} Newton steps were not enough"
-        found.append(replace(estimate, belief=belief, status=status))
-    return found
-=======
 def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
     """GCO with the log-determinant prior; the common scale is that of the Gaussian fit."""
     case = Case(regression, Belief(metric, strength))
@@ -72,25 +42,24 @@ def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Est
 
 
 def stein_parameters(cases: Sequence[Case]) -> Array:
-    """The parameters that `gco_stein` finds, of many datasets of one structure, (cases, n)."""
+    """The parameters that `gco_stein` finds, of many datasets in one metric, (cases, n)."""
     return _minima(cases)[0]
 
 
 def _minima(cases: Sequence[Case]) -> tuple[Array, Array]:
     """Parameters, (cases, n), and the Newton decrement there, (cases,)."""
-    weight = np.array([1 / case.belief.strength.uncertainty**2 for case in cases])[:, None]
-    scale, H, h = [], [], []
-    for case, pi in zip(cases, parameters("psd", cases), strict=True):
-        L, e = case.belief.metric.L, case.belief.metric.expected
-        scale.append(max(1e-6, float(np.linalg.solve(L, pi) @ e / (e @ e))))
-        A, y = whitened(case.regression, case.belief.metric)
-        H.append(scale[-1] ** 2 * A.T @ A)
-        h.append(scale[-1] * A.T @ y)
-    sizes = cases[0].belief.metric.sizes
-    x, left = least_divergence(np.array(H) / weight[..., None], np.array(h) / weight, sizes)
-    L = np.array([s * case.belief.metric.L for s, case in zip(scale, cases, strict=True)])
-    return (L @ x[..., None])[..., 0], left
->>>>>>> 217a315 (Identifiability: every fit of a campaign is made once, from runs reduced and dealt to folds once a structure)
+    metric = cases[0].belief.metric
+    gaussian = np.linalg.solve(metric.L, parameters("psd", cases).T)
+    scale = np.maximum(1e-6, metric.expected @ gaussian / (metric.expected @ metric.expected))
+    squares = {}
+    for case in cases:  # many strengths, few datasets
+        if id(case.regression) not in squares:
+            A, y = whitened(case.regression, metric)
+            squares[id(case.regression)] = A.T @ A, A.T @ y
+    H, h = (np.array(part) for part in zip(*(squares[id(c.regression)] for c in cases), strict=True))
+    unit = scale * np.array([case.belief.strength.uncertainty for case in cases]) ** 2
+    x, left = least_divergence((scale * unit)[:, None, None] * H, unit[:, None] * h, metric.sizes)
+    return scale[:, None] * x @ metric.L.T, left
 
 
 def least_divergence(H: Array, h: Array, sizes: tuple[int, ...]) -> tuple[Array, Array]:
