@@ -29,7 +29,7 @@ from testbench.identify.regularised import (
     least_squares_with,
     parameters,
 )
-from testbench.identify.stein import gco_steins
+from testbench.identify.stein import gco_stein
 from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 
@@ -128,11 +128,10 @@ def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500
     structure = template56(kr500.arm)
     regression = reduce(kr500.vjm, structure, run.identification)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
-    strength = Strength(0.02)
-    firm = [gco_with(regression, own, strength).pi, gco_steins([(regression, strength)], own)[0].pi]
+    firm = [fit(regression, own, Strength(0.02)).pi for fit in (gco_with, gco_stein)]
     # both leave the expectation in proportion to u^2; what differs is of order u^3 of it
     np.testing.assert_allclose(firm[1], firm[0], rtol=0, atol=2e-3 * np.abs(firm[0]).max())
-    [loose] = gco_steins([(regression, Strength(3.0))], own)
+    loose = gco_stein(regression, own, Strength(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
