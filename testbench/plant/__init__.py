@@ -9,6 +9,7 @@ import logging
 
 import mujoco
 
+from testbench.plant.build import Plant, build_plant, weightless
 from testbench.plant.compensator import (
     KR500_COMPENSATOR,
     STIFF_COMPENSATOR,
@@ -17,7 +18,7 @@ from testbench.plant.compensator import (
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
 from testbench.plant.elastic import elastic_mjcf, write_elastic
-from testbench.plant.equilibrium import Equilibrium, Plant, build_plant, settle
+from testbench.plant.equilibrium import Equilibrium, settle
 from testbench.plant.feasible import Room, build_room, check_poses, collisions
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
@@ -52,5 +53,6 @@ __all__ = [
     "settle_disturbed",
     "settle_linear",
     "settle_pair",
+    "weightless",
     "write_elastic",
 ]

@@ -10,15 +10,14 @@ Joint 2 sees the equivalent stiffness K_eq = stiffness s'^2 + F s'', primes bein
 q_2: it vanishes nearly where the strut points at the axis and is largest where it stands square on its lever.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array, check_least
-from testbench.plant.equilibrium import Plant
+from testbench.plant.build import Index, Plant
+from testbench.plant.state import State, generalised_force, place
 
 Point = tuple[float, float, float]
 
@@ -71,13 +70,13 @@ radian would take 400 times the torque of the arm's own weight.
 
 @dataclass(frozen=True)
 class Strut:
-    """The compensator in one pose."""
+    """The compensator in some poses, told by their indices."""
 
-    #: Adds its generalised force at data.qpos, kinematics and mj_comPos done, to Q, (nv,) [N, N m].
-    add: Callable[[Array], None]
-    #: Inverse of C (C^-1 + stiffness g g^T), by Sherman and Morrison, with g = ds / dqpos in the held pose:
-    #: how far it stiffens the arm, (nv, nv).
-    inverse: Array
+    #: Its generalised force where the arm is, (some, nv) [N, N m].
+    force: Callable[[State, Index], Array]
+    #: Applies the inverse of C (C^-1 + stiffness g g^T), by Sherman and Morrison, with g = ds / dqpos in the
+    #: held pose, to steps, (some, nv): how far it stiffens the arm.
+    stiffen: Callable[[Array, Index], Array]
 
 
 def attached(plant: Plant) -> tuple[int, int]:
@@ -94,39 +93,43 @@ def attached(plant: Plant) -> tuple[int, int]:
     return plant.model.body(links[1].name).id, plant.model.body(links[2].name).id
 
 
-def strut(compensator: Compensator, plant: Plant, data: mujoco.MjData) -> Strut:
-    """The compensator in one pose.
+def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
+    """The compensator in some poses.
 
     Args:
         compensator: The spring.
         plant: The elastic arm.
-        data: Its state, now in the held pose, theta = 0; the strut follows it.
+        state: Its held poses, theta = 0.
     """
-    model, (lower, upper) = plant.model, attached(plant)
+    lower, upper = attached(plant)
     foot, head = np.array(compensator.foot), np.array(compensator.head)
-    at, upper_at = data.xpos[lower], data.xpos[upper]
-    turned, upper_turned = data.xmat[lower].reshape(3, 3), data.xmat[upper].reshape(3, 3)
     stiffness = compensator.rate if compensator.stiffness is None else compensator.stiffness
 
-    def ends() -> tuple[Array, Array]:
-        return at + turned @ foot, upper_at + upper_turned @ head
+    def pull(state: State, start: Array, end: Array, force: Array) -> Array:
+        along = (force / _distance(start, end))[:, None] * (end - start)
+        at_foot, at_head = (np.concatenate([f, np.zeros_like(f)], axis=1) for f in (along, -along))
+        on_lower = generalised_force(plant, state, lower, at_foot, start)
+        return on_lower + generalised_force(plant, state, upper, at_head, end)
 
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    start, end = ends()
-    held = math.dist(start, end)
-    preload = compensator.rate * (held - compensator.rest_length)
+    def ends(state: State) -> tuple[Array, Array]:
+        return place(state, lower, foot), place(state, upper, head)
 
-    def pull(force: float, start: Array, end: Array, Q: Array) -> None:
-        along, none = force * (end - start) / math.dist(start, end), np.zeros(3)
-        mujoco.mj_applyFT(model, data, along, none, start, lower, Q)
-        mujoco.mj_applyFT(model, data, -along, none, end, upper, Q)
+    held = _distance(*ends(state))
+    g = pull(state, *ends(state), np.full(len(held), -1.0))
+    C_g = np.matvec(plant.C, g)
+    share = stiffness / (1 + stiffness * np.vecdot(g, C_g))
 
-    def add(Q: Array) -> None:
-        start, end = ends()
-        pull(preload + stiffness * (math.dist(start, end) - held), start, end, Q)
+    def force(state: State, some: Index) -> Array:
+        preload = compensator.rate * (held[some] - compensator.rest_length)
+        start, end = ends(state)
+        return pull(state, start, end, preload + stiffness * (_distance(start, end) - held[some]))
 
-    g = np.zeros(model.nv)
-    pull(-1.0, start, end, g)
-    C_g = plant.C @ g
-    return Strut(add, np.eye(model.nv) - stiffness / (1 + stiffness * (g @ C_g)) * np.outer(C_g, g))
+    def stiffen(step: Array, some: Index) -> Array:
+        along = share[some] * np.vecdot(g[some], step)
+        return np.asarray(step - along[:, None] * C_g[some])
+
+    return Strut(force, stiffen)
+
+
+def _distance(start: Array, end: Array) -> Array:
+    return np.asarray(np.linalg.norm(end - start, axis=1))

@@ -6,7 +6,8 @@ compensator and joint laws the forces and springs of its equilibrium. The nomina
 
 import copy
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -14,21 +15,19 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import find_body
 from testbench.errors import Array, check_array
+from testbench.plant.build import Index, Plant, compile_mjcf, plant_of, weightless, with_model
 from testbench.plant.compensator import attached, strut
 from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
 from testbench.plant.elastic import AXES, elastic_mjcf, insert_carrier
 from testbench.plant.equilibrium import (
     Equilibrium,
-    Index,
-    Plant,
-    Statics,
-    compile_mjcf,
     linear_statics,
-    plant_of,
     settle,
     settle_by,
 )
 from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
+from testbench.plant.newton import Poses, Statics
+from testbench.plant.state import Row, evaluate
 
 
 @dataclass(frozen=True)
@@ -63,9 +62,9 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     offset, frames, centre = rng.standard_normal(n), rng.standard_normal((n + 1, 6)), rng.standard_normal(3)
     true = _on_foundation(plant, disturbances.foundation)
     if not disturbances.own_weight:
-        true.model.opt.gravity[:] = 0
+        true = weightless(true)
     if disturbances.geometry is not None:
-        _displace(true.model, plant.arm, disturbances.geometry, frames)
+        true = _displaced(true, disturbances.geometry, frames)
     return DisturbedPlant(
         plant=true,
         disturbances=disturbances,
@@ -75,13 +74,14 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
-    """A copy of the plant, on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
+    """The plant on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
     arm = plant.arm
     if not scale:
-        return plant_of(arm, copy.copy(plant.model))
-    true = plant_of(arm, compile_mjcf(arm.rigid, _foundation_mjcf(arm, scale * np.array(FOUNDATION))))
-    true.model.opt.gravity[:] = plant.model.opt.gravity
-    soft = [true.model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
+        return plant
+    model = compile_mjcf(arm.rigid, _foundation_mjcf(arm, scale * np.array(FOUNDATION)))
+    model.opt.gravity[:] = plant.model.opt.gravity
+    true = plant_of(arm, model, plant.threads)
+    soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
     true.C[soft, soft] = scale * np.array(FOUNDATION)
     return true
 
@@ -97,16 +97,18 @@ def _foundation_mjcf(arm: Arm, compliance: Array) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def _displace(model: mujoco.MjModel, arm: Arm, errors: GeometryErrors, frames: Array) -> None:
-    """Move and turn the frames of all joints and of the tool by standard normal numbers, (n + 1, 6).
+def _displaced(plant: Plant, errors: GeometryErrors, frames: Array) -> Plant:
+    """Frames of all joints and of the tool moved and turned by standard normal numbers, (n + 1, 6).
 
     Where a frame is, is said by the body that carries the virtual joint before it; how it is turned, by the
     frame's own body.
     """
+    arm, model = plant.arm, copy.copy(plant.model)
     for name, error in zip([*(link.name for link in arm.links[1:]), arm.tool], frames, strict=True):
         body = model.body(name).id
         model.body_pos[model.body_parentid[body]] += errors.position * error[:3]
         mujoco.mju_quatIntegrate(model.body_quat[body], errors.angle * error[3:], 1.0)
+    return with_model(plant, model)
 
 
 def settle_disturbed(
@@ -145,9 +147,8 @@ def settle_disturbed(
     if not (changes.compensator or changes.stiffening or changes.backlash or changes.hysteresis):
         return settle(plant, q, wrench, point)
 
-    def statics(plant: Plant, data: mujoco.MjData, run: int, wrench: Array, point: Array) -> Statics:
-        linear = linear_statics(plant, data, run, wrench, point)
-        return _disturbed(changes, _law(changes, before, plant, run), linear, plant, data)
+    def statics(poses: Poses, row: Row) -> Statics:
+        return _disturbed(changes, _law(changes, before, poses), poses, row)
 
     return settle_by(statics, plant, q, wrench, point)
 
@@ -160,43 +161,47 @@ def settle_pair(
     return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)
 
 
-def _law(changes: Disturbances, before: Equilibrium | None, plant: Plant, run: int) -> JointLaw:
-    """How the joints of one run give way."""
-    return JointLaw(
-        compliance=np.array([joint.compliance for joint in plant.arm.joints]),
+def _law(changes: Disturbances, before: Equilibrium | None, poses: Poses) -> Callable[[Index], JointLaw]:
+    """How the joints give way, by pose."""
+    arm = poses.plant.arm
+    came_from = None if before is None else before.theta[poses.run, 6 * len(arm.links) :]
+    law = JointLaw(
+        compliance=np.array([joint.compliance for joint in arm.joints]),
         stiffening=changes.stiffening,
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
-        before=None if before is None else before.theta[run, 6 * len(plant.arm.links) :],
     )
+    return lambda some: law if came_from is None else replace(law, before=came_from[some])
 
 
-def _disturbed(
-    changes: Disturbances, law: JointLaw, linear: Statics, plant: Plant, data: mujoco.MjData
-) -> Statics:
-    """Forces and springs of a pose with compensator and joint laws."""
+def _disturbed(changes: Disturbances, law: Callable[[Index], JointLaw], poses: Poses, row: Row) -> Statics:
+    """Forces and springs of poses with compensator and joint laws."""
+    plant, linear = poses.plant, linear_statics(poses, row)
     hinges: Index = plant.theta[6 * len(plant.arm.links) :]
-    spring = None if changes.compensator is None else strut(changes.compensator, plant, data)
 
-    def force() -> Array:
-        Q = linear.force()
-        if spring is not None:
-            spring.add(Q)
-        return Q
-
-    def deflect(Q: Array) -> Array:
-        deflection = plant.C @ Q
-        deflection[hinges] = turn(law, Q[hinges])
+    def deflect(Q: Array, some: Index) -> Array:
+        deflection = linear.deflect(Q, some)
+        deflection[:, hinges] = turn(law(some), Q[:, hinges])
         return deflection
 
-    def compliance(Q: Array) -> Array:
-        C = plant.C.copy()
-        C[hinges, hinges] = slope(law, Q[hinges])
+    def compliance(Q: Array, some: Index) -> Array:
+        C = linear.compliance(Q, some).copy()
+        C[:, hinges, hinges] = slope(law(some), Q[:, hinges])
         return C
 
-    def springs(Q: Array) -> Array:
-        forces = linear.springs(Q).copy()  # MuJoCo's own hinges are linear
-        forces[hinges] = -spring_torque(law, data.qpos[hinges], Q[hinges])
+    def springs(qpos: Array, Q: Array, some: Index) -> Array:
+        forces = linear.springs(qpos, Q, some)  # MuJoCo's own hinges are linear
+        forces[:, hinges] = -spring_torque(law(some), qpos[:, hinges], Q[:, hinges])
         return forces
 
-    return Statics(force, deflect, compliance, springs, None if spring is None else spring.inverse)
+    bent = replace(linear, deflect=deflect, compliance=compliance, springs=springs)
+    if changes.compensator is None:
+        return bent
+    ends = attached(plant)
+    spring = strut(changes.compensator, plant, evaluate(row, poses.held, ends))
+    return replace(
+        bent,
+        bodies=(*linear.bodies, *ends),
+        force=lambda state, some: linear.force(state, some) + spring.force(state, some),
+        start=spring.stiffen,
+    )

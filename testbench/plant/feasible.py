@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array, PoseError, check_array
-from testbench.plant.equilibrium import compile_mjcf
+from testbench.plant.build import compile_mjcf
 
 
 @dataclass(frozen=True)

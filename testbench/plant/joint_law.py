@@ -27,12 +27,12 @@ class JointLaw:
     stiffening: float  #: beta [1].
     backlash: float  #: Half-width of the play b [rad].
     hysteresis: float  #: Half-width of the loop h [rad].
-    #: Turns that the joints come from, (n,) [rad]; None where friction has been shaken off.
+    #: Turns that the joints come from, (..., n) [rad]; None where friction has been shaken off.
     before: Array | None = None
 
 
 def turn(law: JointLaw, torque: Array) -> Array:
-    """Turn theta under a torque, (n,) [rad]."""
+    """Turn theta under a torque, (..., n) [rad]."""
     target = _target(law, torque)
     if law.before is None:
         return target
@@ -40,7 +40,7 @@ def turn(law: JointLaw, torque: Array) -> Array:
 
 
 def slope(law: JointLaw, torque: Array) -> Array:
-    """Compliance under a torque, d theta / d torque; zero where friction holds, (n,) [rad/(N m)]."""
+    """Compliance under a torque, d theta / d torque; zero where friction holds, (..., n) [rad/(N m)]."""
     x = law.compliance * torque
     phi = _spring_turn(law, x)
     rate = 1 / (1 + 3 * law.stiffening * (phi / STIFFENING_ANGLE) ** 2)
@@ -56,11 +56,12 @@ def spring_torque(law: JointLaw, theta: Array, torque: Array) -> Array:
 
     Args:
         law: The joints.
-        theta: Turns, (n,) [rad].
-        torque: Torque on the joints, (n,) [N m]: tells the flank that they lie on, and what friction carries.
+        theta: Turns, (..., n) [rad].
+        torque: Torque on the joints, (..., n) [N m]: tells the flank that they lie on, and what friction
+            carries.
 
     Returns:
-        What springs and friction hold against, (n,) [N m]; equals `torque` at rest.
+        What springs and friction hold against, (..., n) [N m]; equals `torque` at rest.
     """
     friction = 0.0 if law.before is None else law.hysteresis
     slip = np.clip(theta - _target(law, torque), -friction, friction)
@@ -69,13 +70,13 @@ def spring_torque(law: JointLaw, theta: Array, torque: Array) -> Array:
 
 
 def _target(law: JointLaw, torque: Array) -> Array:
-    """Turn without friction, (n,) [rad]."""
+    """Turn without friction, (..., n) [rad]."""
     x = law.compliance * torque
     return _spring_turn(law, x) + _play(law, x)
 
 
 def _spring_turn(law: JointLaw, x: Array) -> Array:
-    """The real root phi of phi + beta phi^3 / phi_ref^2 = x, in closed form, (n,) [rad]."""
+    """The real root phi of phi + beta phi^3 / phi_ref^2 = x, in closed form, (..., n) [rad]."""
     if not law.stiffening:
         return x
     a = np.sqrt(3 * law.stiffening) / STIFFENING_ANGLE

@@ -8,7 +8,9 @@ import mujoco
 import numpy as np
 
 from testbench.errors import Array, check_array
-from testbench.plant.equilibrium import Equilibrium, Plant
+from testbench.plant.build import Plant
+from testbench.plant.equilibrium import Equilibrium, hold, in_parts
+from testbench.plant.state import Row, evaluate, generalised_force, moved, place
 
 
 def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equilibrium:
@@ -18,40 +20,37 @@ def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equili
         The displaced poses; residual and step are zero, iterations one.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
-    runs, model, data = len(q), plant.model, mujoco.MjData(plant.model)
-    wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
-    point = check_array(point, (runs, 3), "point [m]")
-    theta = np.empty((runs, model.nv))
-    markers, tool = np.empty((runs, len(plant.markers), 3)), np.empty((runs, 3))
-    rotation = np.empty((runs, 3, 3))
-    for i in range(runs):
-        data.qpos[plant.joints] = q[i]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        frame = data.xmat[plant.tool].reshape(3, 3)
-        at = data.xpos[plant.tool] + frame @ point[i]
-        J_p, J_r = _jacobian(plant, data, at)
-        theta[i] = plant.C @ (J_p.T @ wrench[i, :3] + J_r.T @ wrench[i, 3:])
-        for k, body in enumerate(plant.markers):
-            where = data.xpos[body]
-            markers[i, k] = where + _jacobian(plant, data, where)[0] @ theta[i]
-        tool[i] = data.xpos[plant.tool] + _jacobian(plant, data, data.xpos[plant.tool])[0] @ theta[i]
-        turn = np.empty(9)
-        _rotation(J_r @ theta[i], turn)
-        rotation[i] = turn.reshape(3, 3) @ frame
-    zero = np.zeros(runs)
-    return Equilibrium(theta[:, plant.theta], markers, tool, rotation, zero, zero, np.ones(runs, dtype=int))
+    wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
+    point = check_array(point, (len(q), 3), "point [m]")
+
+    def settled(some: slice, row: Row) -> Equilibrium:
+        return _settle(plant, row, q[some], wrench[some], point[some])
+
+    return in_parts(plant, len(q), settled)
 
 
-def _jacobian(plant: Plant, data: mujoco.MjData, point: Array) -> tuple[Array, Array]:
-    """Translational and rotational rows at a world point fixed in the tool, each (3, nv)."""
-    J_p, J_r = np.zeros((3, plant.model.nv)), np.zeros((3, plant.model.nv))
-    mujoco.mj_jac(plant.model, data, J_p, J_r, point, plant.tool)
-    return J_p, J_r
+def _settle(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) -> Equilibrium:
+    tool, markers = plant.tool, plant.markers.tolist()
+    state = evaluate(row, hold(plant, q), {tool, *markers})
+    at = place(state, tool, point)
+    theta = np.matvec(plant.C, generalised_force(plant, state, tool, wrench, at))
+    places = [state.position[body] + moved(plant, state, body, theta)[0] for body in (*markers, tool)]
+    turns = np.array([_rotation(vector) for vector in moved(plant, state, tool, theta)[1]])
+    zero = np.zeros(len(q))
+    return Equilibrium(
+        theta=theta[:, plant.theta],
+        markers=np.stack(places[:-1], axis=1),
+        tool=places[-1],
+        rotation=turns.reshape(-1, 3, 3) @ state.rotation[tool],
+        residual=zero,
+        step=zero,
+        iterations=np.ones(len(q), dtype=int),
+    )
 
 
-def _rotation(vector: Array, out: Array) -> None:
-    """Rotation matrix of a rotation vector, row by row into (9,)."""
-    quaternion = np.array([1.0, 0, 0, 0])
+def _rotation(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector, row by row, (9,)."""
+    quaternion, matrix = np.array([1.0, 0, 0, 0]), np.empty(9)
     mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
-    mujoco.mju_quat2Mat(out, quaternion)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix

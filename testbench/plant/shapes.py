@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, check_array
-from testbench.plant.equilibrium import Plant
+from testbench.plant.build import Plant
 from testbench.plant.feasible import Room
 
 Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]

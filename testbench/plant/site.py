@@ -19,7 +19,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
 from testbench.data.station import check_position
 from testbench.errors import Array, BenchError, check_array, check_least
-from testbench.plant.equilibrium import compile_mjcf
+from testbench.plant.build import compile_mjcf
 from testbench.plant.shapes import VISUAL_GROUPS
 
 Index = npt.NDArray[np.int_]

@@ -22,9 +22,10 @@ from testbench.plant import (
     settle_linear,
     settle_pair,
 )
-from testbench.plant.compensator import strut
+from testbench.plant.compensator import attached, strut
 from testbench.plant.disturbance import FOUNDATION
 from testbench.plant.joint_law import STIFFENING_ANGLE, JointLaw, slope, spring_torque, turn
+from testbench.plant.state import evaluate, open_row
 
 GRAVITY = 9.81
 CLEAN = Disturbances(own_weight=True)
@@ -106,18 +107,16 @@ def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng
         ]
         return np.linalg.norm(ends[1] - ends[0])
 
-    held = length()
-    compensator = strut(spring, plant, data)
+    held, row = length(), open_row(plant)
+    compensator = strut(spring, plant, evaluate(row, data.qpos[None], attached(plant)))
 
     def energy():
         stretch = length() - held
         return spring.rate * (held - spring.rest_length) * stretch + k * stretch**2 / 2
 
     data.qpos[plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    Q, at, h = np.zeros(model.nv), data.qpos.copy(), 1e-6
-    compensator.add(Q)
+    at, h = data.qpos.copy(), 1e-6
+    (Q,) = compensator.force(evaluate(row, at[None], attached(plant)), np.arange(1))
     gradient = np.empty(model.nv)
     for i in range(model.nv):
         data.qpos[:] = at + h * (np.arange(model.nv) == i)

@@ -25,8 +25,11 @@ from testbench.model.vjm import (
     generalised_load,
     translation_rows,
 )
-from testbench.plant import build_plant, settle
-from testbench.plant.equilibrium import _generalised_force, _tangent
+from testbench.plant import build_plant, settle, weightless
+from testbench.plant.equilibrium import linear_statics
+from testbench.plant.newton import Poses
+from testbench.plant.newton import tangent as plant_tangent
+from testbench.plant.state import open_row
 
 SEEDS = [1, 2, 3]
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0}
@@ -36,12 +39,6 @@ HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0}
 @pytest.fixture(params=["kr500", "arm_6r"])
 def cell(request):
     return request.getfixturevalue(request.param)
-
-
-def weightless(cell):
-    plant = build_plant(cell.arm)
-    plant.model.opt.gravity[:] = 0
-    return plant
 
 
 def random_q(cell, rng, runs):
@@ -175,9 +172,10 @@ def test_k_w_of_a_moment_does_not_depend_on_where_it_acts(kr500, rng):
 
 def plant_compliance(plant, q, theta, wrench, point):
     """J (K_theta - K_w)^-1 J^T of one pose, Jacobian and tangent MuJoCo's own, (6, 6)."""
-    data = mujoco.MjData(plant.model)
+    data, row = mujoco.MjData(plant.model), open_row(plant)
     data.qpos[plant.joints], data.qpos[plant.theta] = q, theta
-    balance = _tangent(plant.C, data.qpos, _generalised_force(plant, data, wrench, point))
+    poses = Poses(plant, slice(1), data.qpos[None], wrench[None], point[None])
+    balance = plant_tangent(linear_statics(poses, row), row, data.qpos, 0)
     mujoco.mj_kinematics(plant.model, data)
     mujoco.mj_comPos(plant.model, data)
     at = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point
@@ -197,7 +195,7 @@ def test_loaded_compliance_is_the_plants_numerical_tangent(request, share):
     """1 to 10 kN on the heavy arm; the light one up to what it carries."""
     for name, heaviest in HEAVIEST.items():
         cell, rng = request.getfixturevalue(name), np.random.default_rng(7)
-        plant, q = weightless(cell), random_q(cell, rng, 10)
+        plant, q = weightless(cell.plant), random_q(cell, rng, 10)
         wrench, point = hung(cell, 10, share * heaviest)
         rest = settle(plant, q, wrench, point)
         C = tangent(cell, q, rest.theta, wrench, point)
@@ -209,7 +207,7 @@ def test_loaded_compliance_is_the_plants_numerical_tangent(request, share):
 
 def test_loaded_compliance_predicts_increments_of_the_plants_equilibrium(kr500, rng):
     """The same tangent, seen from outside: central differences of `settle` with 5 kN hung on."""
-    plant, q = weightless(kr500), random_q(kr500, rng, 10)
+    plant, q = weightless(kr500.plant), random_q(kr500, rng, 10)
     wrench, point = hung(kr500, 10, 5000.0)
     C = tangent(kr500, q, settle(plant, q, wrench, point).theta, wrench, point)
     h = 100.0
@@ -282,7 +280,7 @@ def test_rigid_links_are_zeros_in_the_compliance(cell, rng):
 @pytest.mark.parametrize("share", [0.1, 0.46, 1.0])
 def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     """Pinocchio's chain with Newton on Eq. (7), MuJoCo's with springs as tendons: one equilibrium."""
-    plant, q = weightless(cell), random_q(cell, rng, 40)
+    plant, q = weightless(cell.plant), random_q(cell, rng, 40)
     wrench, point = hung(cell, 40, share * HEAVIEST[cell.arm.name.removesuffix("_l480")])
     rest, ours = (
         settle(plant, q, wrench, point),
@@ -297,8 +295,8 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
 
 
 def test_to_near_rounding_where_the_plant_is_asked_for_more_digits(kr500, rng, monkeypatch):
-    monkeypatch.setattr("testbench.plant.equilibrium.STEP_TOLERANCE", 1e-14)
-    plant, q = weightless(kr500), random_q(kr500, rng, 20)
+    monkeypatch.setattr("testbench.plant.newton.STEP_TOLERANCE", 1e-14)
+    plant, q = weightless(kr500.plant), random_q(kr500, rng, 20)
     wrench, point = random_wrench(rng, 20, 3000, 1000)
     rest, ours = (
         settle(plant, q, wrench, point),
@@ -310,7 +308,7 @@ def test_to_near_rounding_where_the_plant_is_asked_for_more_digits(kr500, rng, m
 
 def test_the_plants_rest_leaves_no_residual_in_the_models_equation(kr500, rng):
     """theta = C_theta J(theta)^T w, theta from MuJoCo and J from Pinocchio."""
-    plant, q = weightless(kr500), random_q(kr500, rng, 20)
+    plant, q = weightless(kr500.plant), random_q(kr500, rng, 20)
     wrench, point = hung(kr500, 20, 10_000.0)
     theta = settle(plant, q, wrench, point).theta
     residual = (kr500.arm.C_theta @ generalised_load(chain(kr500.vjm, q, theta), wrench, point)).T - theta
@@ -407,7 +405,7 @@ def distance_errors(cell, plant, q, load):
 
 
 def test_errors_of_eq_6_and_of_eq_7_taken_once_are_of_second_order_in_load(kr500, rng):
-    plant, q = weightless(kr500), random_q(kr500, rng, 30)
+    plant, q = weightless(kr500.plant), random_q(kr500, rng, 30)
     full, half = (distance_errors(kr500, plant, q, load) for load in (10_000.0, 5000.0))
     for method in ("linear", "once", "loaded"):
         # halving the load divides a second-order error by four, up to third-order terms of 1 %
@@ -419,14 +417,14 @@ def test_errors_of_eq_6_and_of_eq_7_taken_once_are_of_second_order_in_load(kr500
 
 def test_mean_of_unloaded_and_loaded_tangent_errs_in_third_order_only(kr500, rng):
     """The trapezoidal rule on dX = C(w) dw; MuJoCo is the truth."""
-    plant, q = weightless(kr500), random_q(kr500, rng, 30)
+    plant, q = weightless(kr500.plant), random_q(kr500, rng, 30)
     full, half = (distance_errors(kr500, plant, q, load) for load in (10_000.0, 5000.0))
     assert 7.6 < full["mean"] / half["mean"] < 8.4
     assert full["mean"] < full["linear"] / 50
 
 
 def test_integrated_eq_7_has_no_error_to_speak_of(kr500, rng):
-    plant, q = weightless(kr500), random_q(kr500, rng, 30)
+    plant, q = weightless(kr500.plant), random_q(kr500, rng, 30)
     error = distance_errors(kr500, plant, q, 10_000.0)
     assert error["integrated"] < 1e-9  # the plant's step tolerance
     assert error["linear"] > 1e-5
@@ -494,8 +492,7 @@ def test_model_and_plant_agree_that_a_soft_arm_buckles(kr500):
     joints = list(kr500.arm.joints)
     joints[1] = replace(joints[1], compliance=1e-4)
     arm = replace(kr500.arm, joints=tuple(joints))
-    plant = build_plant(arm)
-    plant.model.opt.gravity[:] = 0
+    plant = weightless(build_plant(arm))
     q, (wrench, point) = np.deg2rad([[0.0, -90, 0, 0, 0, 0]]), hung(kr500, 1, 4515.0)
     with pytest.raises(NoEquilibrium):
         settle(plant, q, wrench, point)

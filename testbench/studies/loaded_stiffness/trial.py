@@ -9,7 +9,6 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell, build_cell, clear_poses, stream
 from testbench.errors import Array
 from testbench.model.loaded import (
@@ -23,7 +22,7 @@ from testbench.model.loaded import (
 )
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import chain
-from testbench.plant import Plant, build_plant, settle
+from testbench.plant import Plant, settle, weightless
 
 NAME = "loaded_stiffness"
 POSES, QUICK_POSES = 200, 30
@@ -88,20 +87,13 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
     """Rows of some seeds, each with poses of its own."""
     cell = build_cell(find_arm(asked.arm))
-    plants: dict[Truth, Plant] = {"weightless": weightless(cell.arm), "own weight": cell.plant}
+    plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
     found = []
     for seed in seeds:
         q = clear_poses(cell, asked.workspace, asked.poses, stream(seed))
         increment = asked.max_load / 100
         found.append([row for load in asked.weights for row in hang(cell, plants, q, load, increment)])
     return found
-
-
-def weightless(arm: Arm) -> Plant:
-    """The true arm without gravity: what is left of its non-linearity is that of Eq. (7)."""
-    plant = build_plant(arm)
-    plant.model.opt.gravity[:] = 0
-    return plant
 
 
 def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> list[PoseRow]:

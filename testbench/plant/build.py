@@ -1,0 +1,175 @@
+"""The true arm as MuJoCo models: one to look into, and some side by side to compute with.
+
+A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.5 us a pose, and what leads
+from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
+serves a pose of each.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import read_mjcf
+from testbench.errors import Array, BenchError, InputError
+from testbench.plant.elastic import elastic_mjcf, theta_names
+
+Index = npt.NDArray[np.int_]
+
+ABREAST = 8  #: Arms side by side. MuJoCo compiles them in 15 ms; time grows with their square.
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The true arm: a MuJoCo model with sprung virtual joints.
+
+    All its joints are slides and hinges, so that one address serves qpos and qvel. Not the model is to be
+    changed, but the plant, `with_model`: the arms side by side must follow.
+    """
+
+    arm: Arm  #: Its description.
+    model: mujoco.MjModel  #: Elastic MuJoCo model.
+    abreast: mujoco.MjModel  #: Its bodies and joints, several times.
+    theta: Index  #: Address of each virtual joint, (n_theta,).
+    joints: Index  #: Address of each actuated joint, (n,).
+    tool: int  #: Body id of the tool.
+    markers: Index  #: Body ids of the markers, (m,).
+    load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
+    C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
+    K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
+    carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
+    threads: int  #: How many settle poses; of no effect on what is found.
+
+
+def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
+    """A MuJoCo model from MJCF text whose meshes lie in the folder of `path`.
+
+    Args:
+        path: The rigid MJCF that the text comes from; for messages and meshes.
+        text: MJCF.
+
+    Raises:
+        InputError: When MuJoCo refuses it.
+    """
+    root = read_mjcf(path)
+    meshdir = path.parent.joinpath(*(c.get("meshdir", "") for c in root.iter("compiler")))
+    try:
+        meshes = {f: (meshdir / f).read_bytes() for m in root.iter("mesh") if (f := m.get("file"))}
+        return mujoco.MjModel.from_xml_string(text, meshes)
+    except OSError as err:
+        raise InputError(path, f"mesh {err.filename}", f"cannot be read: {err.strerror}") from err
+    except ValueError as err:
+        raise InputError(path, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err
+
+
+def build_plant(arm: Arm, threads: int = 1) -> Plant:
+    """The elastic MuJoCo model of an arm.
+
+    Args:
+        arm: Its description.
+        threads: How many settle its poses. Of no effect on what is found.
+
+    Raises:
+        InputError: When MuJoCo refuses the arm's MJCF.
+    """
+    return plant_of(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)), threads)
+
+
+def plant_of(arm: Arm, model: mujoco.MjModel, threads: int = 1) -> Plant:
+    """The plant of an arm whose elastic model is compiled already."""
+    if threads < 1:
+        raise BenchError(f"threads: expected at least 1, got {threads}")
+    theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
+    C = np.zeros((model.nv, model.nv))
+    C[np.ix_(theta, theta)] = arm.C_theta
+    return Plant(
+        arm=arm,
+        model=model,
+        abreast=_side_by_side(model, ABREAST),
+        theta=theta,
+        joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
+        tool=model.body(arm.tool).id,
+        markers=np.array([model.body(name).id for name in arm.markers]),
+        load=_in_tool(model, arm),
+        C=C,
+        K=_stiffness(model),
+        carries=_carries(model),
+        threads=threads,
+    )
+
+
+def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
+    """The plant with the gravity, and the places of bodies, of an altered copy of its model."""
+    abreast = copy.copy(plant.abreast)
+    abreast.opt.gravity[:] = model.opt.gravity
+    for name in ("body_pos", "body_quat"):
+        one, all_arms = getattr(model, name)[1:], getattr(abreast, name)[1:]
+        all_arms.reshape(-1, *one.shape)[:] = one
+    return replace(plant, model=model, abreast=abreast)
+
+
+def weightless(plant: Plant) -> Plant:
+    """The plant without gravity."""
+    model = copy.copy(plant.model)
+    model.opt.gravity[:] = 0
+    return with_model(plant, model)
+
+
+def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
+    """A model's bodies and joints several times, all from the world's origin.
+
+    Statics asks a body's mass and its centre, not its inertia.
+    """
+    spec = mujoco.MjSpec()
+    spec.option.gravity = model.opt.gravity
+    for _ in range(arms):
+        bodies = [spec.worldbody]
+        for b in range(1, model.nbody):
+            body = bodies[model.body_parentid[b]].add_body(
+                pos=model.body_pos[b],
+                quat=model.body_quat[b],
+                explicitinertial=True,
+                mass=model.body_mass[b],
+                ipos=model.body_ipos[b],
+                inertia=np.ones(3),
+            )
+            bodies.append(body)
+            first = model.body_jntadr[b]
+            for j in range(first, first + model.body_jntnum[b]):
+                body.add_joint(
+                    type=model.jnt_type[j], pos=model.jnt_pos[j], axis=model.jnt_axis[j], armature=1
+                )
+    return spec.compile()
+
+
+def _in_tool(model: mujoco.MjModel, arm: Arm) -> Array:
+    """The load point in the tool's frame, (3,) [m]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tool, load = data.body(arm.tool), data.body(arm.load)
+    return np.asarray(tool.xmat.reshape(3, 3).T @ (load.xpos - tool.xpos))
+
+
+def _stiffness(model: mujoco.MjModel) -> Array:
+    """Stiffness of the model's own springs, as MuJoCo sees them, (nv, nv): they are linear."""
+    data, columns = mujoco.MjData(model), []
+    for unit in np.eye(model.nv):
+        data.qpos[:] = unit
+        mujoco.mj_tendon(model, data)
+        mujoco.mj_passive(model, data)
+        columns.append(-data.qfrc_passive)
+    return np.column_stack(columns)
+
+
+def _carries(model: mujoco.MjModel) -> Array:
+    """One where a joint moves a body, else zero, (bodies, nv): a body moves with its parent."""
+    carries = np.zeros((model.nbody, model.nv))
+    for body in range(1, model.nbody):
+        first = model.body_dofadr[body]
+        carries[body] = carries[model.body_parentid[body]]
+        carries[body, first : first + model.body_dofnum[body]] = 1
+    return carries

@@ -1,0 +1,128 @@
+"""Poses as MuJoCo finds them, many at once, and what a force on a body is to the joints."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from testbench.errors import Array
+from testbench.plant.build import Plant
+
+
+@dataclass(frozen=True)
+class State:
+    """What the joints feel in some poses, and where the bodies are that were asked for, by their ids."""
+
+    weight: Array  #: Generalised force of the arm's own weight, (poses, nv) [N, N m].
+    #: What a unit of every coordinate turns and, at `centre`, moves: MuJoCo's cdof, (poses, nv, 6) [1, m].
+    motion: Array
+    centre: Array  #: Its point of reference in the world, (poses, 3) [m].
+    position: dict[int, Array]  #: Of the bodies in the world, (poses, 3) each [m].
+    rotation: dict[int, Array]  #: World from body, (poses, 3, 3) each [1].
+
+
+@dataclass(frozen=True)
+class Row:
+    """The arms side by side in one MuJoCo state: what a thread computes with."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    qpos: Array  #: Configuration of every arm, (arms, nv) [m, rad].
+    motion: Array  #: As in `State`, (arms, nv, 6).
+    centre: Array  #: As in `State`, (arms, 3).
+    position: Array  #: Of every body but the world: body b is at b - 1, (arms, bodies, 3) [m].
+    rotation: Array  #: World from body, (arms, bodies, 3, 3) [1].
+
+
+def open_row(plant: Plant) -> Row:
+    """Room to compute for one thread."""
+    model, data = plant.abreast, mujoco.MjData(plant.abreast)
+    nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
+    return Row(
+        model=model,
+        data=data,
+        qpos=data.qpos.reshape(-1, nv),
+        motion=data.cdof.reshape(-1, nv, 6),
+        centre=data.subtree_com[1:].reshape(-1, bodies, 3)[:, root - 1],
+        position=data.xpos[1:].reshape(-1, bodies, 3),
+        rotation=data.xmat[1:].reshape(-1, bodies, 3, 3),
+    )
+
+
+def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
+    """What MuJoCo says of configurations, as many at a time as there are arms in the row.
+
+    Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
+
+    Args:
+        row: The arms.
+        qpos: Configurations, (poses, nv) [m, rad].
+        bodies: Ids of the bodies whose places are wanted; without any there are no `motion` and `centre`.
+    """
+    model, data, (arms, nv) = row.model, row.data, row.qpos.shape
+    poses, room = len(qpos), -(-len(qpos) // arms) * arms
+    bias = np.empty((room, nv))
+    motion, centre = np.empty((room, nv, 6)), np.empty((room, 3))
+    position = {body: np.empty((room, 3)) for body in bodies}
+    rotation = {body: np.empty((room, 3, 3)) for body in bodies}
+    for start in range(0, room, arms):
+        some = slice(start, start + arms)
+        row.qpos[: poses - start] = qpos[some]
+        mujoco.mj_fwdKinematics(model, data)
+        mujoco.mj_rne(model, data, 0, bias[some].reshape(-1))
+        if bodies:
+            motion[some], centre[some] = row.motion, row.centre
+        for body in bodies:
+            position[body][some], rotation[body][some] = row.position[:, body - 1], row.rotation[:, body - 1]
+    return State(
+        weight=-bias[:poses],
+        motion=motion[:poses],
+        centre=centre[:poses],
+        position={body: p[:poses] for body, p in position.items()},
+        rotation={body: R[:poses] for body, R in rotation.items()},
+    )
+
+
+def place(state: State, body: int, point: Array) -> Array:
+    """World position of a point of a body's frame, (3,) or (poses, 3), in every pose, (poses, 3) [m]."""
+    return np.asarray(state.position[body] + np.matvec(state.rotation[body], point))
+
+
+def generalised_force(plant: Plant, state: State, body: int, wrench: Array, point: Array) -> Array:
+    """Generalised force J^T w of force and moment on a body at a world point, (poses, nv) [N, N m].
+
+    Args:
+        plant: The arm.
+        state: Its poses.
+        body: The body's id.
+        wrench: Force and moment, world axes, (poses, 6) [N, N m].
+        point: Where it acts, (poses, 3) [m].
+    """
+    force, moment = wrench[:, :3], wrench[:, 3:]
+    about_centre = moment + _cross(point - state.centre, force)
+    Q = np.matvec(state.motion, np.concatenate([about_centre, force], axis=1))
+    return np.asarray(Q * plant.carries[body])
+
+
+def moved(plant: Plant, state: State, body: int, theta: Array) -> tuple[Array, Array]:
+    """How far a body's origin moves, and how it turns, under small deflections, J theta.
+
+    Args:
+        plant: The arm.
+        state: Its poses.
+        body: The body's id.
+        theta: Deflection in MuJoCo's coordinates, (poses, nv) [m, rad].
+
+    Returns:
+        Translation [m] and rotation vector [rad], world axes, (poses, 3) each.
+    """
+    twist = np.vecmat(theta * plant.carries[body], state.motion)
+    turn, shift = twist[:, :3], twist[:, 3:]
+    return shift + _cross(turn, state.position[body] - state.centre), turn
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products a x b, (poses, 3): np.cross takes five times as long."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
