@@ -11,6 +11,7 @@ from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals
+from testbench.identify.crossval import Candidate
 from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import predict, score
 from testbench.identify.plausibility import doubts
@@ -107,25 +108,31 @@ def fit(
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
     """
-    fitted = tuple(_fit(cell, model, runs, clock, widths=widths) for model in models)
+    found = [_timed(cell, model, runs.used, clock) for model in models]
+    fitted = [_fit(cell, m, runs, timed, widths=widths) for m, timed in zip(models, found, strict=True)]
     poses = len(np.unique(runs.used.pose))
-    name, held_out = recommend(cell, models, runs.used) if len(models) > 1 and poses > 1 else (None, [])
+    name, held_out = None, list[Candidate]()
+    if len(models) > 1 and poses > 1:
+        name, held_out = recommend(cell, models, [estimate for estimate, _ in found], runs.used)
     return Fits(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs,
         poses=poses,
-        models=fitted,
+        models=tuple(fitted),
         recommended=name,
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in held_out),
         doubts=doubts(cell.vjm, runs.every),
     )
 
 
-def _fit(cell: Cell, model: Model, runs: Runs, clock: Callable[[], float], *, widths: bool) -> Fitted:
+def _timed(cell: Cell, model: Model, data: Dataset, clock: Callable[[], float]) -> tuple[Estimate, float]:
     start = clock()
-    estimate = model.estimator(cell.vjm, model.structure, runs.used)
-    seconds = clock() - start
+    return model.estimator(cell.vjm, model.structure, data), clock() - start
+
+
+def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *, widths: bool) -> Fitted:
+    estimate, seconds = timed
 
     def judge(data: Dataset) -> ErrorRow:
         return error_row(score(predict(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))

@@ -9,17 +9,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask, select
+from testbench.data.dataset import Dataset, Ids, Mask, select
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import Belief, Case, Metric
+from testbench.identify.parts import reduce_parts
 from testbench.identify.prior import Strength
-from testbench.identify.regression import Regression, f_m, reduce
+from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
 FOLDS = 8
+ALIKE = 1e-6  #: Share by which errors may differ and count as equal: solvers leave as much.
 LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
 
 Fits = Callable[[Sequence[Regression]], Array]
@@ -32,9 +34,15 @@ Regularised = Callable[[Sequence[Case]], Array]
 class Fold:
     """The runs outside and inside the poses that are held out."""
 
-    runs: Dataset  #: The runs of the other poses.
-    fitted: Regression  #: The same, reduced.
+    data: Dataset  #: All runs.
+    kept: Mask  #: Those of the other poses, (runs,).
+    fitted: Regression  #: These, reduced.
     held_out: Regression  #: Those of the poses held out, reduced.
+
+    @property
+    def runs(self) -> Dataset:
+        """The runs of the other poses."""
+        return select(self.data, self.kept)
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,7 @@ class Candidate:
     name: str  #: For reports.
     unknowns: int  #: How many it has.
     errors: Array  #: F_M on the poses held out, one a fold, (folds,) [1].
+    conservative: bool = True  #: Whether its method asks every block to be positive semi-definite.
 
     @property
     def error(self) -> float:
@@ -58,11 +67,10 @@ class Candidate:
 
 def fold_poses(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """Deal the poses, two at least (BenchError), out in turn to at most `FOLDS` folds, each reduced."""
-    poses = np.unique(data.pose)
+    poses, pose = np.unique(data.pose, return_inverse=True)
     if len(poses) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
-    folds = min(FOLDS, len(poses))
-    return [_fold(vjm, structure, data, np.isin(data.pose, poses[k::folds])) for k in range(folds)]
+    return _folds(vjm, structure, data, pose % FOLDS)
 
 
 def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
@@ -72,20 +80,21 @@ def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """
     size = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
     levels, level = np.unique(size.round(LEVEL_DIGITS), axis=0, return_inverse=True)
-    if len(levels) < 2:
-        return []
-    return [_fold(vjm, structure, data, level.ravel() == k) for k in range(len(levels))]
+    return _folds(vjm, structure, data, level.ravel()) if len(levels) > 1 else []
 
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """Folds over poses (two at least, or BenchError) and over load levels, of the runs with a reading."""
-    data = select(data, np.asarray(data.seen.any(axis=1)))
+    read = np.asarray(data.seen.any(axis=1))
+    data = data if read.all() else select(data, read)
     return fold_poses(vjm, structure, data) + fold_loads(vjm, structure, data)
 
 
-def _fold(vjm: Vjm, structure: Structure, data: Dataset, held_out: Mask) -> Fold:
-    runs = select(data, ~held_out)
-    return Fold(runs, reduce(vjm, structure, runs), reduce(vjm, structure, select(data, held_out)))
+def _folds(vjm: Vjm, structure: Structure, data: Dataset, part: Ids) -> list[Fold]:
+    """Each part, (runs,), held out in turn."""
+    parts, every = reduce_parts(vjm, structure, data, part), range(part.max() + 1)
+    others = [[i for i in every if i != k] for k in every]
+    return [Fold(data, part != k, parts.together(others[k]), parts.together([k])) for k in every]
 
 
 def held_out_errors(folds: Sequence[Fold], fits: Fits) -> Array:
@@ -103,7 +112,12 @@ def choose_strength(folds: Sequence[Fold], metric: Metric, fits: Regularised) ->
 
 
 def one_standard_error(candidates: Sequence[Candidate]) -> str:
-    """The simplest model whose error is within one standard error of the best (Breiman et al. 1984)."""
+    """The simplest model whose error is within one standard error of the best (Breiman et al. 1984).
+
+    Of models as simple it is the one of least error, and where errors are equal a conservative one.
+    """
     best = min(candidates, key=lambda c: c.error)
     good = [c for c in candidates if c.error <= best.error + best.standard_error]
-    return min(good, key=lambda c: (c.unknowns, c.error)).name
+    simple = [c for c in good if c.unknowns == min(c.unknowns for c in good)]
+    least = (1 + ALIKE) * min(c.error for c in simple)
+    return min(simple, key=lambda c: (c.error > least, not c.conservative, c.error)).name

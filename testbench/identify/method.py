@@ -11,13 +11,13 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify.crossval import Fits, choose_strength, every_fold
+from testbench.identify.crossval import choose_strength, every_fold
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.regularised import fit_all, fit_reduced, parameters
+from testbench.identify.regularised import fit_reduced, parameters
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -78,11 +78,6 @@ class Method:
             )
         folds = every_fold(vjm, regression.structure, data)
         return Belief(own, choose_strength(folds, own, partial(parameters, self.constraint)))
-
-    def on_reduced(self, vjm: Vjm, structure: Structure, data: Dataset) -> Fits:
-        """The method on any parts of a dataset, its prior that of the whole; outliers stay in."""
-        belief = self.belief(vjm, reduce(vjm, structure, data), data)
-        return partial(fit_all, constraint=self.constraint, belief=belief)
 
 
 least_squares = Method("none")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.bench.campaign import Scenario, simulate
+from testbench.data.dataset import select
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.crossval import (
@@ -22,6 +23,7 @@ from testbench.identify.crossval import (
 from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric, precision_root, rescaled, whitened
 from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, distorted
+from testbench.identify.regression import f_m
 from testbench.identify.regularised import (
     SLACK,
     gco_least_trace,
@@ -184,12 +186,32 @@ def test_least_trace_has_less_trace_and_fits_as_well(kr500):
         assert traces[0] < traces[1]
 
 
-def test_folds_hold_whole_poses_out_and_cover_all_runs(kr500):
-    data = campaign(kr500, 1).identification
-    folds = fold_poses(kr500.vjm, template56(kr500.arm), data)
-    equations = [fold.held_out.equations for fold in folds]
-    assert sum(equations) == 9 * data.runs
-    assert all(f.fitted.equations + f.held_out.equations == 9 * data.runs for f in folds)
+def with_covariances(data, rng):
+    A = rng.normal(size=(data.runs, 3, 3, 3))
+    P = 1e8 * (A @ A.swapaxes(2, 3) + 0.1 * np.eye(3))
+    P[3, 1] = P[4] = 0  # lost targets
+    return replace(data, precision=P)
+
+
+def with_orientations(data, rng):
+    before, after = 1e-3 * rng.normal(size=(2, data.runs, 3))
+    return replace(data, rotation_before=before, rotation_after=after, sigma_rotation=1e-5)
+
+
+@pytest.mark.parametrize("read", [lambda data, _: data, with_covariances, with_orientations])
+def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, rng, read):
+    data = read(campaign(kr500, 1).identification, rng)
+    data = select(data, data.seen.any(axis=1))
+    structure = template56(kr500.arm)
+    folds = fold_poses(kr500.vjm, structure, data)
+    assert (sum(~fold.kept for fold in folds) == 1).all()
+    for fold in folds:
+        assert not set(data.pose[fold.kept]) & set(data.pose[~fold.kept])
+        for pi in (np.zeros(structure.n), structure.entries(kr500.arm.C_theta)):
+            for found, runs in ((fold.fitted, fold.kept), (fold.held_out, ~fold.kept)):
+                alone = reduce(kr500.vjm, structure, select(data, runs))
+                assert f_m(found, pi) == pytest.approx(f_m(alone, pi), rel=1e-9)
+                assert (found.equations, found.rank) == (alone.equations, alone.rank)
 
 
 def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
@@ -219,7 +241,10 @@ def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
 def test_one_standard_error_takes_the_simplest_that_is_good_enough():
     best = np.array([1.0, 1.2, 0.8, 1.0])  # standard error 0.08
     models = [("rich", 100, best), ("simple", 10, best + 0.07), ("poor", 1, best + 0.2)]
-    assert one_standard_error([Candidate(*model) for model in models]) == "simple"
+    candidates = [Candidate(*model) for model in models]
+    assert one_standard_error(candidates) == "simple"
+    alike = Candidate("not conservative", 10, best + 0.07 * (1 - 1e-9), conservative=False)
+    assert one_standard_error([alike, *candidates]) == "simple"
 
 
 BROKEN = {
