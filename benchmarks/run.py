@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from agreement import agreement_with_the_referee
 from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
 from equilibrium import newton_against_forward_passes, newton_against_stepping
@@ -33,6 +34,7 @@ BENCHMARKS = {
     "e": logging_two_hundred_poses,
     "f": bounds_of_deflections,
     "g": parallel_efficiency,
+    "h": agreement_with_the_referee,
 }
 
 app = typer.Typer(add_completion=False)
@@ -40,7 +42,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefg",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefgh",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

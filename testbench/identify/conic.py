@@ -53,6 +53,10 @@ class Program:
     scale: Array  #: pi[columns] = scale * x, (k,).
     trace_weight: float  #: Weight of the total trace in scaled units beside F_M [N m/rad].
 
+    def cost(self, regression: Regression, pi: Array) -> float:
+        """F_M and the trace term of parameters, (n,)."""
+        return f_m(regression, pi) + self.trace_weight * total_trace(regression.structure, pi)
+
 
 def optimum(regression: Regression) -> Estimate:
     """GCO to global optimality: minimise F_M, Eq. (19), over conservative compliances.
@@ -112,7 +116,7 @@ def answers(regressions: Sequence[Regression], programs: Sequence[Program]) -> l
         for share in shares(len(which), len(first.columns)) if suits else ():
             some = [(regressions[k], programs[k]) for k in which[share]]
             found |= zip(which[share], _dense(some), strict=True)
-    return [found.get(k) or _by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
+    return [found.get(k) or by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
 
 
 def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer | None]:
@@ -153,7 +157,8 @@ def _objective(some: Sequence[tuple[Regression, Program]], order: Ids, unit: Arr
     )
 
 
-def _by_clarabel(regression: Regression, program: Program) -> Answer:
+def by_clarabel(regression: Regression, program: Program) -> Answer:
+    """The answer of an independent solver, with the proof that is its own."""
     solution = _solve(regression, program)
     terms = len(regression.terms)
     pi = np.zeros(regression.structure.n)

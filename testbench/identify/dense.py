@@ -15,7 +15,7 @@ from testbench.identify.blocks import Blocks
 from testbench.identify.interior import interior
 from testbench.identify.linear import factorised
 from testbench.identify.objective import Objective
-from testbench.identify.smoothing import projected_newton
+from testbench.identify.smoothing import Start, projected_newton
 
 CACHE = 500_000  #: Entries of the matrices of as many programs as go together: few enough for the cache.
 ROOM = (
@@ -54,23 +54,21 @@ def least_norms(objective: Objective, blocks: Blocks) -> Found:
     return Found(x, np.minimum(gap, objective.value(x)))  # no sum of norms is below zero
 
 
-def least_squares(objective: Objective, blocks: Blocks | None, unit: Array) -> Found:
+def least_squares(objective: Objective, blocks: Blocks | None) -> Found:
     """Minimise squared residuals that see all of x, over positive semi-definite blocks if there are any.
 
-    `unit` is the size of x over that of its multipliers, (B,). Where the optimum without a cone lies inside,
-    it is the answer.
+    Where the optimum without a cone lies inside, it is the answer.
     """
-    H = objective.H[:, 0].copy()
-    solve, good = factorised(H, np.empty((len(H), 0, 0)))
-    x = solve(objective.transposed(objective.z))
-    x -= solve(objective.at(x).gradient)
-    s, proven = np.zeros_like(x), good & np.isfinite(x).all(axis=1)
+    H = factorised(objective.H[:, 0].copy())
+    x = np.nan_to_num(H.solve(objective.transposed(objective.z)))
+    x -= np.nan_to_num(H.solve(objective.at(x).gradient))
+    s, proven = np.zeros_like(x), H.good.copy()
     if blocks is not None:
-        least = np.linalg.eigvalsh(blocks.matrices(np.where(proven[:, None], x, 0.0)) + blocks.padding)
+        least = np.linalg.eigvalsh(blocks.matrices(x) + blocks.padding)
         out = np.flatnonzero(proven & (least[..., 0].min(axis=1) < 0))
         if len(out):
-            x[out], s[out], proven[out] = projected_newton(objective.take(out), blocks, x[out], unit[out])
+            start = Start(x[out], 1 / H.middle[out])
+            x[out], s[out], proven[out] = projected_newton(objective.take(out), blocks, start)
     F = objective.at(x).gradient - s
-    return Found(
-        x, np.where(proven, np.abs((x * s).sum(axis=1)) + np.abs((F * solve(F)).sum(axis=1)) / 2, np.inf)
-    )
+    gap = np.abs((x * s).sum(axis=1)) + np.abs((F * H.solve(F)).sum(axis=1)) / 2
+    return Found(x, np.where(proven, gap, np.inf))

@@ -63,11 +63,12 @@ def interior(objective: Objective, blocks: Blocks) -> Array:
     """
     state = _start(objective, blocks)
     x = state.x.copy()
-    for _ in range(ITERATIONS):
-        state = _iterate(state.rest(), blocks)
-        x[state.programs] = state.x
-        if not state.going.any():
-            break
+    with np.errstate(all="ignore"):  # a step that is not finite is not taken
+        for _ in range(ITERATIONS):
+            state = _iterate(state.rest(), blocks)
+            x[state.programs] = state.x
+            if not state.going.any():
+                break
     return x
 
 
@@ -98,7 +99,7 @@ def _iterate(state: State, blocks: Blocks) -> State:
     X = scaling.primal(dx)
     step = _longest(scaling, X, W - X)
     step = np.minimum(1, (0.9 + 0.09 * step) * step)
-    good = newton.good & np.isfinite(step)
+    good = newton.factors.good & np.isfinite(step)
     dx, ds = (np.where(good[:, None], step[:, None] * d, 0.0) for d in (dx, ds))
     return _judged(replace(state, x=x + dx, s=s + ds, step=step, going=good), state)
 
@@ -163,11 +164,11 @@ class Newton:
         W = scaling.inverse.swapaxes(-1, -2) @ scaling.inverse
         A = self.hessian.matrix()
         scaling.blocks.add(A, scaling.blocks.congruence(W))
-        self.solve, self.good = factorised(A, self.hessian.along)
+        self.factors = factorised(A, self.hessian.along)
 
     def direction(self, w: Array) -> tuple[Array, Array]:
         """Steps dx and ds with E dx + ds = w, (B, n)."""
-        dx = self.solve(w - self.missing)
+        dx = self.factors.solve(w - self.missing)
         return dx, self.missing + self.hessian.times(dx)
 
 

@@ -1,6 +1,6 @@
 """Symmetric positive definite systems, one after the other: LAPACK's Cholesky without a copy."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -8,27 +8,37 @@ from scipy.linalg import blas, lapack
 
 from testbench.errors import Array
 
+TINY = 1e-150
 
-def factorised(A: Array, along: Array) -> tuple[Callable[[Array], Array], npt.NDArray[np.bool_]]:
-    """Factors of A - along^T along.
 
-    Args:
-        A: Symmetric matrices, (B, n, n); overwritten.
-        along: (B, any, n).
+@dataclass(frozen=True)
+class Factors:
+    """Triangular factors of some matrices."""
 
-    Returns:
-        The solution of right sides (B, n), and which of the matrices are positive definite, (B,).
-    """
+    each: list[Array]  #: Lower ones, (n, n); above the diagonal stands anything.
+    good: npt.NDArray[np.bool_]  #: Which of the matrices are positive definite, (B,).
+
+    def solve(self, b: Array) -> Array:
+        """Solutions of right sides (B, n); NaN where a matrix is not positive definite."""
+        found = np.full(b.shape, np.nan)
+        for k in np.flatnonzero(self.good):
+            found[k] = lapack.dpotrs(self.each[k], b[k], lower=1)[0]
+        return found
+
+    @property
+    def middle(self) -> Array:
+        """Geometric means of the eigenvalues, (B,); of any size where a matrix is not positive definite."""
+        return np.array([np.exp(2 * np.log(np.maximum(L.diagonal(), TINY)).mean()) for L in self.each])
+
+
+def factorised(A: Array, along: Array | None = None) -> Factors:
+    """Factors of A - along^T along for matrices A (B, n, n), which are overwritten, and along (B, any, n)."""
     factors, good = [], np.ones(len(A), dtype=bool)
     for k, matrix in enumerate(A):
         L = matrix.T
-        for v in along[k]:
+        for v in () if along is None else along[k]:
             L = blas.dsyr(-1.0, v, lower=1, a=L, overwrite_a=1)
         L, info = lapack.dpotrf(L, lower=1, clean=0, overwrite_a=1)
         factors.append(L)
         good[k] = info == 0
-
-    def solve(b: Array) -> Array:
-        return np.array([lapack.dpotrs(L, v, lower=1)[0] for L, v in zip(factors, b, strict=True)])
-
-    return solve, good
+    return Factors(factors, good)

@@ -26,7 +26,6 @@ from testbench.identify.regression import Regression, f_m
 GAP = (
     1e-9  #: Proven distance from the least sum of squares, relative to one more, of an answer that is taken.
 )
-UNIT = 0.1  #: Size of x over that of its multipliers, times the prior's variance: a guess that saves steps.
 SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
@@ -59,6 +58,7 @@ class Answer:
     pi: Array  #: Parameters, (n,).
     seconds: float  #: Time inside the solver.
     status: str  #: "solved", or what went wrong.
+    own: bool  #: Whether our own method found it.
 
 
 def parameters(constraint: Constraint, cases: Sequence[Case]) -> Array:
@@ -79,12 +79,13 @@ def _dense(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
     start = time.perf_counter()
     objective = _objective(cases)
     blocks = blocks_of(cases[0].belief.metric.sizes) if constraint == "psd" else None
-    unit = UNIT * np.array([case.belief.strength.uncertainty for case in cases]) ** 2
-    found = least_squares(objective, blocks, unit)
+    found = least_squares(objective, blocks)
     good = found.gap <= GAP * (1 + objective.value(found.x))
     seconds = (time.perf_counter() - start) / len(cases)
     return [
-        Answer(case.belief.metric.L @ x, seconds, "solved") if proven else REFEREES[constraint](case)
+        Answer(case.belief.metric.L @ x, seconds, "solved", own=True)
+        if proven
+        else REFEREES[constraint](case)
         for case, x, proven in zip(cases, found.x, good, strict=True)
     ]
 
@@ -114,7 +115,7 @@ def _by_lapack(case: Case) -> Answer:
     start = time.perf_counter()
     M, r = with_prior_rows(case.regression, case.belief.metric, case.belief.strength)
     pi = case.belief.metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
-    return Answer(pi, time.perf_counter() - start, "solved")
+    return Answer(pi, time.perf_counter() - start, "solved", own=False)
 
 
 def _by_clarabel(case: Case) -> Answer:
@@ -131,7 +132,7 @@ def _by_clarabel(case: Case) -> Answer:
             rows=(cone.norm_below(0, residual, R[:, n] / unit),),
         )
     )
-    return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status)
+    return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status, own=False)
 
 
 REFEREES: dict[Constraint, Callable[[Case], Answer]] = {"none": _by_lapack, "psd": _by_clarabel}

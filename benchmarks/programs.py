@@ -1,0 +1,85 @@
+"""Random reduced datasets, kind ones and nasty ones, for which an independent solver is the referee."""
+
+import math
+
+import numpy as np
+
+from testbench.identify.metric import Belief, Case, Metric
+from testbench.identify.prior import Strength
+from testbench.identify.regression import Regression, Term, regression_of
+from testbench.model.structure import Structure
+
+SIZES = ((6, 6, 1, 1), (1, 2, 2, 1, 3), (6, 1), (3, 3, 2), (2,), (6,), (4, 5, 1), (1, 1, 1))
+NOISE = 0.02  #: Of every reading, as a share of their root mean square.
+NASTY = (
+    "columns of zeros",
+    "rank one",
+    "fewer rows than unknowns",
+    "no noise",
+    "readings against the loads",
+    "readings of 1e-6",
+    "readings of 1e6",
+)
+
+
+def structure_of(sizes: tuple[int, ...]) -> Structure:
+    """A structure of whole blocks of these sizes."""
+    first = np.cumsum((0, *sizes))[:-1]
+    pairs = [
+        (k + i, k + j)
+        for k, size in zip(first, sizes, strict=True)
+        for j in range(size)
+        for i in range(j + 1)
+    ]
+    a, b = np.array(pairs).T
+    labels = tuple(f"row_{k}" for k in range(sum(sizes)))
+    return Structure("random", sum(sizes), a, b, labels)
+
+
+def random_regression(kind: str, rng: np.random.Generator) -> Regression:
+    """A dataset of a random conservative truth, of one or two terms; `kind` is "kind" or one of NASTY."""
+    sizes = SIZES[rng.integers(len(SIZES))]
+    structure = structure_of(sizes)
+    C = np.zeros((structure.n_theta,) * 2)
+    for block in structure.blocks:
+        V = rng.standard_normal((rng.integers(1, len(block) + 1), len(block)))
+        C[np.ix_(block, block)] = V.T @ V / len(block)
+    pi, n = structure.entries(C), structure.n
+    rows = n + 2 + int(rng.integers(n + 1))
+    if kind == "fewer rows than unknowns":
+        rows = max(2, n // 2)
+    terms = [_term(kind, pi, rows, rng) for _ in range(1 + int(rng.integers(2)))]
+    return regression_of(structure, tuple(terms))
+
+
+def _term(kind: str, pi: np.ndarray, rows: int, rng: np.random.Generator) -> Term:
+    n = len(pi)
+    A = rng.standard_normal((rows, n)) * 10 ** rng.uniform(-1.5, 0, n)
+    if kind == "columns of zeros":
+        A[:, rng.random(n) < 0.2] = 0
+    if kind == "rank one":
+        A = np.outer(rng.standard_normal(rows), rng.standard_normal(n))
+    y = A @ pi
+    size = np.linalg.norm(y) / math.sqrt(rows)
+    if kind != "no noise":
+        y = y + NOISE * size * rng.standard_normal(rows)
+    scale = {"readings of 1e-6": 1e-6, "readings of 1e6": 1e6, "readings against the loads": -1.0}.get(
+        kind, 1.0
+    )
+    T = np.zeros((n + 1, n + 1))
+    R = np.linalg.qr(
+        np.c_[A, scale * y] / (NOISE * abs(scale) * (size or 1.0) * math.sqrt(rows / 3)), mode="r"
+    )
+    T[: len(R)] = R
+    return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2), equations=rows)
+
+
+def with_random_prior(regression: Regression, uncertainty: float, rng: np.random.Generator) -> Case:
+    """A prior that has nothing to do with the truth."""
+    s = regression.structure
+    row, column = s.triangles
+    L = np.zeros((s.n, s.n))
+    L[s.parameter, np.arange(s.n)] = np.where(row == column, 1.0, math.sqrt(0.5)) * 10 ** rng.uniform(-1, 1)
+    one = np.where(row == column, 1.0, 0.0)
+    metric = Metric("random", s, L, one, tuple(len(block) for block in s.blocks))
+    return Case(regression, Belief(metric, Strength(uncertainty)))
