@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -105,8 +104,15 @@ def normality(residuals: Array, rng: np.random.Generator) -> list[Normality]:
     ]
 
 
+def normal_density(x: Array, mean: float, std: float) -> Array:
+    """Density of a normal distribution, for curves beside histograms."""
+    return np.asarray(np.exp(-(((x - mean) / std) ** 2) / 2) / (std * np.sqrt(2 * np.pi)))
+
+
 def _distance_to_normal(samples: Array) -> Array:
     """Greatest distance of the distributions of samples, (sets, n), to their normals, (sets,) [1]."""
+    from scipy.special import ndtr  # here: importing it takes longer than most fits
+
     mean, std = samples.mean(axis=1, keepdims=True), samples.std(axis=1, ddof=1, keepdims=True)
     below = ndtr((np.sort(samples, axis=1) - mean) / std)
     step = np.arange(samples.shape[1] + 1) / samples.shape[1]

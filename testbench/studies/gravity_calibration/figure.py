@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
 
 from testbench.bench.campaign import Campaign, Result
 from testbench.bench.rows import UM
 from testbench.data.dataset import Mask
-from testbench.identify.evaluate import Normality
+from testbench.identify.evaluate import Normality, normal_density
 from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
 from testbench.studies.gravity_calibration.trial import normalities
 from testbench.views.colours import MEASURED, hexadecimal, look
@@ -77,7 +76,7 @@ def _distribution(ax: Axes, result: Result, used: Mask, shown: tuple[Normality, 
     outside = np.clip(check, -edge, edge)
     ax.hist(outside, bins, density=True, histtype="step", color=dark, linewidth=2, label="check")
     x = np.linspace(-edge, edge, 400)
-    curve = stats.norm.pdf(x, UM * normal.mean, max(UM * normal.std, 1e-9))
+    curve = normal_density(x, UM * normal.mean, max(UM * normal.std, 1e-9))
     ax.plot(x, curve, color=SOFT, label="normal curve of the fit")
     ax.set_xlabel("residual component [um]")
     ax.legend(frameon=False, fontsize="small")

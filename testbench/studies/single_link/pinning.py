@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import gammainc, gammaincc
 
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.full_pose import FullPose
@@ -60,8 +60,8 @@ def pinning(cell: Cell, campaign: FullPose) -> Pinning:
         position_rms_by_column_over_sigma=[rms(column) for column in e[:3].T],
         rotation_rms_by_column_over_sigma=[rms(column) for column in e[3:].T],
         rms_over_sigma=rms(e),
-        p_as_large_if_sigma_is_of_a_deflection=float(stats.chi2.sf(total, e.size)),
-        p_as_small_if_sigma_is_of_a_reading=float(stats.chi2.cdf(total / 2, e.size)),
+        p_as_large_if_sigma_is_of_a_deflection=float(gammaincc(e.size / 2, total / 2)),
+        p_as_small_if_sigma_is_of_a_reading=float(gammainc(e.size / 2, total / 4)),
         likelihood_ratio_deflection_to_reading=float(np.exp(e.size * np.log(2) / 2 - total / 4)),
         negative_eigenvalue_expected={
             "if_sigma_is_of_a_deflection": _expected(cell, campaign, 1.0),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import gammaincinv
 
 from testbench.bench.campaign import Campaign, Cell, Result, Scenario, Truth, settle_both
 from testbench.bench.rows import FitRow
@@ -196,4 +196,5 @@ def _round_scale(drawn: float, true: float) -> float:
 def noise_limit(drawing: Drawing) -> float:
     """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
     share = 0.95 ** (1 / len(drawing.data.markers))
-    return float(drawing.data.sigma * np.sqrt(2 * stats.chi2.ppf(share, 3)))
+    squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
+    return float(drawing.data.sigma * np.sqrt(2 * squared))

@@ -3,10 +3,10 @@
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from scipy import stats
 
 from testbench.bench.rows import MM, UM
 from testbench.errors import Array
+from testbench.identify.evaluate import normal_density
 from testbench.views.recording.drawing import Drawing, noise_limit
 from testbench.views.recording.pen import Line, Pen
 from testbench.views.recording.style import MEASURED, NOISE, Colour
@@ -92,7 +92,7 @@ def write_histograms(pen: Pen, drawing: Drawing) -> None:
             bars = _bars(at, counts, slot, drawing.looks[k].colour)
             pen.still(f"{path}/{drawing.paths[k]}", bars)
         if drawing.noise:
-            density = stats.norm.pdf(fine, scale=UM * drawing.data.sigma * np.sqrt(2))
+            density = normal_density(fine, 0.0, UM * drawing.data.sigma * np.sqrt(2))
             curve = wide * components.shape[1] * density
             pen.still(f"{path}/expected_noise", _bars(fine, curve, fine[1] - fine[0], (*NOISE, 90)))
 
