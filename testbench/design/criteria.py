@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.design.squares import squares
+from testbench.design.update import Seen, look
 from testbench.errors import Array
 
 POWER = 24  #: Sharpness of the smooth stand-in for a largest value, G and E.
@@ -38,6 +39,7 @@ class Determinant:
     """D: det(M)^(1/r), the volume of the confidence ellipsoid."""
 
     name: str = "D"
+    W: None = None  #: It weights nothing.
 
     def information(self, M: Array) -> float:
         """det(M)^(1/r)."""
@@ -46,8 +48,11 @@ class Determinant:
 
     def after(self, M: Array, rows: Array) -> Array:
         """By det(M + F^T F) = det(M) det(1 + F M^-1 F^T)."""
-        K = _leverage(rows @ np.linalg.inv(M), rows)
-        return np.asarray(self.information(M) * np.exp(np.linalg.slogdet(K)[1] / len(M)))
+        return self.reached(M, look(M, rows, None))
+
+    def reached(self, M: Array, seen: Seen) -> Array:
+        """The same from what candidates see of M."""
+        return np.asarray(self.information(M) * np.exp(seen.growth() / len(M)))
 
     def tangent(self, M: Array) -> Tangent:
         """Phi(M) M^-1 / r: the arithmetic mean of eigenvalues is no less than the geometric."""
@@ -68,7 +73,11 @@ class Linear:
 
     def after(self, M: Array, rows: Array) -> Array:
         """By Woodbury's formula."""
-        return np.asarray(1 / _cost_after(M, rows, self.W))
+        return self.reached(M, look(M, rows, self.W))
+
+    def reached(self, M: Array, seen: Seen) -> Array:
+        """The same from what candidates see of M."""
+        return np.asarray(1 / (1 / self.information(M) - seen.gain()))
 
     def tangent(self, M: Array) -> Tangent:
         """M^-1 W M^-1 / tr(W M^-1)^2: that of a concave function that is homogeneous."""
@@ -97,8 +106,8 @@ class Largest:
         found = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
-            cost = _cost_after(M, rows, self._weighted(M, self.costs(M)))
-            first = np.argpartition(cost, SHORTLIST)[:SHORTLIST]
+            gain = look(M, rows, self._weighted(M, self.costs(M))).gain()
+            first = np.argpartition(-gain, SHORTLIST)[:SHORTLIST]
         few = rows[first]
         found[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
         return found
@@ -150,19 +159,6 @@ def mean_square(rows: Array) -> Array:
 def _points(rows: Array) -> float:
     """Targets a pose."""
     return float(rows.shape[1] / 3)
-
-
-def _leverage(P: Array, rows: Array) -> Array:
-    """1 + F M^-1 F^T of every candidate, (candidates, k, k)."""
-    return np.asarray(np.eye(rows.shape[1]) + P @ rows.swapaxes(1, 2))
-
-
-def _cost_after(M: Array, rows: Array, W: Array) -> Array:
-    """tr(W (M + F^T F)^-1) for each F, (candidates,)."""
-    I = np.linalg.inv(M)  # noqa: E741 - of rank k updates, as in the books
-    P = rows @ I
-    gain = np.linalg.solve(_leverage(P, rows), (P @ W) @ P.swapaxes(1, 2))
-    return np.asarray(np.trace(I @ W) - np.trace(gain, axis1=1, axis2=2))
 
 
 def _tangent(M: Array, W: Array) -> Tangent:

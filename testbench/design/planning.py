@@ -141,8 +141,8 @@ def _refined(
     """Better angles for the chosen candidates, (poses, n) [rad], and their loads, (poses,)."""
     load = examined.load[chosen]
 
-    def rows(trial: Array, k: int) -> Array:
-        return measured_rows(spec, trial, np.full(len(trial), load[k])) @ examined.problem.lift
+    def rows(trial: Array, places: Ids) -> Array:
+        return measured_rows(spec, trial, load[places]) @ examined.problem.lift
 
     return refine(examined.q[chosen], examined.problem.prior, criterion, rows, near), load
 

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.design.criteria import Criterion
-from testbench.design.rows import total
+from testbench.design.relaxation import sensitivity
+from testbench.design.rows import Ids, total
 from testbench.errors import Array
 
 NEIGHBOURS = 64  #: Neighbours of a pose that are judged at a time.
@@ -23,8 +24,10 @@ STEP, SHRINK = 0.25, 0.7
 TRIES = 8  #: Neighbours, the best first, that are asked for feasibility in a round.
 BETTER = 1e-6  #: Relative gain below which a step does not count.
 
-Rows = Callable[[Array, int], Array]
-"""Whitened rows (poses, k, r) of angles (poses, n), measured as the pose of this place in the plan is."""
+TOGETHER = 16  #: Poses of the plan whose neighbours' rows are found together.
+
+Rows = Callable[[Array, Ids], Array]
+"""Whitened rows (poses, k, r) of angles (poses, n), each measured as the pose in its place of the plan is."""
 Feasible = Callable[[Array], npt.NDArray[np.bool_]]
 
 
@@ -56,23 +59,54 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neigh
 
     The prior is the information before any reading, (r, r); rows are what a pose tells.
     """
-    q = q.copy()
-    own = np.stack([rows(pose[None], k)[0] for k, pose in enumerate(q)])
-    step = np.full(len(q), STEP)
-    value = criterion.information(total(prior, own))
+    q, step = q.copy(), np.full(len(q), STEP)
+    plan = _Plan(prior, criterion, rows(q, np.arange(len(q))))
     for _ in range(ROUNDS):
-        for k in range(len(q)):
-            trial = near.around(q[k], np.full((NEIGHBOURS, 1), step[k]))
-            seen = rows(trial, k)
-            reached = criterion.after(total(prior, np.delete(own, k, axis=0)), seen)
-            better = [i for i in np.argsort(-reached)[:TRIES] if reached[i] > (1 + BETTER) * value]
-            allowed = np.flatnonzero(near.feasible(trial[better])).tolist() if better else []
-            if allowed:
-                best = better[allowed[0]]
-                q[k], own[k], value = trial[best], seen[best], float(reached[best])
-            else:
-                step[k] *= SHRINK
+        for places in np.array_split(np.arange(len(q)), -(-len(q) // TOGETHER)):
+            trials = near.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
+            seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
+            for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
+                better = plan.better(k, tells)
+                allowed = better[near.feasible(trial[better])] if len(better) else better
+                if len(allowed):
+                    q[k] = trial[allowed[0]]
+                    plan.exchange(k, tells[allowed[0]])
+                else:
+                    step[k] *= SHRINK
     return q
+
+
+class _Plan:
+    """The rows of a plan, its Phi and a tangent there."""
+
+    def __init__(self, prior: Array, criterion: Criterion, own: Array) -> None:
+        self.prior, self.criterion, self.own = prior, criterion, own
+        self._look()
+
+    def _look(self) -> None:
+        self.M = total(self.prior, self.own)
+        self.value = self.criterion.information(self.M)
+        self.Z = self.criterion.tangent(self.M).Z
+
+    def exchange(self, k: int, rows: Array) -> None:
+        """Other rows (k, r) in a place."""
+        self.own[k] = rows
+        self._look()
+
+    def better(self, k: int, rows: Array) -> Ids:
+        """Which of some rows (trials, k, r) make Phi larger in a place, the best first, `TRIES` at most.
+
+        Only those are tried that a tangent leaves hope: Phi(M) is no more than <Z, M>.
+        """
+        floor = (1 + BETTER) * self.value
+        without = (self.Z * self.M).sum() - sensitivity(self.own[k, None], self.Z)
+        hopeful = np.flatnonzero(without + sensitivity(rows, self.Z) > floor)
+        if not len(hopeful):
+            return hopeful
+        rest = total(self.prior, np.delete(self.own, k, axis=0))
+        reached = self.criterion.after(rest, rows[hopeful])
+        first = np.argsort(-reached)[:TRIES]
+        return np.asarray(hopeful[first[reached[first] > floor]])
 
 
 def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) -> Array:

@@ -94,6 +94,8 @@ class Site:
     payload: Payload | None  #: What hangs from it; None for nothing.
     station: Array | None  #: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
     model: mujoco.MjModel  #: Rigid MuJoCo model of all of it.
+    data: mujoco.MjData  #: Its state, overwritten by every question: making one takes longer than an answer.
+    names: tuple[str, ...]  #: Of the bodies.
     joints: Index  #: Address of each actuated joint in qpos, (n,).
     slides: Index  #: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
     load: int  #: Body id of the load point.
@@ -129,6 +131,8 @@ def build_site(
         payload=payload,
         station=where,
         model=model,
+        data=mujoco.MjData(model),
+        names=tuple(_name(model, body) for body in range(model.nbody)),
         joints=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
         slides=model.jnt_qposadr[slides].astype(int),
         load=model.body(arm.load).id,
@@ -232,7 +236,7 @@ def _name(model: mujoco.MjModel, body: int) -> str:
 def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
     """The site in every pose, the payload straight below the load point; the data are the same object."""
     q = check_array(q, (None, site.arm.n_joints), "q [rad]")
-    model, data = site.model, mujoco.MjData(site.model)
+    model, data = site.model, site.data
     qpos, load = data.qpos, data.xpos[site.load]
     for pose in q:
         qpos[site.joints] = pose
@@ -249,24 +253,29 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     Of several contacts the first in the order of `KINDS` is told.
     """
     found: list[Contact | None] = []
+    geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
     for data in _poses(site, q):
         mujoco.mj_collision(site.model, data)
-        found.append(_first_contact(site, data) if data.ncon else None)
+        found.append(None)
+        geoms.append(data.contact.geom.copy())
+        depths.append(data.contact.dist.copy())
+    pose = np.repeat(np.arange(len(found)), [len(depth) for depth in depths[1:]])
+    pairs = np.concatenate(geoms)
+    for k in _touching(site, pose, pairs, np.concatenate(depths)):
+        pair = sorted(pairs[k], key=lambda g: site.part[g])
+        one, other = (site.names[site.model.geom_bodyid[g]] for g in pair)
+        found[pose[k]] = Contact(KINDS[site.part[pair].max()], (one, other))
     return found
 
 
-def _first_contact(site: Site, data: mujoco.MjData) -> Contact | None:
+def _touching(site: Site, pose: Index, pairs: Index, distance: Array) -> Index:
+    """The first of every pose's contacts in the order of `KINDS`, of those that are near enough."""
     clearance = 0.0 if site.payload is None else site.payload.clearance
-    geoms = data.contact.geom
-    kind = site.part[geoms].max(axis=1)
+    kind = site.part[pairs].max(axis=1)
     near = np.where(kind == KINDS.index("payload"), clearance, 0.0)  # a stranger's geoms may have margins
-    touching = np.flatnonzero(data.contact.dist < near)
-    if not len(touching):
-        return None
-    k = touching[kind[touching].argmin()]
-    pair = sorted(geoms[k], key=lambda g: site.part[g])
-    one, other = (_name(site.model, site.model.geom_bodyid[g]) for g in pair)
-    return Contact(KINDS[kind[k]], (one, other))
+    touching = np.flatnonzero(distance < near)
+    touching = touching[np.lexsort((kind[touching], pose[touching]))]
+    return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
 
 
 def hidden(site: Site, q: Array) -> list[tuple[str, str] | None]:
@@ -292,5 +301,5 @@ def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str,
             continue
         share = mujoco.mj_ray(site.model, data, station, beam, OPAQUE, True, site.markers[k], hit, None)
         if share >= 0 and share * length < length - TARGET_RADIUS:
-            return site.arm.markers[k], _name(site.model, site.model.geom_bodyid[hit[0]])
+            return site.arm.markers[k], site.names[site.model.geom_bodyid[hit[0]]]
     return None

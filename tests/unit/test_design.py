@@ -124,6 +124,47 @@ def test_exchange_never_loses_and_beats_greedy_at_least_once():
     assert better > 0
 
 
+def by_trying_everything(problem, criterion, plan, poses):
+    """The best candidate in a place: of an incomplete plan the next one, of a complete one every place's."""
+    every, plan = range(len(problem.rows)), list(plan)
+
+    def phi(chosen):
+        return criterion.information(information(problem, chosen))
+
+    while len(plan) < poses:
+        plan.append(max(every, key=lambda j: phi([*plan, j])))
+    before = 0.0
+    while phi(plan) > (1 + 1e-7) * before:
+        before = phi(plan)
+        for k in range(poses):
+            best = max(every, key=lambda j: phi([*plan[:k], j, *plan[k + 1 :]]))
+            if phi([*plan[:k], best, *plan[k + 1 :]]) > (1 + 1e-7) * phi(plan):
+                plan[k] = best
+    return plan
+
+
+@pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
+@pytest.mark.parametrize("criterion", criteria(), ids=lambda c: c.name)
+def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prior):
+    for seed in range(3):
+        problem, start = random_problem(50, seed, prior), rng(seed).integers(0, 50, 6)
+        found = exchange(problem, criterion, problem.rows, start)
+        assert found.tolist() == by_trying_everything(problem, criterion, start, 6)
+
+
+@pytest.mark.parametrize(
+    ("criterion", "prior"),
+    [(Determinant(), 0.1), (Determinant(), 1e-9), (A_OPTIMAL, 0.1)],  # next to no prior: updates lose digits
+    ids=["D", "D, next to no prior", "A"],
+)
+def test_greedy_takes_the_best_next_one(criterion, prior):
+    problem, plan = random_problem(50, 7, prior), []
+    for best in greedy(problem, criterion, problem.rows, 12):
+        phi = [criterion.information(information(problem, [*plan, j])) for j in range(50)]
+        assert phi[best] == pytest.approx(max(phi), rel=1e-9)
+        plan.append(best)
+
+
 def test_bound_is_that_of_the_most_useful_candidate():
     problem, Z = random_problem(), positive(3)
     relaxed = relax(problem, A_OPTIMAL, 4)
