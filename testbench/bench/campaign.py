@@ -14,7 +14,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, Estimator, gco, least_squares
+from testbench.identify import Estimate, Estimator, Method, gco, least_squares
 from testbench.identify.evaluate import Score, predict_all, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
@@ -327,7 +327,9 @@ def identify(
 
 
 def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
-    """Identify one model from each of several datasets."""
+    """Identify one model from each of several datasets; an estimator of one's own takes them one by one."""
+    if isinstance(model.estimator, Method):
+        return model.estimator.each(cell.vjm, model.structure, datasets)
     return [model.estimator(cell.vjm, model.structure, data) for data in datasets]
 
 

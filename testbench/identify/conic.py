@@ -68,10 +68,19 @@ def optimum(regression: Regression) -> Estimate:
     Raises:
         BenchError: When the structure is not symmetric.
     """
-    structure = regression.structure
-    check_symmetric(structure)
-    program = scale_program(regression)
-    answer = answers([regression], [program])[0]
+    return optimum_each([regression])[0]
+
+
+def optimum_each(regressions: Sequence[Regression]) -> list[Estimate]:
+    """The same of many datasets of one structure."""
+    check_symmetric(regressions[0].structure)
+    programs = [scale_program(regression) for regression in regressions]
+    found = zip(regressions, programs, answers(regressions, programs), strict=True)
+    return [_estimate(*own) for own in found]
+
+
+def _estimate(regression: Regression, program: Program, answer: "Answer") -> Estimate:
+    """What is known of an answer."""
     pi = answer.pi
     certificate = bound_gap(regression, pi, answer.dual or gradient_dual(regression, pi))
     exact = f_m(regression, pi) <= EXACT * program.unit  # and F_M cannot be negative

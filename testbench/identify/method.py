@@ -3,6 +3,7 @@
 A method is called like an estimator of your own: method(vjm, structure, data) -> Estimate.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -14,10 +15,10 @@ from testbench.errors import BenchError
 from testbench.identify.crossval import choose_strength, every_fold
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.huber import without_outliers
-from testbench.identify.metric import Belief, metric, rescaled
+from testbench.identify.metric import Belief, Metric, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.regularised import fit_reduced, parameters
+from testbench.identify.regularised import fit_each, parameters
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -51,33 +52,46 @@ class Method:
             BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
                 symmetric where it must be, or the prior does not fit the structure or the data.
         """
-        regression = reduce(vjm, structure, data)
-        belief = self.belief(vjm, regression, data)
-        if self.loss == "robust":
-            return without_outliers(vjm, data, regression, self.constraint, belief)
-        return fit_reduced(regression, self.constraint, belief)
+        return self.each(vjm, structure, [data])[0]
 
-    def belief(self, vjm: Vjm, regression: Regression, data: Dataset) -> Belief | None:
-        """The prior in the scale of the data, and how firmly it is believed; None without a prior.
+    def each(self, vjm: Vjm, structure: Structure, datasets: Sequence[Dataset]) -> list[Estimate]:
+        """The same of several datasets, their programs solved together."""
+        regressions = [reduce(vjm, structure, data) for data in datasets]
+        beliefs = self.beliefs(vjm, regressions, datasets)
+        if self.loss == "robust":
+            runs = zip(datasets, regressions, beliefs, strict=True)
+            return [without_outliers(vjm, data, r, self.constraint, own) for data, r, own in runs]
+        return fit_each(regressions, self.constraint, beliefs)
+
+    def beliefs(
+        self, vjm: Vjm, regressions: Sequence[Regression], datasets: Sequence[Dataset]
+    ) -> Sequence[Belief | None]:
+        """The prior in the scale of each dataset, and how firmly it is believed; None without a prior.
 
         Raises:
             BenchError: When the prior does not fit, or there is only one pose to choose its strength from.
         """
         if self.prior is None:
-            return None
-        own = rescaled(metric(self.prior, vjm, regression.structure), regression)
-        if self.strength is not None:
-            return Belief(own, self.strength)
+            return [None] * len(datasets)
+        own = metric(self.prior, vjm, regressions[0].structure)
+        found = []
+        for regression, data in zip(regressions, datasets, strict=True):
+            scaled = rescaled(own, regression)
+            found.append(Belief(scaled, self.strength or self._chosen(vjm, scaled, data)))
+        return found
+
+    def _chosen(self, vjm: Vjm, own: Metric, data: Dataset) -> Strength:
         if self.loss == "robust":
-            return Belief(own, Strength(ROBUST_UNCERTAINTY))
+            return Strength(ROBUST_UNCERTAINTY)
         poses = len(np.unique(data.pose))
         if poses < LEAST_POSES:
             raise BenchError(
                 f"prior: expected at least {LEAST_POSES} poses to cross-validate its uncertainty, got "
                 f"{poses}; give it (--uncertainty-percent)"
             )
-        folds = every_fold(vjm, regression.structure, data)
-        return Belief(own, choose_strength(folds, own, partial(parameters, self.constraint)))
+        return choose_strength(
+            every_fold(vjm, own.structure, data), own, partial(parameters, self.constraint)
+        )
 
 
 least_squares = Method("none")

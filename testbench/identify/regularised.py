@@ -14,7 +14,7 @@ import numpy as np
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.blocks import blocks_of
-from testbench.identify.conic import EXACT, f_m_norms, optima, optimum
+from testbench.identify.conic import EXACT, f_m_norms, optima, optimum, optimum_each
 from testbench.identify.dense import least_squares, shares
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
 from testbench.identify.least_squares import minimum_norm, solve, solve_all
@@ -31,24 +31,27 @@ SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is ma
 
 def least_squares_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
     """Weighted least squares with a prior; not conservative where the data pull it out of the cone."""
-    return _with("none", Case(regression, Belief(metric, strength)))
+    return _with("none", [Case(regression, Belief(metric, strength))])[0]
 
 
 def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
     """GCO with a prior: the conservative model of greatest posterior density."""
-    return _with("psd", Case(regression, Belief(metric, strength)))
+    return _with("psd", [Case(regression, Belief(metric, strength))])[0]
 
 
-def _with(constraint: Constraint, case: Case) -> Estimate:
-    answer = answers(constraint, [case])[0]
-    estimate = make_estimate(
-        case.regression,
-        answer.pi,
-        method=METHODS[constraint],
-        constraint=constraint,
-        advice=(words(case.belief),),
-    )
-    return replace(estimate, belief=case.belief, status=answer.status, solver_seconds=answer.seconds)
+def _with(constraint: Constraint, cases: Sequence[Case]) -> list[Estimate]:
+    found = []
+    for case, answer in zip(cases, answers(constraint, cases), strict=True):
+        estimate = make_estimate(
+            case.regression,
+            answer.pi,
+            method=METHODS[constraint],
+            constraint=constraint,
+            advice=(words(case.belief),),
+        )
+        known = replace(estimate, belief=case.belief, status=answer.status, solver_seconds=answer.seconds)
+        found.append(known)
+    return found
 
 
 @dataclass(frozen=True)
@@ -183,9 +186,17 @@ def words(belief: Belief) -> str:
 
 def fit_reduced(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:
     """Least squares or GCO of a reduced dataset; GCO refuses by BenchError what is not symmetric."""
-    if belief is None:
-        return optimum(regression) if constraint == "psd" else minimum_norm(regression)
-    return _with(constraint, Case(regression, belief))
+    return fit_each([regression], constraint, [belief])[0]
+
+
+def fit_each(
+    regressions: Sequence[Regression], constraint: Constraint, beliefs: Sequence[Belief | None]
+) -> list[Estimate]:
+    """The same of many datasets of one structure, each with a belief of its own, or all without."""
+    cases = [Case(r, own) for r, own in zip(regressions, beliefs, strict=True) if own is not None]
+    if cases:
+        return _with(constraint, cases)
+    return optimum_each(regressions) if constraint == "psd" else [minimum_norm(r) for r in regressions]
 
 
 def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: Belief | None = None) -> Array:
