@@ -16,7 +16,7 @@ from testbench.identify.regularised import answers as with_prior
 RANDOM, NASTY_ONES = 10_000, 1_000
 SEED = 20_000
 WORSE = 1e-8  #: Cost over the referee's, relative to that of no model, beyond which an answer is wrong.
-ROUNDING = 1e-10  #: Proven gap, relative to F_M without a model, that both are asked for.
+ROUNDING = 1e-9  #: Gap that our own method has to prove, relative to F_M without a model.
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from agreement import agreement_with_the_referee
 from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
 from equilibrium import newton_against_forward_passes, newton_against_stepping
+from families import families_of_fits
 from large_dataset import reducing_large_datasets
 from many_trials import parallel_efficiency
 from measure import Row, processor
@@ -35,6 +36,7 @@ BENCHMARKS = {
     "f": bounds_of_deflections,
     "g": parallel_efficiency,
     "h": agreement_with_the_referee,
+    "i": families_of_fits,
 }
 
 app = typer.Typer(add_completion=False)
@@ -42,7 +44,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefgh",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghi",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

@@ -18,6 +18,7 @@ from testbench.identify.objective import Objective
 from testbench.identify.smoothing import Start, projected_newton
 
 CACHE = 500_000  #: Entries of the matrices of as many programs as go together: few enough for the cache.
+REFINED = 2  #: Steps to least squares without a cone: the second takes back the rounding of the first.
 ROOM = (
     10.0  #: Traces within which norms are proven least, over those found and one axis that explains all data.
 )
@@ -60,8 +61,9 @@ def least_squares(objective: Objective, blocks: Blocks | None) -> Found:
     Where the optimum without a cone lies inside, it is the answer.
     """
     H = factorised(objective.H[:, 0].copy())
-    x = np.nan_to_num(H.solve(objective.transposed(objective.z)))
-    x -= np.nan_to_num(H.solve(objective.at(x).gradient))
+    x = np.zeros((len(objective.z), objective.R.shape[2]))
+    for _ in range(REFINED):
+        x -= np.nan_to_num(H.solve(objective.at(x).gradient))
     s, proven = np.zeros_like(x), H.good.copy()
     if blocks is not None:
         least = np.linalg.eigvalsh(blocks.matrices(x) + blocks.padding)

@@ -22,7 +22,7 @@ Mask = npt.NDArray[np.bool_]
 ITERATIONS = 40
 CENTRED = 0.1  #: First gap, as a share of the objective.
 SMALL = 1e-3  #: Size of the first x where the data want none above zero.
-LEFT = 3e-12  #: Distance from the optimum at which it ends, in units where the data are of order one.
+LEFT = 1e-11  #: Distance from the optimum at which it ends, in units where the data are of order one.
 EXACT = 1e-9  #: Norm below which a residual has no direction to speak of: there is nothing to be proven.
 STUCK = 1e-6  #: Step length below which it ends.
 STALLED = 1e-7  #: Distance below which an iteration that gains less than half is the last.
@@ -92,10 +92,11 @@ def _iterate(state: State, blocks: Blocks) -> State:
     x, s = state.x, state.s
     scaling = _scaling(blocks, x, s)
     newton = Newton(state, scaling)
-    X = scaling.primal(newton.direction(-s)[0])
+    X = scaling.primal(newton.primal(-s))
     aim = np.maximum((1 - state.step) ** 2, LEAST) * state.gap / blocks.degree
     W = scaling.corrected(aim, X, scaling.diagonal(-scaling.d) - X)
-    dx, ds = newton.direction(scaling.back(W))
+    dx = newton.primal(scaling.back(W))
+    ds = newton.dual(dx)
     X = scaling.primal(dx)
     step = _longest(scaling, X, W - X)
     step = np.minimum(1, (0.9 + 0.09 * step) * step)
@@ -166,10 +167,13 @@ class Newton:
         scaling.blocks.add(A, scaling.blocks.congruence(W))
         self.factors = factorised(A, self.hessian.along)
 
-    def direction(self, w: Array) -> tuple[Array, Array]:
-        """Steps dx and ds with E dx + ds = w, (B, n)."""
-        dx = self.factors.solve(w - self.missing)
-        return dx, self.missing + self.hessian.times(dx)
+    def primal(self, w: Array) -> Array:
+        """Step dx, (B, n)."""
+        return self.factors.solve(w - self.missing)
+
+    def dual(self, dx: Array) -> Array:
+        """Step ds that goes with it, (B, n)."""
+        return self.missing + self.hessian.times(dx)
 
 
 def _longest(scaling: Scaling, X: Array, S: Array) -> Array:

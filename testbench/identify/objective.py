@@ -15,12 +15,12 @@ class Point:
     """The objective at x."""
 
     norms: Array  #: tau of every term, (B, K); ones where the residual is squared.
-    y: Array  #: Residual over its norm, (B, rows).
-    gradient: Array  #: R^T y + c, (B, n).
+    pulls: Array  #: R_k^T y_k of every term, (B, K, n).
+    gradient: Array  #: Their sum and c, (B, n).
 
     def take(self, which: Ids) -> "Point":
         """Of some of the programs."""
-        return Point(self.norms[which], self.y[which], self.gradient[which])
+        return Point(self.norms[which], self.pulls[which], self.gradient[which])
 
 
 @dataclass(frozen=True)
@@ -35,37 +35,34 @@ class Objective:
     terms: tuple[slice, ...]  #: Rows of every term, K of them.
     squared: bool = False  #: Whether the one term is 1/2 |R x - z|^2.
 
+    def residual(self, x: Array) -> Array:
+        """R x - z, (B, rows)."""
+        return np.asarray((self.R @ x[..., None])[..., 0] - self.z)
+
     def at(self, x: Array) -> Point:
         """Norms and gradient at x, (B, n)."""
-        r = (self.R @ x[..., None])[..., 0] - self.z
-        if self.squared:
-            return Point(np.ones_like(self.rest), r, self.transposed(r) + self.c)
-        norms = np.empty_like(self.rest)
+        r = self.residual(x)
+        norms = np.ones_like(self.rest) if self.squared else self._norms(r)
+        pulls = np.empty((*norms.shape, self.R.shape[2]))
         for k, rows in enumerate(self.terms):
-            part = r[:, rows]
-            norms[:, k] = np.sqrt((part * part).sum(axis=1) + self.rest[:, k] ** 2)
-            part /= np.maximum(norms[:, k, None], TINY)
-        return Point(norms, r, self.transposed(r) + self.c)
-
-    def transposed(self, y: Array) -> Array:
-        """R^T y, (B, n), of (B, rows)."""
-        return np.asarray((y[:, None] @ self.R)[:, 0])
+            y = r[:, rows] / np.maximum(norms[:, k, None], TINY)
+            pulls[:, k] = (y[:, None] @ self.R[:, rows])[:, 0]
+        return Point(norms, pulls, pulls.sum(axis=1) + self.c)
 
     def value(self, x: Array) -> Array:
         """The objective at x, (B,)."""
-        point = self.at(x)
-        if self.squared:
-            return np.asarray((point.y**2).sum(axis=1) / 2 + (x * self.c).sum(axis=1))
-        return np.asarray(point.norms.sum(axis=1) + (x * self.c).sum(axis=1))
+        r = self.residual(x)
+        cost = (r * r).sum(axis=1) / 2 if self.squared else self._norms(r).sum(axis=1)
+        return np.asarray(cost + (x * self.c).sum(axis=1))
+
+    def _norms(self, r: Array) -> Array:
+        squares = [(r[:, rows] ** 2).sum(axis=1) for rows in self.terms]
+        return np.sqrt(np.transpose(squares) + self.rest**2)
 
     def hessian(self, point: Point, tangent: Array) -> "Hessian":
-        """Second derivative; without that of a norm along itself where tangent, (B,), is zero."""
-        along = np.empty((len(self.z), 0 if self.squared else len(self.terms), self.R.shape[2]))
-        for k in range(along.shape[1]):
-            rows = self.terms[k]
-            along[:, k] = (point.y[:, None, rows] @ self.R[:, rows])[:, 0]
-            along[:, k] *= np.sqrt(tangent / np.maximum(point.norms[:, k], TINY))[:, None]
-        return Hessian(self.H, 1 / np.maximum(point.norms, TINY), along)
+        """Second derivative of norms; without that of a norm along itself where tangent, (B,), is zero."""
+        share = 1 / np.maximum(point.norms, TINY)
+        return Hessian(self.H, share, point.pulls * np.sqrt(tangent[:, None] * share)[..., None])
 
     def take(self, which: Ids) -> "Objective":
         """Some of the programs."""
@@ -79,7 +76,7 @@ class Hessian:
 
     H: Array  #: (B, K, n, n).
     share: Array  #: (B, K).
-    along: Array  #: (B, any, n).
+    along: Array  #: (B, K, n).
 
     def matrix(self) -> Array:
         """The first sum, (B, n, n)."""

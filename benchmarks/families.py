@@ -1,0 +1,59 @@
+"""Many fits of one structure at once: time of a fit over Clarabel's own time for the same program."""
+
+import numpy as np
+from measure import MODELS, Row, at_most, interleave, note, spread
+
+from testbench.bench.campaign import Cell, Scenario, build_cell, simulate
+from testbench.errors import Array
+from testbench.identify import reduce
+from testbench.identify.bootstrap import resampler
+from testbench.identify.conic import by_clarabel, optima, optimum, scale_program
+from testbench.identify.metric import Belief, Case, metric, rescaled
+from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.regression import Regression
+from testbench.identify.regularised import REFEREES, parameters
+from testbench.model.structure import Structure, all153, mgco68, template56
+
+ARM = "kr500_l480"
+FITS, ALONE, REPEATS = 100, 8, 5
+STRENGTHS = (0.3, 3.0)  #: Firm enough that the cone hardly binds, and so weak that it does everywhere.
+BAR = 0.25
+BARRED = "ALL153"
+
+
+def families_of_fits() -> list[Row]:
+    """A row for every structure and kind of fit."""
+    arm = build_cell(MODELS / ARM)
+    data = simulate(arm, Scenario(arm=ARM, workspace_poses=1), seed=1).identification
+    rows = []
+    for structure in (template56(arm.arm), mgco68(arm.arm), all153(arm.arm)):
+        best = optimum(reduce(arm.vjm, structure, data))
+        draw, rng = resampler(best.regression), np.random.default_rng(1)
+        rows += rows_of(arm, structure, [draw(best.pi, rng) for _ in range(FITS)])
+    return rows
+
+
+def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> list[Row]:
+    """GCO without a prior and with one, of every dataset."""
+    [together] = interleave(REPEATS, lambda: optima(regressions))
+    own = [by_clarabel(r, scale_program(r)).seconds for r in regressions[:ALONE]]
+    rows = [_row(f"{structure.name}, no prior", together, own)]
+    prior = rescaled(metric(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
+    for u in STRENGTHS:
+        cases = [Case(regression, Belief(prior, Strength(u))) for regression in regressions]
+        [together] = interleave(REPEATS, lambda c=cases: parameters("psd", c))  # type: ignore[misc]
+        own = [REFEREES["psd"](case).seconds for case in cases[:ALONE]]
+        rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own))
+    return rows
+
+
+def _row(name: str, together: Array, own: list[float]) -> Row:
+    each = together / FITS
+    behind = f"{spread(each, 1e3, 2)} ms a fit, Clarabel {spread(own, 1e3)} ms"
+    title = f"(i) {FITS} fits at once over as many of Clarabel's own time: {name}"
+    ratio = np.median(each) / np.median(own)
+    return (
+        at_most(title, ratio, "x", BAR, behind)
+        if name.startswith(BARRED)
+        else note(title, ratio, "x", behind)
+    )
