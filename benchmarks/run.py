@@ -23,6 +23,7 @@ from measure import Row, processor
 from recordings import logging_two_hundred_poses
 from rich.console import Console
 from rich.table import Table
+from single_fits import single_fits
 
 from testbench import files
 from testbench.shell import command
@@ -37,6 +38,7 @@ BENCHMARKS = {
     "g": parallel_efficiency,
     "h": agreement_with_the_referee,
     "i": families_of_fits,
+    "j": single_fits,
 }
 
 app = typer.Typer(add_completion=False)
@@ -44,7 +46,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghi",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghij",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""
