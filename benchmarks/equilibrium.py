@@ -1,17 +1,22 @@
 """Static equilibrium: Newton against a bare forward pass, and against stepping the arm to rest."""
 
 import copy
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from measure import MODELS, Row, at_least, at_most, feasible_poses, hung, interleave, note, seconds, spread
+from mujoco.batch import Batch
 
 from testbench.bench.campaign import Cell, build_cell
 from testbench.errors import Array
 from testbench.plant import Equilibrium, settle
 from testbench.plant.elastic import DAMPING
+from testbench.plant.equilibrium import hold
 from testbench.plant.newton import STEP_TOLERANCE
+from testbench.plant.state import evaluate, open_row
 
 POSES = 1000
 FORWARD_PASSES = 4000
@@ -74,6 +79,42 @@ def newton_against_forward_passes() -> list[Row]:
             "m, rad",
             STEP_TOLERANCE,
             "",
+        ),
+        *two_threads(arm, q),
+    ]
+
+
+def two_threads(arm: Cell, q: Array) -> list[Row]:
+    """What a second thread is worth, for judging: Python's lock, or MuJoCo's own loop over poses.
+
+    That loop cannot stop before it has made and factored the mass matrix, which statics does not need.
+    """
+    wrench, point = hung(arm.vjm, len(q))
+    halves = np.array_split(np.arange(len(q)), 2)
+
+    def pairs(some: npt.NDArray[np.int_]) -> None:
+        settle(arm.plant, q[some])
+        settle(arm.plant, q[some], wrench[some], point[some])
+
+    batch, row = Batch(arm.plant.model, len(q), nthread=2), open_row(arm.plant)
+    batch.bind("qfrc_bias")
+    batch.bind("qpos")[:] = held = hold(arm.plant, q)
+    with ThreadPoolExecutor(2) as pool:
+        one, two, theirs, ours = interleave(
+            9,
+            lambda: list(map(pairs, halves)),
+            lambda: list(pool.map(pairs, halves)),
+            lambda: batch.forward(stage=int(mujoco.mjtStage.mjSTAGE_VEL)),
+            lambda: evaluate(row, held),
+        )
+    shared, apart = one / two, theirs / ours
+    return [
+        note("    two threads over one, each half of the poses", np.median(shared), "x", spread(shared)),
+        note(
+            "    MuJoCo's loop on two threads over ours on one, forces of a pose",
+            np.median(apart),
+            "x",
+            f"ratio {spread(apart)}: {spread(theirs / len(q), 1e6)} and {spread(ours / len(q), 1e6)} us",
         ),
     ]
 
@@ -179,7 +220,7 @@ def newton_against_stepping() -> list[Row]:
             f"(b) stepping to rest over Newton, median of {STEPPED_POSES} poses",
             np.median(a_pose) if reached else 0.0,
             "x",
-            300,
+            800,
             f"poses {spread(a_pose, digits=0)}: {spread(wall, 1e3, 0)} ms in {spread(steps, digits=0)} steps "
             f"of {spread(wall / steps, 1e6, 0)} us, Newton {spread(newton, 1e6, 0)} us; damping "
             f"{1e3 * DAMPING:g} ms x stiffness, time step {1e3 * timestep:g} ms",

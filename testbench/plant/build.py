@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, InputError
 from testbench.plant.elastic import elastic_mjcf, theta_names
 
 Index = npt.NDArray[np.int_]
@@ -42,7 +42,6 @@ class Plant:
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
-    threads: int  #: How many settle poses; of no effect on what is found.
 
 
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
@@ -66,23 +65,17 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
         raise InputError(path, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err
 
 
-def build_plant(arm: Arm, threads: int = 1) -> Plant:
+def build_plant(arm: Arm) -> Plant:
     """The elastic MuJoCo model of an arm.
-
-    Args:
-        arm: Its description.
-        threads: How many settle its poses. Of no effect on what is found.
 
     Raises:
         InputError: When MuJoCo refuses the arm's MJCF.
     """
-    return plant_of(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)), threads)
+    return plant_of(arm, compile_mjcf(arm.rigid, elastic_mjcf(arm)))
 
 
-def plant_of(arm: Arm, model: mujoco.MjModel, threads: int = 1) -> Plant:
+def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
     """The plant of an arm whose elastic model is compiled already."""
-    if threads < 1:
-        raise BenchError(f"threads: expected at least 1, got {threads}")
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
@@ -98,7 +91,6 @@ def plant_of(arm: Arm, model: mujoco.MjModel, threads: int = 1) -> Plant:
         C=C,
         K=_stiffness(model),
         carries=_carries(model),
-        threads=threads,
     )
 
 

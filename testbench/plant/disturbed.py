@@ -80,7 +80,7 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
         return plant
     model = compile_mjcf(arm.rigid, _foundation_mjcf(arm, scale * np.array(FOUNDATION)))
     model.opt.gravity[:] = plant.model.opt.gravity
-    true = plant_of(arm, model, plant.threads)
+    true = plant_of(arm, model)
     soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
     true.C[soft, soft] = scale * np.array(FOUNDATION)
     return true

@@ -24,7 +24,7 @@ class State:
 
 @dataclass(frozen=True)
 class Row:
-    """The arms side by side in one MuJoCo state: what a thread computes with."""
+    """The arms side by side in one MuJoCo state, to compute with; every call of `settle` has its own."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -36,7 +36,7 @@ class Row:
 
 
 def open_row(plant: Plant) -> Row:
-    """Room to compute for one thread."""
+    """The plant's arms side by side, to compute with."""
     model, data = plant.abreast, mujoco.MjData(plant.abreast)
     nv, bodies, root = plant.model.nv, plant.model.nbody - 1, plant.model.body_rootid[plant.tool]
     return Row(
@@ -63,7 +63,8 @@ def evaluate(row: Row, qpos: Array, bodies: Collection[int] = ()) -> State:
     model, data, (arms, nv) = row.model, row.data, row.qpos.shape
     poses, room = len(qpos), -(-len(qpos) // arms) * arms
     bias = np.empty((room, nv))
-    motion, centre = np.empty((room, nv, 6)), np.empty((room, 3))
+    placed = room if bodies else 0
+    motion, centre = np.empty((placed, nv, 6)), np.empty((placed, 3))
     position = {body: np.empty((room, 3)) for body in bodies}
     rotation = {body: np.empty((room, 3, 3)) for body in bodies}
     for start in range(0, room, arms):

@@ -120,7 +120,7 @@ def disturbed(
     """Noise-free runs to identify from, and those to be judged by, of a disturbed arm, one for every case."""
     true = disturb(cell.plant, disturbances, stream(seed, 20))
     exact = replace(disturbances, mass_error=0.0, centre_error=0.0)
-    judge = disturb(cell.plant, exact, stream(seed, 20))
+    judge = replace(true, disturbances=exact, centre=np.zeros(3))
     found = []
     for arm, runs in ((true, campaign.identification), (judge, campaign.truth)):
         before, after = settle_pair(arm, runs.q, runs.wrench, runs.point)
