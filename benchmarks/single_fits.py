@@ -50,7 +50,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
     """Ratio and time of a fit, the reduction of the dataset included."""
     structure, regression = fit.structure(cell.arm), reduce(cell.vjm, fit.structure(cell.arm), data)
     method = with_prior(gco, cad_prior(cell.arm), STRENGTH) if fit.prior else gco
-    belief = method.belief(cell.vjm, regression, data)
+    belief = method(cell.vjm, structure, data).belief
     own: list[float] = []
 
     def often(run: Callable[[], object]) -> Callable[[], object]:
