@@ -22,4 +22,5 @@ STUDY = Study(
     figures={"models.png": figure.models},
     write=recording.write,
     extra=("residuals.png",),
+    size=4,
 )

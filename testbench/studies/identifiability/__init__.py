@@ -22,4 +22,5 @@ STUDY = Study(
     printed=("short",),
     figures={"identifiability.png": figure.errors, "shares.png": lambda report: shares(report.seen)},
     write=recording.write,
+    size=2,
 )

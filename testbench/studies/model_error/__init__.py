@@ -21,4 +21,5 @@ STUDY = Study(
     printed=("calm_short", "noisy_short"),
     figures={"model_error.png": figure.disturbances},
     write=recording.write,
+    size=2,
 )

@@ -21,5 +21,4 @@ STUDY = Study(
     printed=("short", "short_nonlinear"),
     figures={"six_dof_arm.png": figure.six_dof_arm},
     write=recording.write,
-    size=5,
 )
