@@ -118,6 +118,19 @@ def test_a_robust_method_names_the_readings_that_it_does_without(kr500, campaign
     assert gco(kr500.vjm, s, data).rejected == ()
 
 
+def test_datasets_fitted_together_are_fitted_as_each_alone(kr500, campaign, prior):
+    data, structure = campaign.identification, template56(kr500.arm)
+    spoiled, _ = spoil(data, 0.05, 1e-3, np.random.default_rng(2))
+    datasets = [data, spoiled, replace(data, sigma=2 * data.sigma)]
+    strong, chosen = with_prior(gco, prior, HALF), with_prior(least_squares, prior)
+    for method in (least_squares, gco, strong, chosen, robust(strong)):
+        for own, runs in zip(method.each(kr500.vjm, structure, datasets), datasets, strict=True):
+            alone = method(kr500.vjm, structure, runs)
+            assert (own.status, own.advice, own.rejected) == (alone.status, alone.advice, alone.rejected)
+            moved = [predict(kr500.vjm, e, runs) for e in (own, alone)]  # where the data hold the fit
+            np.testing.assert_allclose(*moved, rtol=0, atol=1e-6 * np.abs(moved[1]).max())
+
+
 def test_methods_are_equal_by_what_they_ask(prior):
     assert Method("psd") == gco != least_squares
     assert robust(with_prior(gco, prior, HALF)) == Method("psd", prior, HALF, "robust")

@@ -8,6 +8,7 @@ from testbench.errors import BenchError
 from testbench.identify.reduction import non_redundant
 from testbench.identify.regression import rank
 from testbench.model.loaded import load_jacobian
+from testbench.model.poses import BATCH, WorkArea, random_poses
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation, rotation_observation
 from testbench.plant import settle_linear
@@ -194,3 +195,18 @@ def test_wrong_shapes_say_what_was_expected(kr500):
         chain(kr500.vjm, np.zeros((2, 5)))
     with pytest.raises(BenchError, match="finite"):
         chain(kr500.vjm, np.full((2, 6), np.nan))
+
+
+def test_random_poses_are_the_first_in_the_area_that_are_clear_and_no_more_are_looked_at(kr500):
+    area, looked_at = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)), []
+
+    def clear(q):
+        looked_at.append(len(q))
+        return q[:, 0] > 0
+
+    found = random_poses(kr500.vjm, area, 50, clear, np.random.default_rng(1))
+    drawn = np.random.default_rng(1).uniform(*kr500.arm.limits, (BATCH, 6))
+    tool = chain(kr500.vjm, drawn).position
+    inside = drawn[((tool >= area.lower) & (tool <= area.upper)).all(axis=1)]
+    np.testing.assert_array_equal(found, inside[inside[:, 0] > 0][:50])
+    assert sum(looked_at) < len(inside) / 2

@@ -1,11 +1,18 @@
 """The study of identifiability as a stranger runs it: its files, its contract, its claims."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 from run_here import app_of, here
+
+from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.wrong_prior import wrong_prior
+from testbench.identify import gco, least_squares, with_prior
+from testbench.identify.evaluate import predict, score
+from testbench.studies.identifiability.methods import STRUCTURES, Asked, fit_each
 
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "identifiability.py")
@@ -108,3 +115,20 @@ def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_p
     assert done.stderr.count("\n") == 1
     assert text in done.stderr
     assert (tmp_path / "report.json").read_text() == "earlier"
+
+
+def test_a_fit_of_a_campaign_is_made_once_and_is_what_its_method_makes_alone(kr500):
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=10), 3)
+    asked = [
+        Asked(*own) for own in product(("MGCO56", "MGCO68"), ("LS + prior", "GCO + prior"), (0.5, 2.0, 2.0))
+    ]
+    found = fit_each(kr500, campaign, asked, 3)
+    assert len(found) == 8
+    for own, fit in found.items():
+        method = with_prior(
+            least_squares if own.method == "LS + prior" else gco, wrong_prior(kr500, 3, own.scale)
+        )
+        alone = method(kr500.vjm, STRUCTURES[own.structure](kr500), campaign.identification)
+        assert fit.estimate.belief.strength == alone.belief.strength
+        error = score(predict(kr500.vjm, alone, campaign.truth), campaign.truth.deflection)
+        assert fit.row.workspace.rms_mm == pytest.approx(1e3 * error.rms, rel=1e-6)
