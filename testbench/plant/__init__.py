@@ -18,7 +18,7 @@ from testbench.plant.compensator import (
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
 from testbench.plant.elastic import elastic_mjcf, write_elastic
-from testbench.plant.equilibrium import Equilibrium, settle
+from testbench.plant.equilibrium import Equilibrium, part_of, settle
 from testbench.plant.feasible import Room, build_room, check_poses, collisions
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
@@ -49,6 +49,7 @@ __all__ = [
     "disturb",
     "elastic_mjcf",
     "hidden",
+    "part_of",
     "settle",
     "settle_disturbed",
     "settle_linear",

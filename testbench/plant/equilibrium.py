@@ -65,6 +65,11 @@ def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibriu
     return Equilibrium(*(np.concatenate([getattr(e, f.name) for e in found]) for f in fields(Equilibrium)))
 
 
+def part_of(rest: Equilibrium, some: slice) -> Equilibrium:
+    """Some runs of an equilibrium."""
+    return Equilibrium(*(getattr(rest, f.name)[some] for f in fields(Equilibrium)))
+
+
 def hold(plant: Plant, q: Array) -> Array:
     """Configurations with the actuated joints at q and theta = 0, (runs, nv)."""
     held = np.zeros((len(q), plant.model.nv))
