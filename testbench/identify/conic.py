@@ -206,8 +206,9 @@ def _advice(regression: Regression, held: bool) -> tuple[str, ...]:
 def scale_program(regression: Regression) -> Program:
     """Units in which data and parameters are of order one."""
     s, weight = regression.structure, regression.weight
-    touched = np.flatnonzero(regression.columns)
-    columns = np.flatnonzero(np.isin(s.block_of[s.a], s.block_of[s.a[touched]]))
+    block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
+    seen[block[regression.columns > 0]] = True
+    columns = np.flatnonzero(seen[block])
     kept = s.keep(columns, s.name)
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit)[columns]

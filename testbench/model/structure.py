@@ -146,10 +146,10 @@ class Structure:
     @cached_property
     def triangles(self) -> tuple[Ids, Ids]:
         """Rows and columns in C_theta of the upper triangles, by column, of one block after the other."""
-        entries = [np.tril_indices(len(block)) for block in self.blocks]
-        rows = [block[row] for block, (_, row) in zip(self.blocks, entries, strict=True)]
-        columns = [block[column] for block, (column, _) in zip(self.blocks, entries, strict=True)]
-        return np.concatenate(rows), np.concatenate(columns)
+        block = self.block_of
+        column, row = np.nonzero(np.tril((block[:, None] == block) & (block >= 0)))
+        order = np.argsort(block[column], kind="stable")
+        return row[order], column[order]
 
     @cached_property
     def parameter(self) -> Ids:

@@ -14,7 +14,7 @@ from testbench.identify import certify, cone, gco, interior, least_squares, make
 from testbench.identify.certify import default_trace_bounds, gradient_dual
 from testbench.identify.evaluate import LILLIEFORS_SAMPLES, normality, predict, score
 from testbench.identify.plausibility import doubts
-from testbench.identify.regression import f_m
+from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation, rotation_observation
 
@@ -97,6 +97,18 @@ def local_gco(regression, rng, start=None):
         x = np.concatenate([(v / u).ravel() for v, u in zip(V, unit, strict=True)])
     found = minimize(cost, x, jac=True, method="L-BFGS-B", options={"maxiter": 2000, "maxfun": 2500})
     return parameters(factors(found.x))
+
+
+@pytest.mark.parametrize("decades", [4, 8, 9, 10, 14])
+def test_rank_is_that_of_the_singular_values_in_doubt_too(rng, decades):
+    """A spectrum that ends before, at or behind the tolerance, columns in units of their own."""
+    U, V = (np.linalg.qr(rng.normal(size=(30, 30)))[0] for _ in "UV")
+    A = (U * np.logspace(0, -decades, 30)) @ V.T
+    own = A / np.linalg.norm(A, axis=0)
+    s = np.linalg.svd(own, compute_uv=False)
+    clear = np.abs(s / s[0] - RANK_TOLERANCE).min() > 1e-12  # else rounding decides
+    assert clear
+    assert rank(A * np.logspace(-6, 6, 30)) == (s > RANK_TOLERANCE * s[0]).sum()
 
 
 def test_f_m_of_a_reduced_dataset_is_eq_19_on_its_readings(arm_6r, rng):

@@ -81,6 +81,23 @@ def test_blocks_of_the_template_are_two_scalars_and_two_2x2_a_link(arm: Arm) -> 
     assert sorted(blocks) == sorted(expected)
 
 
+@pytest.mark.parametrize("make", [template56, mgco68, all153])
+def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(
+    arm: Arm, make: Callable[[Arm], Structure]
+) -> None:
+    s = make(arm)
+    row, column = s.triangles
+    pairs = [(b[i], b[j]) for b in s.blocks for j in range(len(b)) for i in range(j + 1)]
+    assert list(zip(row, column, strict=True)) == pairs
+    np.testing.assert_array_equal(np.sort([s.a, s.b], axis=0)[:, s.parameter], [row, column])
+    rows = {int(k): own.tolist() for group in s.groups for k, own in zip(group.at, group.rows, strict=True)}
+    assert [rows[k] for k in range(len(s.blocks))] == [block.tolist() for block in s.blocks]
+    for group in s.groups:
+        assert (s.block_of[row[group.entries]] == group.at[:, None]).all()
+    entries = np.concatenate([group.entries.ravel() for group in s.groups])
+    np.testing.assert_array_equal(np.sort(entries), np.arange(len(row)))
+
+
 def test_joint_aggregated_into_its_link_is_no_parameter(arm: Arm) -> None:
     assert max(mgco147(arm).a.max(), mgco147(arm).b.max()) < 42
 
