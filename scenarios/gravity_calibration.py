@@ -5,7 +5,7 @@ python scenarios/gravity_calibration.py --seed 1 --out runs/demo
 
 import sys
 
-from testbench.studies.gravity_calibration import STUDY
+from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.run import main
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ python scenarios/identifiability.py --out runs/identifiability
 
 import sys
 
-from testbench.studies.identifiability import STUDY
+from testbench.studies.identifiability.study import STUDY
 from testbench.studies.run import main
 
 if __name__ == "__main__":

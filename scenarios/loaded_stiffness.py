@@ -5,7 +5,7 @@ python scenarios/loaded_stiffness.py --seed 1 --out runs/loaded_stiffness
 
 import sys
 
-from testbench.studies.loaded_stiffness import STUDY
+from testbench.studies.loaded_stiffness.study import STUDY
 from testbench.studies.run import main
 
 if __name__ == "__main__":

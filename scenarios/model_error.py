@@ -5,7 +5,7 @@ python scenarios/model_error.py --out runs/model_error
 
 import sys
 
-from testbench.studies.model_error import STUDY
+from testbench.studies.model_error.study import STUDY
 from testbench.studies.run import main
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ python scenarios/noise_sensitivity.py --out runs/noise_sensitivity
 
 import sys
 
-from testbench.studies.noise_sensitivity import STUDY
+from testbench.studies.noise_sensitivity.study import STUDY
 from testbench.studies.run import main
 
 if __name__ == "__main__":

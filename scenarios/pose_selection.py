@@ -5,7 +5,7 @@ python scenarios/pose_selection.py --out runs/pose_selection
 
 import sys
 
-from testbench.studies.pose_selection import STUDY
+from testbench.studies.pose_selection.study import STUDY
 from testbench.studies.run import main
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ python scenarios/solver_comparison.py --seed 1 --out runs/solver_comparison
 import sys
 
 from testbench.studies.run import main
-from testbench.studies.solver_comparison import STUDY
+from testbench.studies.solver_comparison.study import STUDY
 
 if __name__ == "__main__":
     sys.exit(main(STUDY))

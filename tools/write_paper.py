@@ -18,13 +18,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from testbench.errors import InputError
 from testbench.shell import command
-from testbench.studies import (
-    gravity_calibration,
-    loaded_stiffness,
-    single_link,
-    six_dof_arm,
-    solver_comparison,
-)
+from testbench.studies.gravity_calibration.study import STUDY as GRAVITY_CALIBRATION
+from testbench.studies.loaded_stiffness.study import STUDY as LOADED_STIFFNESS
+from testbench.studies.single_link.study import STUDY as SINGLE_LINK
+from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF_ARM
+from testbench.studies.solver_comparison.study import STUDY as SOLVER_COMPARISON
 from testbench.studies.study import Study
 from testbench.views.markdown import Words
 from testbench.views.schema import Table
@@ -33,11 +31,11 @@ ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"
 TEMPLATE = ROOT / "docs" / "paper.md.in"
 STUDIES: tuple[Study[Any, Any, Any, Any], ...] = (
-    single_link.STUDY,
-    six_dof_arm.STUDY,
-    solver_comparison.STUDY,
-    loaded_stiffness.STUDY,
-    gravity_calibration.STUDY,
+    SINGLE_LINK,
+    SIX_DOF_ARM,
+    SOLVER_COMPARISON,
+    LOADED_STIFFNESS,
+    GRAVITY_CALIBRATION,
 )
 
 app = typer.Typer(add_completion=False)

@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from testbench.shell.options import Common, takes
-from testbench.studies.gravity_calibration import STUDY
+from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.trial import Options
 from testbench.studies.run import run
 

@@ -16,17 +16,17 @@ from rerun.chunk import RrdReader
 from testbench.bench.campaign import Scenario
 from testbench.bench.full_pose import FullPose
 from testbench.errors import BenchError
-from testbench.studies.gravity_calibration import STUDY as GRAVITY
 from testbench.studies.gravity_calibration import trial as gravity
-from testbench.studies.loaded_stiffness import STUDY as LOADED
+from testbench.studies.gravity_calibration.study import STUDY as GRAVITY
 from testbench.studies.loaded_stiffness import trial as loaded
+from testbench.studies.loaded_stiffness.study import STUDY as LOADED
 from testbench.studies.run import to_json
-from testbench.studies.single_link import STUDY as SINGLE_LINK
 from testbench.studies.single_link import trial as single_link
-from testbench.studies.six_dof_arm import STUDY as SIX_DOF
+from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm import trial as six_dof
-from testbench.studies.solver_comparison import STUDY as SOLVERS
+from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF
 from testbench.studies.solver_comparison import trial as solvers
+from testbench.studies.solver_comparison.study import STUDY as SOLVERS
 from testbench.studies.study import Run
 from testbench.views.colours import look
 from testbench.views.recording.stream import Header

@@ -24,7 +24,8 @@ from testbench.bench.campaign import (
 from testbench.model.poses import WorkArea
 from testbench.plant import settle
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
-from testbench.studies.gravity_calibration import STUDY, recording, summary, trial
+from testbench.studies.gravity_calibration import recording, summary, trial
+from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.study import Run
 from testbench.views.recording import calibration
 from testbench.views.recording.calibration import write_calibration
@@ -52,7 +53,7 @@ def campaign_of(cell, names, seed, changes):
 def study(cell, names=SECTION_6, seeds=1, **changes):
     """What write_calibration takes, of several seeds the words of all and the drawing of the first."""
     made = [campaign_of(cell, names, seed, changes) for seed in range(1, 1 + seeds)]
-    trials = [(k, [trial.row(c, r) for r in results]) for k, (c, results) in enumerate(made)]
+    trials = [(k, trial.rows(c, results)) for k, (c, results) in enumerate(made)]
     campaign, results = made[0]
     asked = trial.Settings(cell.arm.name, campaign.scenario, 50.0)
     report = summary.summary(asked, range(1, 1 + seeds), trials)

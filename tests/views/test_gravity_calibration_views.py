@@ -10,7 +10,7 @@ from made_up import around, fill, filled, single
 from testbench.bench.campaign import Scenario
 from testbench.bench.rows import ErrorRow, error_row
 from testbench.identify.evaluate import Score
-from testbench.studies.gravity_calibration import STUDY
+from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.summary import (
     GravityReport,
     ModelReport,

@@ -8,7 +8,8 @@ from checks import bands, check_report, check_table, curves, looks_differ, shows
 from made_up import around, fill, filled, single, spread
 from read_back import chunks_of, document, series
 
-from testbench.studies.identifiability import STUDY, recording
+from testbench.studies.identifiability import recording
+from testbench.studies.identifiability.study import STUDY
 from testbench.studies.identifiability.summary import (
     Choice,
     Coverage,

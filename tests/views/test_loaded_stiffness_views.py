@@ -8,7 +8,8 @@ from checks import check_report, check_table, unit_in
 from made_up import fill, filled
 from read_back import chunks_of, document, series
 
-from testbench.studies.loaded_stiffness import STUDY, figure, recording
+from testbench.studies.loaded_stiffness import figure, recording
+from testbench.studies.loaded_stiffness.study import STUDY
 from testbench.studies.loaded_stiffness.summary import LoadedReport, LoadedRow, TangentRow, best
 from testbench.studies.loaded_stiffness.trial import Settings
 from testbench.studies.study import Run

@@ -6,8 +6,9 @@ from checks import check_pivot, check_report, check_table, curves, looks_differ,
 from made_up import of_one_trial
 from read_back import chunks_of, columns, document
 
-from testbench.studies.model_error import STUDY, figure, recording
+from testbench.studies.model_error import figure, recording
 from testbench.studies.model_error.cases import ALL, NONE, STIFF, cases
+from testbench.studies.model_error.study import STUDY
 from testbench.studies.model_error.trial import CaseRow, Settings
 from testbench.studies.study import Run
 from testbench.views.markdown import grid

@@ -8,7 +8,8 @@ from checks import bands, check_pivot, check_report, check_table, curves, looks_
 from made_up import of_one_trial
 from read_back import chunks_of, document, series
 
-from testbench.studies.noise_sensitivity import STUDY, figure, recording
+from testbench.studies.noise_sensitivity import figure, recording
+from testbench.studies.noise_sensitivity.study import STUDY
 from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
 from testbench.studies.study import Run
 from testbench.views.markdown import grid

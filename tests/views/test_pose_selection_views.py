@@ -10,11 +10,12 @@ from read_back import chunks_of, columns, document, series
 
 from testbench.bench.plan_report import Expected
 from testbench.model.vjm import chain
-from testbench.studies.pose_selection import STUDY, recording, summary
+from testbench.studies.pose_selection import recording, summary
 from testbench.studies.pose_selection.measure import build_bench
 from testbench.studies.pose_selection.report import Level
 from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, Row, Scene, Where
 from testbench.studies.pose_selection.settings import BARE, FITS, ON_ARMS, PLANNED, Scope, Settings
+from testbench.studies.pose_selection.study import STUDY
 from testbench.studies.pose_selection.trial import first_runs
 from testbench.studies.study import Run
 from testbench.trials.spread import Spread, ends, middle, triple

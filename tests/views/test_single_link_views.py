@@ -8,11 +8,12 @@ from checks import check_report, check_table, unit_in
 from made_up import around, fill, filled, single
 from read_back import chunks_of, columns, document, series
 
-from testbench.studies.single_link import STUDY, figure, recording
+from testbench.studies.single_link import figure, recording
 from testbench.studies.single_link.order import Order, which_m
 from testbench.studies.single_link.pinning import Expected, Pinning
 from testbench.studies.single_link.printed import Matrix, OwnData, OwnOrder, PrintedMatrices, SymmetricMatrix
 from testbench.studies.single_link.report import LinkModel, LinkReport, Paired, Printed
+from testbench.studies.single_link.study import STUDY
 from testbench.studies.single_link.trial import Settings
 from testbench.studies.single_link.verdict import claims
 from testbench.studies.study import Run

@@ -7,7 +7,7 @@ import pytest
 from checks import check_report, check_table, curves, unit_in
 from made_up import around, fill, filled, single
 
-from testbench.studies.six_dof_arm import STUDY
+from testbench.studies.six_dof_arm.study import STUDY
 from testbench.studies.six_dof_arm.summary import (
     ModelReport,
     OrderReport,

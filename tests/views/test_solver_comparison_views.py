@@ -7,8 +7,8 @@ import pytest
 from checks import check_report, check_table, curves, unit_in
 from made_up import fill, filled
 
-from testbench.studies.solver_comparison import STUDY
 from testbench.studies.solver_comparison.recording import race
+from testbench.studies.solver_comparison.study import STUDY
 from testbench.studies.solver_comparison.summary import (
     Convergence,
     End,

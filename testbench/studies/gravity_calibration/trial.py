@@ -114,9 +114,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
     found = []
     for seed in seeds:
         campaign = simulate(cell, asked.scenario, seed)
-        fitted = results(cell, campaign)
-        normal = normalities(campaign, fitted)
-        found.append([row(campaign, *pair) for pair in zip(fitted, normal, strict=True)])
+        found.append(rows(campaign, results(cell, campaign)))
     return found
 
 
@@ -126,7 +124,12 @@ def results(cell: Cell, campaign: Campaign) -> list[Result]:
     return identify(cell, campaign, models, time.perf_counter)
 
 
-def row(campaign: Campaign, result: Result, normal: tuple[Normality, Normality]) -> ModelRow:
+def rows(campaign: Campaign, results: Sequence[Result]) -> list[ModelRow]:
+    """All models of one campaign."""
+    return [_row(campaign, *own) for own in zip(results, normalities(campaign, results), strict=True)]
+
+
+def _row(campaign: Campaign, result: Result, normal: tuple[Normality, Normality]) -> ModelRow:
     """One model of one campaign."""
     prior = result.estimate.belief is not None
     fit = fit_row(result.model.name, result.estimate, result.seconds, prior=prior)
