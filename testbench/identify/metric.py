@@ -7,6 +7,7 @@ and C is positive semi-definite where X is.
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from testbench.identify.regression import Regression, check_symmetric
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
+METRICS = 32  #: How many metrics are remembered: many datasets are fitted with few.
 SKEW = 1e-9  #: Asymmetry of a prior of unit diagonal beyond which it is refused.
 SMALLEST = 1e-9  #: Eigenvalue of a block of the prior of unit diagonal below which it counts as singular.
 
@@ -69,8 +71,9 @@ class Case:
     belief: Belief
 
 
+@lru_cache(maxsize=METRICS)
 def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
-    """A structure, every block with all its entries, in the metric of a prior.
+    """A structure, every block with all its entries, in the metric of a prior; remembered for the next fit.
 
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
     paper's aggregation. A link that it leaves out is rigid.

@@ -12,13 +12,19 @@ from testbench.model.vjm import Vjm
 RANGE = 1e-6, 1e6  #: Relative uncertainties of a prior that mean something [1].
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prior:
-    """Expected compliances of an arm."""
+    """Expected compliances of an arm; equal to itself alone, and its numbers stay as they are."""
 
     name: str  #: Where they are from, for reports.
     #: Symmetric, positive definite in every link's and joint's block, (n_theta, n_theta) [m/N, rad/(N m)].
     C_theta: Array
+
+    def __post_init__(self) -> None:
+        """Keep a copy that nobody can write to: what was worked out from it holds."""
+        own = np.array(self.C_theta)
+        own.setflags(write=False)
+        object.__setattr__(self, "C_theta", own)
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ class Group:
         return self.rows[:, :, None], self.rows[:, None, :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """The unknown entries of C_theta.
 

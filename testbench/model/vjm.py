@@ -22,7 +22,7 @@ from testbench.errors import Array, BenchError, InputError, check_array
 from testbench.model.structure import Structure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Vjm:
     """Kinematics of the extended chain."""
 
