@@ -158,12 +158,15 @@ def _objective(some: Sequence[tuple[Regression, Program]], order: Ids, unit: Arr
                 A = term.R[:, p.columns[order]] * (p.scale[order] * unit / p.unit)
                 known[id(term.R)] = A, A.T @ A
     count, rows = len(some[0][0].terms), len(some[0][0].terms[0].R)
+    each = [some[0][0]] if len(known) == count else [r for r, _ in some]
+    R = np.array([np.concatenate([known[id(t.R)][0] for t in r.terms]) for r in each])
+    H = np.array([[known[id(t.R)][1] for t in r.terms] for r in each])
     return Objective(
-        R=np.array([np.concatenate([known[id(t.R)][0] for t in r.terms]) for r, _ in some]),
+        R=np.broadcast_to(R, (len(some), *R.shape[1:])),
         z=np.array([np.concatenate([t.z for t in r.terms]) / p.unit for r, p in some]),
         rest=np.array([[math.sqrt(t.rest) / p.unit for t in r.terms] for r, p in some]),
         c=np.array([trace_cost(p)[order] * unit for _, p in some]),
-        H=np.array([[known[id(t.R)][1] for t in r.terms] for r, _ in some]),
+        H=np.broadcast_to(H, (len(some), *H.shape[1:])),
         terms=tuple(slice(k * rows, (k + 1) * rows) for k in range(count)),
     )
 
