@@ -20,6 +20,7 @@ from families import families_of_fits
 from large_dataset import reducing_large_datasets
 from many_trials import parallel_efficiency
 from measure import Row, processor
+from planning import planning_of_many_poses
 from recordings import logging_two_hundred_poses
 from rich.console import Console
 from rich.table import Table
@@ -39,6 +40,7 @@ BENCHMARKS = {
     "h": agreement_with_the_referee,
     "i": families_of_fits,
     "j": single_fits,
+    "k": planning_of_many_poses,
 }
 
 app = typer.Typer(add_completion=False)
@@ -46,7 +48,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghij",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijk",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

@@ -15,7 +15,8 @@ from testbench.design.rows import Ids, Problem, information, total
 from testbench.design.update import apart, look
 from testbench.errors import Array
 
-STARTS = 4  #: Starts drawn from the relaxed weights, beside the greedy one.
+STARTS, DRAWN = 4, 240
+"""Most starts drawn from the relaxed weights, beside the greedy one, and most poses of all of them."""
 SHORTLIST = 1000
 """Candidates for the starts, those that the bound finds most useful; the last exchange sees all of them."""
 SWEEPS = 30
@@ -34,7 +35,7 @@ def select(
     share = np.zeros(len(short))
     share[np.searchsorted(short, relaxed.support)] = relaxed.weights / relaxed.weights.sum()
     starts = [greedy(problem, criterion, rows, poses)]
-    starts += [rng.choice(len(short), poses, p=share) for _ in range(STARTS)]
+    starts += [rng.choice(len(short), poses, p=share) for _ in range(min(STARTS, DRAWN // poses))]
     plans = [exchange(problem, criterion, rows, start) for start in starts]
     best = max(plans, key=lambda plan: criterion.information(information(problem, short[plan])))
     return np.sort(exchange(problem, criterion, problem.rows, short[best]))

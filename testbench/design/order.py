@@ -1,4 +1,4 @@
-"""The order of measuring: the shortest way through all poses, exactly.
+"""The order of measuring: the shortest way through all poses; of very many, one that is almost as short.
 
 A travelling salesman problem as an integer program: every pose has two of the chosen legs, and subtours are
 forbidden as they show up (Dantzig, Fulkerson and Johnson 1954). A place at no distance from all others is
@@ -9,6 +9,7 @@ What is costly to ask of a leg, its surcharge, is asked only of legs that a best
 trip seems no longer than it is, so that the best one of which every leg was asked is the shortest.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -22,8 +23,12 @@ from testbench.design.rows import Ids
 from testbench.errors import Array
 
 NEAR = 6  #: Nearest other places whose legs the relaxed program starts with.
-GAP = 0.0005  #: Share of the bound by which a trip is expected to be longer; more costs a second look.
-TINY = 1e-9  #: Of a leg in a solution, and of a reduced cost over the longest leg, which counts as zero.
+GAP = 0.001  #: Share of the bound by which the first trip may be longer; the shortest is found from that.
+EXACT, CLOSE = 100, 0.01
+"""Most places through which the shortest trip is found; with more, one at most this share above the bound."""
+PARTS, SLIGHT = (0.3, 0.5, 0.7, 0.9), 1e-3
+"""Parts of legs above which places count as joined when subtours are looked for, and excess that counts."""
+TINY = 1e-7  #: Of a leg in a solution, and of a reduced cost over the longest leg, which counts as zero.
 
 Mask = npt.NDArray[np.bool_]
 Surcharge = Callable[[int, int], float]
@@ -57,21 +62,21 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
         return np.arange(n)
     legs = np.stack(np.triu_indices(n, 1), axis=1)
     trip = _Trip(n, legs, cost[legs[:, 0], legs[:, 1]], surcharge, np.zeros(len(legs), dtype=bool))
-    inside, slack = _near(cost)[legs[:, 0], legs[:, 1]], 0.0
+    inside, wider, shortest = _near(cost)[legs[:, 0], legs[:, 1]], 1.0, math.inf
     while True:
         least, reduced = _relaxed(trip, inside)
-        slack = max(slack, GAP * least)
-        solution = trip.best(np.flatnonzero(reduced <= slack))
+        first = shortest == math.inf
+        slack = wider * (GAP * least if first else shortest - least) + TINY * float(cost.max())
+        solution = trip.best(np.flatnonzero(reduced <= slack), 0.0 if n <= EXACT else CLOSE / 2)
         if solution is None:
-            slack = 2 * slack + TINY * float(cost.max())
+            wider *= 2
+        elif trip.learns(solution[0]):
             continue
-        used, length = solution
-        if trip.learns(used):
-            continue
-        if length - least <= slack:
-            graph = trip.graph(used)
+        elif first and (n <= EXACT or solution[1] > (1 + CLOSE) * least):
+            shortest = solution[1]
+        else:
+            graph = trip.graph(solution[0])
             return np.asarray(depth_first_order(graph, 0, directed=False, return_predecessors=False))
-        slack = length - least
 
 
 def _near(cost: Array) -> Mask:
@@ -104,8 +109,8 @@ class _Trip:
         most = np.array([part.sum() - 1 for part in self.parts], dtype=float)
         return ends, inside.reshape(-1, len(legs)), most
 
-    def best(self, chosen: Ids) -> tuple[Ids, float] | None:
-        """The best of some legs by the rules so far, and their length; None where they make no trip."""
+    def best(self, chosen: Ids, gap: float) -> tuple[Ids, float] | None:
+        """The best of some legs by the rules so far, up to a relative gap; None where they make no trip."""
         ends, inside, most = self.rules(chosen)
         rules = [LinearConstraint(ends, 2, 2), LinearConstraint(inside, ub=most)]
         found = milp(
@@ -113,7 +118,7 @@ class _Trip:
             integrality=np.ones(len(chosen), dtype=int),
             bounds=Bounds(0, 1),
             constraints=rules,
-            options={"mip_rel_gap": 0},
+            options={"mip_rel_gap": gap},
         )
         return None if found.x is None else (chosen[found.x > 0.5], float(found.fun))
 
@@ -132,6 +137,18 @@ class _Trip:
         count, part = connected_components(self.graph(used), directed=False)
         self.parts += [part == k for k in range(count)] if count > 1 else []
         return bool(count > 1 or self.price[used].sum() > before)
+
+    def splits(self, chosen: Ids, x: Array) -> bool:
+        """Forbid subtours that parts x of legs make where they are many, (legs,); whether there were any."""
+        for least in PARTS:
+            count, part = connected_components(self.graph(chosen[x > least]), directed=False)
+            own = [part == k for k in range(count) if count > 1]
+            inside = [x[places[self.legs[chosen]].all(axis=1)].sum() for places in own]
+            over = [p for p, much in zip(own, inside, strict=True) if much > p.sum() - 1 + SLIGHT]
+            if over:
+                self.parts += over
+                return True
+        return False
 
     def graph(self, used: Ids) -> coo_array:
         """Places joined by legs."""
@@ -155,5 +172,5 @@ def _relaxed(trip: _Trip, inside: Mask) -> tuple[float, Array]:
         joining = ~inside & (reduced < -tiny)
         if joining.any():
             inside |= joining
-        elif not trip.learns(chosen[found.x > TINY]):
+        elif not trip.learns(chosen[found.x > TINY]) and not trip.splits(chosen, found.x):
             return float(trip.price[chosen] @ found.x), reduced

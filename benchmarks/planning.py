@@ -1,0 +1,97 @@
+"""Planning: 200 poses over 12, candidates doubled, and the exchange over trying every candidate."""
+
+import numpy as np
+from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, spread
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import build_cell
+from testbench.design.criteria import Criterion, Linear, mean_square
+from testbench.design.exchange import BETTER, SWEEPS, exchange
+from testbench.design.planning import make_plan
+from testbench.design.refine import Reach
+from testbench.design.rows import Experiment, Ids, Load, Problem, information
+from testbench.design.specification import Specification, Tasks, problem_of, task_rows
+from testbench.errors import Array
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.model.structure import mgco68
+
+ARM, WEIGHT = "kr500_l480", 460.0
+FEW, MANY, CANDIDATES, TASKS = 12, 200, 1000, 20
+REPEATS = 3
+BAR_POSES, BAR_CANDIDATES, BAR_EXCHANGE = MANY / FEW, 2.0, 2.0
+"""Poses and candidates cost no more than in proportion, and the exchange half of trying everything."""
+
+
+def specification(poses: Array, count: int) -> Specification:
+    """So many poses under a weight, for tasks among those given, (poses, n) [rad]."""
+    cell = build_cell(MODELS / ARM)
+    load = Load(np.array([0, 0, -WEIGHT * GRAVITY, 0, 0, 0]), cell.vjm.load)
+    experiment = Experiment(
+        cell.vjm, metric(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm)), cell.vjm.markers, 50e-6
+    )
+    return Specification(experiment, (load,), Tasks(poses[:TASKS], load), poses[:TASKS], 0.3, count)
+
+
+def try_everything(problem: Problem, criterion: Criterion, start: Ids) -> Ids:
+    """The exchange by its definition: every candidate in every place, until a sweep changes nothing."""
+    plan = start.copy()
+    value = criterion.information(information(problem, plan))
+    for _ in range(SWEEPS):
+        before = value
+        for k in range(len(plan)):
+            reached = criterion.after(information(problem, np.delete(plan, k)), problem.rows)
+            if reached.max() > (1 + BETTER) * value:
+                plan[k], value = int(reached.argmax()), float(reached.max())
+        if value == before:
+            break
+    return plan
+
+
+def planning_of_many_poses() -> list[Row]:
+    """A row for poses, for candidates, and for the exchange alone."""
+    q = feasible_poses(build_cell(MODELS / ARM), 2 * CANDIDATES, seed=1)
+    reach = Reach(lambda tried: np.ones(len(tried), dtype=bool))
+
+    def plan(poses: int, candidates: int) -> None:
+        make_plan(specification(q, poses), "test", q[:candidates], reach, np.random.default_rng(1))
+
+    few, many, twice = interleave(
+        REPEATS,
+        lambda: plan(FEW, CANDIDATES),
+        lambda: plan(MANY, CANDIDATES),
+        lambda: plan(FEW, 2 * CANDIDATES),
+    )
+    spec = specification(q, MANY)
+    problem = problem_of(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
+    criterion = Linear("test", mean_square(task_rows(spec) @ problem.lift))
+    start = np.random.default_rng(2).integers(0, CANDIDATES, MANY)
+    fast, slow = interleave(
+        REPEATS,
+        lambda: exchange(problem, criterion, problem.rows, start),
+        lambda: try_everything(problem, criterion, start),
+    )
+    alone = f"{spread(few)} s for {FEW} poses of {CANDIDATES}"
+    return [
+        at_most(
+            f"(k) plan of {MANY} poses over one of {FEW}",
+            np.median(many / few),
+            "x",
+            BAR_POSES,
+            f"{alone}; {spread(many)} s for {MANY}",
+        ),
+        at_most(
+            f"    plan of {FEW} poses, candidates doubled",
+            np.median(twice / few),
+            "x",
+            BAR_CANDIDATES,
+            f"{spread(twice)} s for {2 * CANDIDATES}",
+        ),
+        at_least(
+            f"    every candidate tried over the exchange, {MANY} poses of {CANDIDATES}",
+            np.median(slow / fast),
+            "x",
+            BAR_EXCHANGE,
+            f"{spread(fast)} s against {spread(slow)} s, the same plan",
+        ),
+    ]
