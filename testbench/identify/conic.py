@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -137,7 +138,7 @@ def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer | None]:
     order, sizes = structure.parameter, tuple(len(block) for block in structure.blocks)
     blocks = blocks_of(sizes)
     unit = np.where(structure.mirrored[order], math.sqrt(0.5), 1.0)
-    found = least_norms(_objective(some, order, unit), blocks)
+    found = least_norms(_objective(some, order, unit), blocks, PROVEN)
     seconds = (time.perf_counter() - start) / len(some)
     result: list[Answer | None] = []
     for (regression, program), x, gap in zip(some, found.x, found.gap, strict=True):
@@ -212,10 +213,16 @@ def scale_program(regression: Regression) -> Program:
     block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.columns > 0]] = True
     columns = np.flatnonzero(seen[block])
-    kept = s.keep(columns, s.name)
+    kept = _kept(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit)[columns]
     return Program(columns, kept, unit, scale, TRACE_WEIGHT * (weight.max() or 1.0))
+
+
+@lru_cache(maxsize=64)
+def _kept(structure: Structure, columns: bytes) -> Structure:
+    """The structure with these parameters only: what follows from it is found once, not once a fit."""
+    return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
 
 
 def sensitivity_units(regression: Regression, unit: float = 1.0) -> Array:

@@ -55,8 +55,10 @@ class State:
         return State(objective=self.objective.take(which), point=self.point.take(which), **parts)
 
 
-def interior(objective: Objective, blocks: Blocks) -> Array:
+def interior(objective: Objective, blocks: Blocks, bold: float) -> Array:
     """Minimise over positive semi-definite blocks as far as rounding lets it; how far, the caller asks.
+
+    `bold` is the share of the way to the boundary that a step goes at least.
 
     Returns:
         Coordinates of the blocks, positive definite, (B, n).
@@ -65,7 +67,7 @@ def interior(objective: Objective, blocks: Blocks) -> Array:
     x = state.x.copy()
     with np.errstate(all="ignore"):  # a step that is not finite is not taken
         for _ in range(ITERATIONS):
-            state = _iterate(state.rest(), blocks)
+            state = _iterate(state.rest(), blocks, bold)
             x[state.programs] = state.x
             if not state.going.any():
                 break
@@ -87,7 +89,7 @@ def _start(objective: Objective, blocks: Blocks) -> State:
     )
 
 
-def _iterate(state: State, blocks: Blocks) -> State:
+def _iterate(state: State, blocks: Blocks, bold: float) -> State:
     """One step of all: predicted, for terms of second order, then corrected."""
     x, s = state.x, state.s
     scaling = _scaling(blocks, x, s)
@@ -99,7 +101,7 @@ def _iterate(state: State, blocks: Blocks) -> State:
     ds = newton.dual(dx)
     X = scaling.primal(dx)
     step = _longest(scaling, X, W - X)
-    step = np.minimum(1, (0.9 + 0.09 * step) * step)
+    step = np.minimum(1, (bold + (0.99 - bold) * step) * step)
     good = newton.factors.good & np.isfinite(step)
     dx, ds = (np.where(good[:, None], step[:, None] * d, 0.0) for d in (dx, ds))
     return _judged(replace(state, x=x + dx, s=s + ds, step=step, going=good), state)
