@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from testbench.trials.spread import Number, Share, Spread, merge
+from testbench.trials.spread import Number, Share, Spread, merge, wins
 
 
 @dataclass(frozen=True)
@@ -24,3 +24,7 @@ def test_different_words_of_several_trials_are_listed_each_once():
         Row(1.0, True, name, advice) for name, advice in (("b", ("x", "y")), ("a", ()), ("b", ("z", "x")))
     ]
     assert merge(rows) == Row(1.0, True, "a | b", ("x", "y", "z"))
+
+
+def test_a_win_is_more_than_a_solvers_last_digits():
+    assert wins([1.0, 1.0, 1.0 - 1e-9, 1.0 - 1e-5, 2.0], [1.0, 1.0 + 1e-9, 1.0, 1.0, 1.0]) == 1

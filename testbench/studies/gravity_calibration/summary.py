@@ -8,7 +8,7 @@ from testbench.identify import Constraint
 from testbench.studies.gravity_calibration.trial import NAME, Judged, Measured, ModelRow, Settings
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Trials
-from testbench.trials.spread import Number, grouped, merge, middle
+from testbench.trials.spread import Number, grouped, merge, middle, wins
 from testbench.views.schema import Column, Table, best_of
 
 PAPERS_ARM = "kr500_l480"
@@ -101,13 +101,16 @@ def _paired(models: Sequence[ModelReport], by_name: Mapping[str, Sequence[ModelR
     theirs = best_of({m.name: m.check.rms_mm for m in plain if m.constraint == "none"}, 0.0).names
     if not ours or not theirs:
         return None
-    pairs = list(zip(by_name[ours[0]], by_name[theirs[0]], strict=True))
+    check, workspace = (
+        [[middle(getattr(row, where).rms_mm) for row in by_name[name]] for name in (ours[0], theirs[0])]
+        for where in ("check", "workspace")
+    )
     return Paired(
         conservative=ours[0],
         least_squares=theirs[0],
-        check=sum(middle(a.check.rms_mm) < middle(b.check.rms_mm) for a, b in pairs),
-        workspace=sum(middle(a.workspace.rms_mm) < middle(b.workspace.rms_mm) for a, b in pairs),
-        seeds=len(pairs),
+        check=wins(*check),
+        workspace=wins(*workspace),
+        seeds=len(check[0]),
     )
 
 

@@ -23,7 +23,7 @@ from testbench.studies.noise_sensitivity.report import (
 )
 from testbench.studies.noise_sensitivity.trial import NAME, TRUTHS, NoiseRow, Part, Settings
 from testbench.studies.study import Trials
-from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
+from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread, wins
 from testbench.views.schema import best_of
 
 PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
@@ -135,7 +135,7 @@ def _paired(groups: Mapping[tuple[Part, str, float], Sequence[NoiseRow]]) -> lis
     for part in PARTS:
         for x in sorted({key[2] for key in groups if key[0] == part and key[2] > 0}):
             ours, theirs = (np.array([middle(row.rms_um) for row in groups[part, n, x]]) for n in PAIR)
-            better = float(np.mean(ours < theirs))
+            better = wins(ours, theirs) / len(ours)
             found.append(Paired(part, UM * x, spread((ours / theirs).tolist()), better))
     return found
 

@@ -14,7 +14,7 @@ from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.rows import Part, PlanRow, Row
 from testbench.studies.pose_selection.settings import ON_ARMS, PLANNED, RANDOM
 from testbench.studies.study import Trials
-from testbench.trials.spread import ends, grouped, merge, middle
+from testbench.trials.spread import ends, grouped, merge, middle, wins
 from testbench.views.schema import best_of
 
 ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
@@ -148,7 +148,7 @@ def _anew(groups: Groups, poses: int) -> r.Anew:
         seeds=len(plans),
         random_best_tenth_mm=_best_tenth(chance),
         ratio_of_medians=float(np.median(a) / np.median(b)),
-        wins=sum(x < y for x, y in zip(a, b, strict=True)),
+        wins=wins(a, b),
         least_efficiency=min(middle(c.efficiency) for c in certificates),
     )
 

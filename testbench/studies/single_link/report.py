@@ -48,6 +48,7 @@ class Paired:
 
     draws: int
     gco_better: Mapping[str, int]
+    same: Mapping[str, int]  #: In how many both are alike to a solver's last digits.
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from testbench.studies.single_link.trial import (
 )
 from testbench.studies.single_link.verdict import claims
 from testbench.studies.study import Trials
-from testbench.trials.spread import grouped, merge
+from testbench.trials.spread import grouped, merge, wins
 from testbench.views.schema import best_of
 
 SHARES = ("conservative", "symmetric", "negative_eigenvalue", "negative_eigenvalue_matrix")
@@ -113,4 +113,7 @@ def _printed(cell: Cell, truth: Dataset, f_m: float) -> dict[str, Printed]:
 
 def _paired(ours: Sequence[LinkRow], theirs: Sequence[LinkRow]) -> Paired:
     pairs = [(absolute(a), absolute(b)) for a, b in zip(ours, theirs, strict=True)]
-    return Paired(len(pairs), {key: sum(a[key] < b[key] for a, b in pairs) for key in pairs[0][0]})
+    both = {key: ([a[key] for a, _ in pairs], [b[key] for _, b in pairs]) for key in pairs[0][0]}
+    better = {key: wins(a, b) for key, (a, b) in both.items()}
+    same = {key: len(pairs) - better[key] - wins(b, a) for key, (a, b) in both.items()}
+    return Paired(len(pairs), better, same)

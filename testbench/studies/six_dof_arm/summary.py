@@ -8,7 +8,7 @@ from testbench.identify.factorised import LARGEST_ORDER
 from testbench.studies.paper import CLAIMS, SECTION_5_2, Claim, judged
 from testbench.studies.six_dof_arm.trial import NAME, Judged, Measured, Order, Settings, SixDofRow
 from testbench.studies.study import Trials
-from testbench.trials.spread import Number, Spread, grouped, merge, middle
+from testbench.trials.spread import Number, Spread, grouped, merge, middle, wins
 from testbench.views.schema import Column, Table, best_of, show, show_truth
 
 SAME = 1.02  #: An order m serves as well as 6 where F_M and the check error exceed those of m = 6 by less.
@@ -139,7 +139,7 @@ def _paired(every: Everything) -> Paired:
     ]
     check = [middle(m["MGCO56"].check.p95_mm) / middle(m["MLS32"].check.p95_mm) for m in plain]
     readings = [middle(m["MGCO56"].readings.p95_mm) / middle(m["MLS32"].readings.p95_mm) for m in plain]
-    return Paired(len(plain), sum(x < 1 for x in check), merge(check), merge(readings))
+    return Paired(len(plain), wins(check, [1.0] * len(check)), merge(check), merge(readings))
 
 
 def enough(name: str, rows: Sequence[Order]) -> Enough:
