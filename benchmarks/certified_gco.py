@@ -13,6 +13,7 @@ from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, reduce
 from testbench.identify.cone import TOLERANCE
+from testbench.identify.conic import by_clarabel, scale_program
 from testbench.identify.modelled import Entries, cvxpy, solve_modelled, vectorised
 from testbench.model.structure import Structure, all153
 from testbench.plant import settle_linear
@@ -103,14 +104,14 @@ def rows_of(arm: Cell) -> list[Row]:
         lambda: ours.append(gco(arm.vjm, structure, data)),
         *(partial(by_cvxpy, way, results) for way, results in zip(WAYS, theirs, strict=True)),
     )
-    own = np.array([e.solver_seconds for e in ours[1:]])
+    own = np.array([by_clarabel(regression, scale_program(regression)).seconds for _ in range(REPEATS)])
     both = f"GCO {spread(wall, 1e3, 0)} ms, Clarabel {spread(own, 1e3, 0)} ms"
     title = f"(c) {name}: certified GCO over Clarabel's own time, {structure.n} unknowns, {data.runs} runs"
-    ratio = wall / own
+    ratio = wall / np.median(own)
     reducing = [seconds(lambda: reduce(arm.vjm, structure, data)) for _ in range(REPEATS)]
     text = "a part of GCO's time, none of cvxpy's"
     return [
-        at_most(title, np.median(ratio), "x", 1.5, f"ratio {spread(ratio, digits=2)}: {both}"),
+        at_most(title, np.median(ratio), "x", 0.8, f"ratio {spread(ratio, digits=2)}: {both}"),
         *(way_row(name, *row, wall) for row in zip(WAYS, theirs, others, strict=True)),
         *agreement(name, ours[0], [results[0].f_m for results in theirs]),
         note(f"    {name}: reducing the dataset", 1e3 * np.median(reducing), "ms", text),
