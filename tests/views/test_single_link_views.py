@@ -143,7 +143,7 @@ def judged(report):
 def report(rng):
     rows = [{"m": m, "name": "MGCO21", "eigenvalues": [small(rng) for _ in range(6)]} for m in range(1, 7)]
     paired = {
-        name: Paired(99, *({key: int(rng.integers(10, 99)) for key in WINS.values()} for _ in range(2)))
+        name: Paired(99, {key: int(rng.integers(10, 99)) for key in WINS.values()})
         for name in ("MLS36", "MLS21")
     }
     made = fill(
@@ -240,8 +240,7 @@ def test_words_name_the_best_whichever_it_is_and_never_exchange_the_methods(repo
     assert (
         f"MLS21, gives {middle_one.prediction.position_rms_um.median:.1f} um and is conservative in "
         f"{100 * middle_one.conservative:.4g} %. GCO beats it in "
-        f"{made.paired['MLS21'].gco_better['position_rms_um']} draws, and is the same model in "
-        f"{made.paired['MLS21'].same['position_rms_um']}."
+        f"{made.paired['MLS21'].gco_better['position_rms_um']} draws"
     ) in statements
 
 

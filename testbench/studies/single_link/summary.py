@@ -113,7 +113,5 @@ def _printed(cell: Cell, truth: Dataset, f_m: float) -> dict[str, Printed]:
 
 def _paired(ours: Sequence[LinkRow], theirs: Sequence[LinkRow]) -> Paired:
     pairs = [(absolute(a), absolute(b)) for a, b in zip(ours, theirs, strict=True)]
-    both = {key: ([a[key] for a, _ in pairs], [b[key] for _, b in pairs]) for key in pairs[0][0]}
-    better = {key: wins(a, b) for key, (a, b) in both.items()}
-    same = {key: len(pairs) - better[key] - wins(b, a) for key, (a, b) in both.items()}
-    return Paired(len(pairs), better, same)
+    better = {key: wins([a[key] for a, _ in pairs], [b[key] for _, b in pairs]) for key in pairs[0][0]}
+    return Paired(len(pairs), better)
