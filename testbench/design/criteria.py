@@ -32,6 +32,8 @@ class Tangent:
     Z: Array  #: Phi(M') <= <Z, M'> for every M', symmetric, (r, r).
     #: What the relaxation climbs: Phi(M), or a stand-in with a gradient everywhere.
     height: float
+    #: Curvature of log det (1) or of a weighted mean of M^-1 (2) over <Z, S M^-1 S>; 0 for a stand-in.
+    bend: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Determinant:
     def tangent(self, M: Array) -> Tangent:
         """Phi(M) M^-1 / r: the arithmetic mean of eigenvalues is no less than the geometric."""
         value = self.information(M)
-        return Tangent(value * np.linalg.inv(M) / len(M), value)
+        return Tangent(value * np.linalg.inv(M) / len(M), value, bend=1.0)
 
 
 @dataclass(frozen=True)
@@ -164,4 +166,4 @@ def _points(rows: Array) -> float:
 def _tangent(M: Array, W: Array) -> Tangent:
     I = np.linalg.inv(M)  # noqa: E741 - used thrice
     value = float(1 / (I * W).sum())
-    return Tangent(value**2 * (I @ W @ I), value)
+    return Tangent(value**2 * (I @ W @ I), value, bend=2.0)

@@ -2,26 +2,23 @@
 
 Weights w >= 0 with sum N instead of N poses make Phi(prior + sum w F^T F) a concave problem. With Z a dual
 at any M, Phi of every plan is at most <Z, prior> + N max <Z, F^T F>: the equivalence theorem (Kiefer and
-Wolfowitz 1960) read as a bound. The multiplicative algorithm (Silvey, Titterington and Torsney 1978; Yu 2010)
-climbs on a working set of candidates; those that the bound blames for the gap join it.
+Wolfowitz 1960) read as a bound. Weights climb on a working set of candidates; those that the bound blames for
+the gap join it.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.design.climb import climb
 from testbench.design.criteria import Criterion
 from testbench.design.rows import Ids, Problem, total
-from testbench.design.squares import squares
 from testbench.errors import Array
 
 FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
-STEPS, ROUNDS = 150, 40  #: Steps of the multiplicative algorithm in a round, and rounds.
-POWER, GROW, MOST = 0.5, 1.3, 2.0
-"""First exponent of a multiplicative step, and its factor after a step that climbs, up to `MOST`."""
-GAP = 2e-3  #: Relative gap between value, or its smooth stand-in, and bound at which the relaxation ends.
+ROUNDS = 40  #: Most rounds.
+GAP = 1e-3  #: Relative gap between value, or its smooth stand-in, and bound at which the relaxation ends.
 DROPPED = 1e-6  #: Share of the mean weight below which a candidate leaves the working set.
-ENTRY = 0.02  #: Share of all weight given to those who join.
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
     S, w = (start.support, start.weights) if start else (S, np.full(len(S), poses / len(S)))
     best: Relaxed | None = None
     for _ in range(ROUNDS):
-        w = _climb(problem, criterion, S, w)
+        w = climb(problem.prior, criterion, problem.rows[S], w)
         M = total(problem.prior, np.sqrt(w)[:, None, None] * problem.rows[S])
         plane = criterion.tangent(M)
         g = sensitivity(problem.rows, plane.Z)
@@ -63,37 +60,9 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
     return best
 
 
-def _climb(problem: Problem, criterion: Criterion, S: Ids, w: Array) -> Array:
-    """Multiplicative steps on the working set: w_i <- w_i g_i^power, scaled to the same sum.
-
-    M and all <Z, F^T F> are products with the squares F^T F.
-    """
-    every, total, power = squares(problem.rows[S]), w.sum(), POWER
-    plane = criterion.tangent(problem.prior + every.total(w))
-    for _ in range(STEPS):
-        g = every.inner(plane.Z)
-        if total * g.max() - w @ g <= GAP / 4 * plane.height:
-            break
-        while power > 1e-3:
-            trial = w * (g / g.max()) ** power
-            trial *= total / trial.sum()
-            reached = criterion.tangent(problem.prior + every.total(trial))
-            if reached.height >= plane.height:
-                w, plane, power = trial, reached, min(GROW * power, MOST)
-                break
-            power /= 2
-        else:
-            break
-    return w
-
-
 def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
-    """Those without weight leave the working set; the most wanted join it."""
+    """Those without weight leave the working set; the most wanted join it, without weight yet."""
     total, stay = w.sum(), w > DROPPED * w.mean()
-    wanted = np.argsort(-g, kind="stable")[:JOINING]
-    new = np.setdiff1d(wanted, S[stay])
-    S, w = S[stay], w[stay]
-    if len(new):
-        w = np.r_[(1 - ENTRY) * w, np.full(len(new), ENTRY * total / len(new))]
-    S = np.r_[S, new]
+    new = np.setdiff1d(np.argsort(-g, kind="stable")[:JOINING], S[stay])
+    S, w = np.r_[S[stay], new], np.r_[w[stay], np.zeros(len(new))]
     return S, np.asarray(w * total / w.sum())
