@@ -94,7 +94,7 @@ def _estimate(regression: Regression, program: Program, answer: "Answer") -> Est
     )
     return replace(
         estimate,
-        status="solved" if solved else answer.failure,
+        status="solved" if solved and estimate.conservative else answer.failure,
         certificate=certificate,
         solver_seconds=answer.seconds,
         held_by_trace_weight=held,
@@ -119,15 +119,15 @@ def optima(regressions: Sequence[Regression]) -> Array:
 def answers(regressions: Sequence[Regression], programs: Sequence[Program]) -> list[Answer]:
     """The answers to the programs of some datasets of one structure, those of one shape together."""
     found: dict[int, Answer | None] = {}
-    shapes: dict[tuple[int, bytes], list[int]] = {}
-    for k, (regression, program) in enumerate(zip(regressions, programs, strict=True)):
-        shapes.setdefault((len(regression.terms), program.columns.tobytes()), []).append(k)
-    for which in shapes.values():
-        first = programs[which[0]]
-        suits = len(first.columns) > 0 and first.structure.whole
-        for share in shares(len(which), len(first.columns)) if suits else ():
-            some = [(regressions[k], programs[k]) for k in which[share]]
-            found |= zip(which[share], _dense(some), strict=True)
+    shapes = [
+        (len(p.columns), (id(r.structure), len(r.terms), p.columns.tobytes()))
+        for r, p in zip(regressions, programs, strict=True)
+    ]
+    for share in shares(shapes):
+        some = [(regressions[k], programs[k]) for k in share]
+        first = some[0][1]
+        if len(first.columns) and first.structure.whole:
+            found |= zip(share, _dense(some), strict=True)
     return [found.get(k) or by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
 
 
@@ -152,16 +152,17 @@ def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer | None]:
 
 def _objective(some: Sequence[tuple[Regression, Program]], order: Ids, unit: Array) -> Objective:
     """F_M and the trace term in coordinates of the blocks, in the programs' units of F_M."""
-    known: dict[int, tuple[Array, Array]] = {}  # resamples share their rows; F_M's unit cancels in them
+    known: dict[tuple[int, int], tuple[Array, Array]] = {}
     for regression, p in some:
-        for term in regression.terms:
-            if id(term.R) not in known:
+        for key, term in zip(_keys(regression), regression.terms, strict=True):
+            if key not in known:
                 A = term.R[:, p.columns[order]] * (p.scale[order] * unit / p.unit)
-                known[id(term.R)] = A, A.T @ A
+                known[key] = A, A.T @ A
     count, rows = len(some[0][0].terms), len(some[0][0].terms[0].R)
-    each = [some[0][0]] if len(known) == count else [r for r, _ in some]
-    R = np.array([np.concatenate([known[id(t.R)][0] for t in r.terms]) for r in each])
-    H = np.array([[known[id(t.R)][1] for t in r.terms] for r in each])
+    shared = all(_keys(r) == _keys(some[0][0]) for r, _ in some)
+    each = [some[0][0]] if shared else [r for r, _ in some]
+    R = np.array([np.concatenate([known[key][0] for key in _keys(r)]) for r in each])
+    H = np.array([[known[key][1] for key in _keys(r)] for r in each])
     return Objective(
         R=np.broadcast_to(R, (len(some), *R.shape[1:])),
         z=np.array([np.concatenate([t.z for t in r.terms]) / p.unit for r, p in some]),
@@ -170,6 +171,11 @@ def _objective(some: Sequence[tuple[Regression, Program]], order: Ids, unit: Arr
         H=np.broadcast_to(H, (len(some), *H.shape[1:])),
         terms=tuple(slice(k * rows, (k + 1) * rows) for k in range(count)),
     )
+
+
+def _keys(regression: Regression) -> list[tuple[int, int]]:
+    """What the scaled rows of every term hang on; resamples share it, and F_M's unit cancels in them."""
+    return [(id(term.R), id(regression.weight)) for term in regression.terms]
 
 
 def by_clarabel(regression: Regression, program: Program) -> Answer:

@@ -9,6 +9,9 @@ from scipy.linalg import blas, lapack
 from testbench.errors import Array
 
 TINY = 1e-150
+SINGULAR = (
+    3e-6  #: Least pivot of a firm matrix over its largest: the root of what Cholesky loses to rounding.
+)
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,12 @@ class Factors:
         for k in np.flatnonzero(self.good):
             found[k] = lapack.dpotrs(self.each[k], b[k], lower=1)[0]
         return found
+
+    @property
+    def firm(self) -> npt.NDArray[np.bool_]:
+        """Which of the matrices are so far from singular that solutions can be refined, (B,)."""
+        pivots = np.array([np.abs(L.diagonal()) for L in self.each])
+        return np.asarray(self.good & (pivots.min(axis=1) > SINGULAR * pivots.max(axis=1)))
 
     @property
     def middle(self) -> Array:

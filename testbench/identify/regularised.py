@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.identify import cone
 from testbench.identify.blocks import blocks_of
 from testbench.identify.conic import EXACT, f_m_norms, optima, optimum, optimum_each
@@ -23,9 +23,10 @@ from testbench.identify.objective import Objective
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
 
-GAP = (
-    1e-9  #: Proven distance from the least sum of squares, relative to one more, of an answer that is taken.
-)
+NEAR = 1e-8
+"""Distance from the least half of chi squared and penalty within which an answer is proven to be: then it is
+within 1.5e-4 standard deviations of the optimum in every direction."""
+DIGITS = 1e-12  #: The same as a share of the cost: what rounding leaves of a misfit.
 SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
@@ -70,11 +71,14 @@ def parameters(constraint: Constraint, cases: Sequence[Case]) -> Array:
 
 
 def answers(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
-    """What `parameters` come from."""
-    found: list[Answer] = []
-    for share in shares(len(cases), cases[0].belief.metric.structure.n):
-        found += _dense(constraint, cases[share])
-    return found
+    """What `parameters` come from, those of one structure and number of terms together."""
+    found: dict[int, Answer] = {}
+    shapes = [
+        (c.regression.structure.n, (id(c.regression.structure), len(c.regression.terms))) for c in cases
+    ]
+    for share in shares(shapes):
+        found |= zip(share, _dense(constraint, [cases[k] for k in share]), strict=True)
+    return [found[k] for k in range(len(cases))]
 
 
 def _dense(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
@@ -83,7 +87,7 @@ def _dense(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
     objective = _objective(cases)
     blocks = blocks_of(cases[0].belief.metric.sizes) if constraint == "psd" else None
     found = least_squares(objective, blocks)
-    good = found.gap <= GAP * (1 + objective.value(found.x))
+    good = np.isfinite(found.gap) & (found.gap <= NEAR + DIGITS * objective.value(found.x))
     seconds = (time.perf_counter() - start) / len(cases)
     return [
         Answer(case.belief.metric.L @ x, seconds, "solved", own=True)
@@ -194,6 +198,8 @@ def fit_each(
 ) -> list[Estimate]:
     """The same of many datasets of one structure, each with a belief of its own, or all without."""
     cases = [Case(r, own) for r, own in zip(regressions, beliefs, strict=True) if own is not None]
+    if cases and len(cases) < len(regressions):
+        raise BenchError("prior: expected one for every dataset or none at all")
     if cases:
         return _with(constraint, cases)
     return optimum_each(regressions) if constraint == "psd" else [minimum_norm(r) for r in regressions]
@@ -205,5 +211,5 @@ def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: B
         return parameters(constraint, [Case(regression, belief) for regression in regressions])
     if constraint == "psd":
         return optima(regressions)
-    same = all(a.R is b.R for r in regressions for a, b in zip(r.terms, regressions[0].terms, strict=True))
-    return solve_all(regressions) if same else np.array([solve(r) for r in regressions])
+    rows = {tuple(id(term.R) for term in r.terms) for r in regressions}
+    return solve_all(regressions) if len(rows) == 1 else np.array([solve(r) for r in regressions])
