@@ -27,8 +27,8 @@ class Compared:
 
     own: bool  #: Whether our own method answered; the referee did otherwise.
     over: float  #: Cost over the referee's, relative to that of no model [1].
-    #: Proven gap, relative to the cost of no model; with a prior the distance from the better of both answers,
-    #: in standard deviations [1].
+    #: Proven gap, relative to the cost of no model; with a prior the distance from the better of both
+    #: answers, in standard deviations [1].
     gap: float
 
 
