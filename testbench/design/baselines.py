@@ -1,6 +1,5 @@
 """What a plan is judged by: greedy and random plans of the same poses, and how much rests on the prior."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,17 +64,18 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
     problem, hidden = plan.examined.problem, _hidden(plan, rows)
     W = mean_square(rows @ problem.lift)
 
-    def error(chosen: Ids) -> float:
-        if spec.uncertainty is None and observability(problem, chosen).seen < problem.r:
-            return math.inf
-        return math.sqrt(hidden + float(np.trace(np.linalg.solve(information(problem, chosen), W))))
+    def errors(plans: Ids) -> Array:
+        M = np.stack([information(problem, chosen) for chosen in plans])
+        found = np.sqrt(hidden + (np.linalg.inv(M) * W).sum(axis=(1, 2)))
+        seen = [spec.uncertainty is not None or observability(problem, p).seen == problem.r for p in plans]
+        return np.where(seen, found, np.inf)
 
     counts = sorted({*COUNTS, spec.poses})
     order = greedy(problem, plan.criterion, problem.rows, counts[-1])
     return Baselines(
-        greedy=np.array([error(order[: k + 1]) for k in range(len(order))]),
+        greedy=np.concatenate([errors(order[None, : k + 1]) for k in range(len(order))]),
         random={
-            count: np.array([error(rng.choice(drawn, count, replace=drawn < count)) for _ in range(RANDOM)])
+            count: errors(np.stack([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM)]))
             for count in counts
         },
     )

@@ -16,15 +16,15 @@ from testbench.design.relaxation import sensitivity
 from testbench.design.rows import Ids, total
 from testbench.errors import Array
 
-NEIGHBOURS = 64  #: Neighbours of a pose that are judged at a time.
+NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time.
 FEWER = 16  #: The same where many poses climb at once.
-ROUNDS = 14
+ROUNDS, ASCENT = 22, 14  #: Rounds for a plan, and where many poses climb at once.
 STEP, SHRINK = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
 TRIES = 8  #: Neighbours, the best first, that are asked for feasibility in a round.
 BETTER = 1e-6  #: Relative gain below which a step does not count.
 
-TOGETHER = 16  #: Poses of the plan whose neighbours' rows are found together.
+TOGETHER = 32  #: Poses of the plan whose neighbours' rows are found together.
 
 Rows = Callable[[Array, Ids], Array]
 """Whitened rows (poses, k, r) of angles (poses, n), each measured as the pose in its place of the plan is."""
@@ -112,7 +112,7 @@ class _Plan:
 def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) -> Array:
     """Poses (poses, n) [rad] more useful than their starts q, by a measure that asks one pose alone."""
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
-    for _ in range(ROUNDS):
+    for _ in range(ASCENT):
         trial = near.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(FEWER, -1)
         best = reached.argmax(axis=0)

@@ -5,6 +5,7 @@ each, `statements` a list, `body` the rest of report.md. It sees what its study 
 What a sentence claims is computed before, so that a test can hold it against the numbers.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -85,6 +86,7 @@ class Words:
         return "\n".join(line.rstrip() for line in kept) + "\n"
 
 
+@functools.cache  # compiling a template takes longer than filling it
 def _environment(folder: Path) -> Environment:
     own, shared = FileSystemLoader(folder), FileSystemLoader(TEMPLATES)
     found = Environment(
