@@ -4,7 +4,6 @@ Fedorov (1972), Mitchell's DETMAX (1974): take the pose out whose place another 
 exchange of one pose helps. Every trial is an update of rank k of the information matrix.
 """
 
-import functools
 import itertools
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ import numpy as np
 from testbench.design.criteria import Criterion, Largest
 from testbench.design.relaxation import Relaxed, sensitivity
 from testbench.design.rows import Ids, Problem, information, total
-from testbench.design.update import Seen, apart, look
+from testbench.design.update import apart, look
 from testbench.errors import Array
 
 STARTS, FEWER, DRAWN = 12, 4, 190
@@ -23,7 +22,6 @@ SHORTLIST = 1000  #: Candidates for the starts of G and E, those that the bound 
 SWEEPS = 30
 BETTER = 1e-7  #: Relative gain below which an exchange does not count.
 STALE = 1 / 8  #: Share of the candidates that may be left to try before the tangent is taken anew.
-FEW = 1 / 16  #: Share of the candidates of which so few are hopeful that nothing is kept for the next place.
 LOST = 1e6  #: Leverage above which a greedy step is not an update, which would lose digits.
 
 
@@ -66,19 +64,19 @@ def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> I
 def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:
     """Exchange a pose of the plan (poses,) for a candidate (candidates, k, r) while that makes it better."""
     plan, left = plan.copy(), len(plan)
-    whole = _Whole(criterion, total(problem.prior, rows[plan]), rows)
-    value, ceiling = criterion.information(whole.M), _ceiling(criterion, whole.M, rows)
+    M = total(problem.prior, rows[plan])
+    value, ceiling = criterion.information(M), _ceiling(criterion, M, rows)
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
         floor = (1 + BETTER) * value
-        hopeful = ceiling.hopeful(whole.M, plan[k], floor)
-        if ceiling.M is not whole.M and len(hopeful) > STALE * len(rows):
-            ceiling = _ceiling(criterion, whole.M, rows)
-            hopeful = ceiling.hopeful(whole.M, plan[k], floor)
-        rest = total(problem.prior, rows[np.delete(plan, k)])
-        reached, best = whole.best_instead(plan[k], rest, hopeful)
+        hopeful = ceiling.hopeful(M, plan[k], floor)
+        if ceiling.M is not M and len(hopeful) > STALE * len(rows):
+            ceiling = _ceiling(criterion, M, rows)
+            hopeful = ceiling.hopeful(M, plan[k], floor)
+        rest = np.delete(plan, k)
+        reached, best = _best(criterion, total(problem.prior, rows[rest]), rows, hopeful)
         if reached > floor:
             plan[k], value, left = best, reached, len(plan)
-            whole = _Whole(criterion, total(problem.prior, rows[plan]), rows)
+            M = total(problem.prior, rows[plan])
         elif left == 1:
             break
         else:
@@ -104,40 +102,12 @@ def _ceiling(criterion: Criterion, M: Array, rows: Array) -> _Ceiling:
     return _Ceiling(M, Z, sensitivity(rows, Z))
 
 
-@dataclass(frozen=True)
-class _Whole:
-    """A plan before any of its poses is taken out, as candidates see it."""
-
-    criterion: Criterion
-    M: Array  #: Its information, (r, r).
-    rows: Array  #: The candidates, (candidates, k, r).
-
-    @functools.cached_property
-    def seen(self) -> Seen:
-        """What candidates see of M."""
-        assert not isinstance(self.criterion, Largest)
-        return look(self.M, self.rows, self.criterion.W)
-
-    def best_instead(self, pose: int, rest: Array, hopeful: Ids) -> tuple[float, int]:
-        """Phi with the best of the hopeful candidates instead of a pose, and which it is; zero without any.
-
-        The rest is the information of the other poses, (r, r).
-        """
-        if not len(hopeful):
-            return 0.0, -1
-        some = 2 * len(hopeful) < len(
-            self.rows
-        )  # else it takes longer to copy them than to try the others, too
-        reached = self._reached(pose, rest, hopeful if some else slice(None))
-        best = int(reached.argmax())
-        return float(reached[best]), int(hopeful[best]) if some else best
-
-    def _reached(self, pose: int, rest: Array, tried: Ids | slice) -> Array:
-        """Phi with each of some candidates instead of a pose."""
-        rows = self.rows[tried]
-        if isinstance(self.criterion, Largest) or len(rows) < FEW * len(self.rows):
-            return self.criterion.after(rest, rows)
-        taken = apart(rest, self.rows[pose], rows, self.criterion.W)
-        if taken.leverage.max() > LOST:
-            return self.criterion.after(rest, rows)
-        return self.criterion.reached(rest, self.seen[tried] + taken)
+def _best(criterion: Criterion, M: Array, rows: Array, hopeful: Ids) -> tuple[float, int]:
+    """Phi with the best of the hopeful candidates, and which it is; zero where there are none."""
+    if not len(hopeful):
+        return 0.0, -1
+    if 2 * len(hopeful) > len(rows):  # then it takes longer to copy them than to try the others, too
+        hopeful = np.arange(len(rows))
+    reached = criterion.after(M, rows if len(hopeful) == len(rows) else rows[hopeful])
+    best = int(reached.argmax())
+    return float(reached[best]), int(hopeful[best])

@@ -9,11 +9,8 @@ its I W I by U T^T + T U^T. Sums of both signs lose no digits unless M is all bu
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.errors import Array
-
-Ids = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -25,12 +22,6 @@ class Seen:
 
     def __sub__(self, other: "Seen") -> "Seen":
         return Seen(self.leverage - other.leverage, self.worth - other.worth)
-
-    def __add__(self, other: "Seen") -> "Seen":
-        return Seen(self.leverage + other.leverage, self.worth + other.worth)
-
-    def __getitem__(self, candidates: Ids | slice) -> "Seen":
-        return Seen(self.leverage[candidates], self.worth[candidates])
 
     def gain(self) -> Array:
         """What each candidate takes from tr(W M^-1), tr((1 + leverage)^-1 worth), (candidates,).
