@@ -1,6 +1,6 @@
 """The true arm as MuJoCo models: one to look into, and some side by side to compute with.
 
-A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.5 us a pose, and what leads
+A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.8 us a pose, and what leads
 from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
 serves a pose of each.
 """
