@@ -25,8 +25,8 @@ from testbench.errors import Array
 NEAR = 6  #: Nearest other places whose legs the relaxed program starts with.
 GAP = 0.001  #: Share of the bound by which the first trip may be longer; the shortest is found from that.
 EXACT, CLOSE = 101, 0.01
-"""Most places, 100 poses and where the trip is cut open, through which the shortest trip is found; with more, one
-at most this share above the bound."""
+"""Most places, 100 poses and the cut, through which the shortest trip is found; with more, one at most this
+share above the bound."""
 PARTS, SLIGHT = (0.3, 0.5, 0.7, 0.9), 1e-3
 """Parts of legs above which places count as joined when subtours are looked for, and excess that counts."""
 TINY = 1e-7  #: Of a leg in a solution, and of a reduced cost over the longest leg, which counts as zero.
