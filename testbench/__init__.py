@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from testbench.errors import BenchError as BenchError
     from testbench.identify import Estimate as Estimate
     from testbench.identify import certify as certify
+    from testbench.identify import completed_least_squares as completed_least_squares
     from testbench.identify import gco as gco
     from testbench.identify import intervals as intervals
     from testbench.identify import least_squares as least_squares
@@ -46,6 +47,7 @@ HOMES = {
     "write_csv": "data.csvfile",
     "Structure": "model.structure",
     "least_squares": "identify",
+    "completed_least_squares": "identify",
     "gco": "identify",
     "cad_prior": "identify.prior",
     "with_prior": "identify",

@@ -18,7 +18,7 @@ from testbench.identify import Estimate, Estimator, Method, gco, least_squares
 from testbench.identify.evaluate import Score, predict_all, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.structure import Structure, mgco47, mgco68, mgco69, mgco147, template56
+from testbench.model.structure import Structure, joints_only, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import Vjm, build_vjm
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and who only fits runs does without
@@ -287,6 +287,7 @@ def _mls32(cell: Cell) -> Model:
 
 
 MODELS: dict[str, Callable[[Cell], Model]] = {
+    "Joints": lambda cell: Model("Joints", joints_only(cell.arm), least_squares),
     "MLS32": _mls32,
     "MLS56": lambda cell: Model("MLS56", template56(cell.arm, name="MLS56"), least_squares),
     "MGCO47": lambda cell: Model("MGCO47", mgco47(cell.arm), gco),
@@ -295,7 +296,7 @@ MODELS: dict[str, Callable[[Cell], Model]] = {
     "MGCO69": lambda cell: Model("MGCO69", mgco69(cell.arm), gco),
     "MGCO147": lambda cell: Model("MGCO147", mgco147(cell.arm), gco),
 }
-"""The paper's models by name: MODELS["MGCO56"](cell) has structure and method."""
+"""Models by name, the paper's and "Joints": MODELS["MGCO56"](cell) has structure and method."""
 
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""

@@ -3,7 +3,7 @@
 from testbench.identify.certify import certify
 from testbench.identify.estimate import Certificate, Constraint, Estimate, Estimator, make_estimate
 from testbench.identify.intervals import intervals
-from testbench.identify.method import Method, gco, least_squares, robust, with_prior
+from testbench.identify.method import Method, completed_least_squares, gco, least_squares, robust, with_prior
 from testbench.identify.regression import Regression, reduce
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Method",
     "Regression",
     "certify",
+    "completed_least_squares",
     "gco",
     "intervals",
     "least_squares",

@@ -283,11 +283,17 @@ def _solve(regression: Regression, program: Program) -> cone.Solution:
 
 
 def _block(s: Structure, block: Ids, first: int) -> cone.Block:
-    """The unknown entries of a block of C_theta; the others are zero."""
+    """A block of C_theta as unknowns of a program, the parameters standing there from `first` on."""
+    entries, svec = psd_entries(s, block)
+    return cone.Block(first + entries, len(block), svec)
+
+
+def psd_entries(s: Structure, block: Ids) -> tuple[Ids, Array]:
+    """The parameters in a block of C_theta, (k,), and its svec per unit of them; other entries are zero."""
     position = np.full(s.n_theta, -1)
     position[block] = np.arange(len(block))
     k = np.flatnonzero(position[s.a] >= 0)
     i, j = np.sort([position[s.a[k]], position[s.b[k]]], axis=0)
     svec = np.zeros((cone.triangle(len(block)), len(k)))
     svec[j * (j + 1) // 2 + i, np.arange(len(k))] = np.where(i == j, 1.0, math.sqrt(2))
-    return cone.Block(first + k, len(block), svec)
+    return k, svec

@@ -15,8 +15,9 @@ from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-Constraint = Literal["none", "psd"]
-"""What a method asks of every block: nothing, or to be positive semi-definite."""
+Constraint = Literal["none", "psd", "free"]
+"""What a method asks of every block: nothing; to be positive semi-definite; the same, but only as far as free
+directions allow, the fit being that of least squares."""
 
 CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""

@@ -94,7 +94,7 @@ def search(
     For GCO without a prior the compliances of the arm's folder, known to a factor of WEAK, keep its numbers
     of order one.
     """
-    if constraint == "none" and belief is None:
+    if constraint != "psd" and belief is None:
         A = _column_space(readings.A)
         return huber(A, readings.y, np.zeros((1, A.shape[2])), np.zeros(1))
     if belief is None:

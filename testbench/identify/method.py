@@ -30,12 +30,20 @@ ROBUST_UNCERTAINTY = 0.3  #: Relative uncertainty of a prior beside a robust los
 class Method:
     """How to identify."""
 
-    constraint: Constraint = "psd"  #: "none" for least squares, "psd" for GCO.
+    #: "none" for least squares, "psd" for GCO, "free" for least squares completed, which takes no prior.
+    constraint: Constraint = "psd"
     prior: Prior | None = None  #: Expected compliances, their common scale left to the data; None for none.
     #: How firmly the prior is believed; None to choose by cross-validation over poses, or
     #: `ROBUST_UNCERTAINTY` with a robust loss: cross-validation would see the outliers.
     strength: Strength | None = None
     loss: Literal["plain", "robust"] = "plain"  #: "robust" looks for outliers and does without them.
+
+    def __post_init__(self) -> None:
+        """Refuse by BenchError a prior where it would leave nothing to complete."""
+        if self.prior is not None and self.constraint == "free":
+            raise BenchError(
+                "prior: expected least squares or GCO; with a prior no direction is free to be completed"
+            )
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Identify a structure from a dataset.
@@ -96,6 +104,13 @@ class Method:
 
 least_squares = Method("none")
 """Weighted least squares, Eq. (14)-(15); of minimum norm where the data leave directions free."""
+
+completed_least_squares = Method("free")
+"""Weighted least squares whose free directions make it conservative where that is possible.
+
+Of all conservative models that fit as well as `least_squares`, it is the one nearest to its solution of
+minimum norm, in the units of sensitivity. Where there is none, it is that solution: `Estimate.status` and
+`advice` say so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
 
 gco = Method("psd")
 """GCO to global optimality: the conservative model of least F_M, Eq. (19), with a certificate."""

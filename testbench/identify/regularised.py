@@ -14,6 +14,7 @@ import numpy as np
 from testbench.errors import Array, BenchError
 from testbench.identify import cone
 from testbench.identify.blocks import blocks_of
+from testbench.identify.completion import completed
 from testbench.identify.conic import EXACT, f_m_norms, optima, optimum, optimum_each
 from testbench.identify.dense import least_squares, shares
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
@@ -202,7 +203,9 @@ def fit_each(
         raise BenchError("prior: expected one for every dataset or none at all")
     if cases:
         return _with(constraint, cases)
-    return optimum_each(regressions) if constraint == "psd" else [minimum_norm(r) for r in regressions]
+    if constraint == "psd":
+        return optimum_each(regressions)
+    return [completed(r) if constraint == "free" else minimum_norm(r) for r in regressions]
 
 
 def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: Belief | None = None) -> Array:
@@ -211,5 +214,7 @@ def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: B
         return parameters(constraint, [Case(regression, belief) for regression in regressions])
     if constraint == "psd":
         return optima(regressions)
+    if constraint == "free":
+        return np.array([completed(r).pi for r in regressions])
     rows = {tuple(id(term.R) for term in r.terms) for r in regressions}
     return solve_all(regressions) if len(rows) == 1 else np.array([solve(r) for r in regressions])

@@ -239,6 +239,11 @@ mgco68 = _named("MGCO68", (0, 2, 3), slice(1, None))
 mgco47 = _named("MGCO47", (2, 3), slice(1, None))  #: Links 2 and 3 in full and joints 2 to 6 (2 x 21 + 5).
 
 
+def joints_only(arm: Arm) -> Structure:
+    """All joints, links rigid: the model of most calibrations."""
+    return Structure.of(arm, joints=[joint.name for joint in arm.joints], name="Joints")
+
+
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:
     """All links with the beam template (7 x 8), joints aggregated; MGCO56 and MLS56."""
     return _named(name, entries=TEMPLATE)(arm)

@@ -1,7 +1,7 @@
 """Colour is a role, the same in figures and recordings (Okabe-Ito), and never alone: shapes go with it.
 
-Least squares is orange, GCO green, measured vermillion, nominal sky blue, load purple, the arm grey. A model
-has one shade of its family by its structure's name, never by its rank; a prior fills its marker.
+Least squares is orange, sand where its free directions make it conservative, GCO green, measured vermillion,
+nominal sky blue, load purple, the arm grey. A model has one shade of its family by its structure's name, never by its rank; a prior fills its marker.
 """
 
 from dataclasses import dataclass
@@ -13,14 +13,17 @@ Colour = tuple[int, ...]
 NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
 TASK = (178, 156, 48)  #: Where the robot works: olive, which is neither least squares nor GCO.
-ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105), (150, 105, 20))
-"""Least squares."""
+ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (120, 75, 10))
+"""Least squares; joints alone, what most calibrations use, are its dark brown."""
+SANDS: tuple[Colour, ...] = ((205, 170, 105),)
+"""Least squares whose free directions make it conservative."""
 GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60), (150, 205, 180))
 """GCO."""
-FAMILIES = {"none": ORANGES, "psd": GREENS}
+FAMILIES = {"none": ORANGES, "psd": GREENS, "free": SANDS}
 PLACES = {
     "MLS56": 0,
     "MLS32": 1,
+    "Joints": 2,
     "MLS36": 0,
     "MLS21": 1,
     "MGCO21": 0,
@@ -63,6 +66,8 @@ def look(structure: str, constraint: Constraint, prior: bool = False) -> Look:
     """
     family = FAMILIES[constraint]
     place = PLACES.get(structure, sum(map(ord, structure)) % len(family))
+    if constraint == "free":  # beside least squares of the same structure
+        place = len(MARKS) - 1
     return Look(family[place % len(family)], place, prior)
 
 

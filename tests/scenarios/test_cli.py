@@ -73,16 +73,16 @@ def test_simulated_runs_are_identified(simulated, tmp_path):
     assert np.linalg.eigvalsh(C).min() > -1e-18
 
 
-def test_without_a_model_all_seven_are_fitted(simulated, tmp_path):
+def test_without_a_model_all_are_fitted(simulated, tmp_path):
     done = run("identify", ARM, simulated / "data.csv", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     names = [m["name"] for m in json.loads((tmp_path / "models.json").read_text())["models"]]
-    assert names == ["MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147"]
+    assert names == ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147"]
 
 
 def test_unknown_model_lists_the_known_ones(simulated, tmp_path):
     done = run("identify", ARM, simulated / "data.csv", "--model", "MGCO1", "--out", tmp_path / "new")
-    assert "no model 'MGCO1'; models are MLS32" in refused(done)
+    assert "no model 'MGCO1'; models are Joints, MLS32" in refused(done)
     assert not (tmp_path / "new").exists()
 
 
