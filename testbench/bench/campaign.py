@@ -107,6 +107,7 @@ class Campaign:
     measured: Dataset  #: All measured runs, in the order of the dataset file.
     identification: Dataset  #: Those to identify from.
     check: Dataset  #: Those of poses never identified from.
+    check_true: Dataset  #: The same runs without noise.
     truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
     drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
 
@@ -117,6 +118,7 @@ class Errors:
 
     identification: Score  #: Errors on the runs it was identified from, against their readings.
     check: Score  #: Errors on the check runs, against their readings.
+    check_true: Score  #: The same against their true deflections.
     truth: Score  #: Errors against the true deflections.
     residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
 
@@ -195,10 +197,12 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
         ]
     )
     loaded = hanging(cell, poses.station[pose], pose + 1, scenario.payload)
-    measured = measure(cell, scenario, loaded, stream(seed, 1))
+    measured, true = measure_both(cell, scenario, loaded, stream(seed, 1))
     everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.payload)
-    identification, check = split(measured, np.arange(scenario.identification_poses) + 1)
-    return Campaign(scenario, seed, measured, identification, check, measure(cell, scenario, everywhere))
+    (fitted, check), (_, check_true) = (
+        split(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
+    )
+    return Campaign(scenario, seed, measured, fitted, check, check_true, measure(cell, scenario, everywhere))
 
 
 def clear_poses(cell: Cell, area: WorkArea, count: int, rng: np.random.Generator) -> Array:
@@ -246,7 +250,27 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
         loaded: The runs.
         rng: Source of the noise; None for readings without noise.
     """
-    before, after = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return _read(cell, setup, loaded, settled, rng)
+
+
+def measure_both(
+    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
+) -> tuple[Dataset, Dataset]:
+    """The same runs with noise and without, of one pair of equilibria."""
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return _read(cell, setup, loaded, settled, rng), _read(cell, setup, loaded, settled)
+
+
+def _read(
+    cell: Cell,
+    setup: Setup,
+    loaded: LoadedPoses,
+    settled: tuple["Equilibrium", "Equilibrium"],
+    rng: np.random.Generator | None = None,
+) -> Dataset:
+    """The readings of the arm at rest, unloaded and loaded."""
+    before, after = settled
     sigma, sigma_rotation = setup.sigmas
     tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
     rng = rng or stream(0)  # of no effect: the tracker has no noise
@@ -348,6 +372,7 @@ def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> 
         Errors(
             identification=score(own[0], fitted.deflection),
             check=score(own[1], check.deflection),
+            check_true=score(own[1], campaign.check_true.deflection),
             truth=score(own[2], truth.deflection),
             residuals=campaign.measured.deflection - own[3],
         )

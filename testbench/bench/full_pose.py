@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 from pydantic import Field
 
-from testbench.bench.campaign import Campaign, Cell, LoadedPoses, Setup, Truth, measure, stream
+from testbench.bench.campaign import Campaign, Cell, LoadedPoses, Setup, Truth, measure, measure_both, stream
 from testbench.data.dataset import Dataset, Ids
 from testbench.errors import Array, PoseError
 from testbench.plant import settle_linear
@@ -56,8 +56,9 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     ids = scenario.poses + np.arange(scenario.check_runs) + 1
     checks = at_tool(check_q, ids, check_wrench)
     identification = measure(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
-    check, truth = measure(cell, scenario, checks, noise_rng), measure(cell, scenario, checks)
-    return Campaign(scenario, seed, _joined(identification, check), identification, check, truth, drawn)
+    check, true = measure_both(cell, scenario, checks, noise_rng)
+    measured = _joined(identification, check)
+    return Campaign(scenario, seed, measured, identification, check, true, true, drawn)
 
 
 def _joined(a: Dataset, b: Dataset) -> Dataset:

@@ -78,11 +78,12 @@ class FitRow:
 
 @dataclass(frozen=True)
 class JudgedRow(FitRow):
-    """A model judged: against readings at fitted and check poses, against the truth over the workspace."""
+    """A model judged."""
 
-    identification: ErrorRow
-    check: ErrorRow
-    workspace: ErrorRow
+    identification: ErrorRow  #: At the poses that were fitted, against their readings.
+    check: ErrorRow  #: At check poses, against their readings.
+    check_true: ErrorRow  #: At check poses, against the true deflections.
+    workspace: ErrorRow  #: Over the whole workspace, against the true deflections.
 
 
 def judged_row(fit: FitRow, errors: Errors) -> JudgedRow:
@@ -91,6 +92,7 @@ def judged_row(fit: FitRow, errors: Errors) -> JudgedRow:
         **vars(fit),
         identification=error_row(errors.identification),
         check=error_row(errors.check),
+        check_true=error_row(errors.check_true),
         workspace=error_row(errors.truth),
     )
 

@@ -1,7 +1,8 @@
 """Colour is a role, the same in figures and recordings (Okabe-Ito), and never alone: shapes go with it.
 
 Least squares is orange, sand where its free directions make it conservative, GCO green, measured vermillion,
-nominal sky blue, load purple, the arm grey. A model has one shade of its family by its structure's name, never by its rank; a prior fills its marker.
+nominal sky blue, load purple, the arm grey. A model has one shade of its family by its structure's name,
+never by its rank; a prior fills its marker.
 """
 
 from dataclasses import dataclass
