@@ -64,6 +64,20 @@ def tube_compliance(tube: Tube) -> Array:
     return C
 
 
+def turned(C: Array, axis: Array, angle: float) -> Array:
+    """Compliance of a beam whose axes are turned, in the axes of before (Rodrigues).
+
+    Args:
+        C: In the beam's own axes, (6, 6) [m/N, rad/(N m)].
+        axis: About which, of any length, (3,) [1].
+        angle: By which [rad].
+    """
+    x, y, z = axis / np.linalg.norm(axis)
+    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    R = np.kron(np.eye(2), np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
+    return np.asarray(R @ C @ R.T)
+
+
 def eigenvalue_scale(C: Array) -> Array:
     """Units in which eigenvalues of a compliance mean something: the square root of its diagonal.
 
