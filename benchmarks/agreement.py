@@ -6,7 +6,7 @@ import numpy as np
 from measure import Row, at_most, note
 from programs import NASTY, random_regression, with_random_prior
 
-from testbench.identify.certify import bound_gap, gradient_dual
+from testbench.identify.certify import bound, gradient_dual
 from testbench.identify.conic import answers, by_clarabel, scale_program
 from testbench.identify.metric import Case, with_prior_rows
 from testbench.identify.regression import Regression
@@ -74,9 +74,8 @@ def compared(regression: Regression) -> Compared:
     referee = by_clarabel(regression, program)
     assert referee.dual is not None
     own = answer.dual or gradient_dual(regression, answer.pi)
-    proof = bound_gap(regression, referee.pi, referee.dual)
-    weight = program.trace_weight
-    gap = bound_gap(regression, answer.pi, own, proof.trace_bounds, trace_weight=weight).gap
+    proof = bound(regression, referee.pi, referee.dual)
+    gap = bound(regression, answer.pi, own, proof.trace_bounds).duality_gap
     cost = [program.cost(regression, pi) for pi in (answer.pi, referee.pi)]
     return Compared(answer.dual is None, (cost[0] - cost[1]) / program.unit, gap / program.unit)
 

@@ -138,5 +138,5 @@ def agreement(name: str, best: Estimate, costs: list[float]) -> list[Row]:
     text = f"{best.status}; rank {best.regression.rank}; F_M of noise alone {best.f_m_floor:.3f}"
     return [
         at_most(f"(c) {name}: relative difference of F_M", apart, "", AGREE, listed),
-        note(f"    {name}: certified gap over F_M", best.certificate.gap / best.f_m, "", text),
+        note(f"    {name}: duality gap over F_M", best.certificate.duality_gap / best.f_m, "", text),
     ]

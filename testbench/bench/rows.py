@@ -68,8 +68,10 @@ class FitRow:
     min_eigenvalue: Number  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
     f_m: Number  #: Cost of Eq. (19).
     f_m_floor: Number  #: What noise alone leaves of it.
-    duality_gap: Number  #: Bound on F_M minus its least value; None without a certificate.
-    trace_bounds_rad_per_Nm: tuple[Number, ...] | None  #: Traces within which the bound holds.
+    #: Bound of F_M + trace term above its least value: how well the program is solved; None where none is.
+    duality_gap: Number
+    f_m_excess_bound: Number  #: Bound of F_M above its least value: what the trace weight costs.
+    trace_bounds_rad_per_Nm: tuple[Number, ...] | None  #: Traces within which the bounds hold.
     held_by_trace_weight: Share  #: Whether only the trace weight holds unseen compliance.
     total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
     solve_seconds: Number  #: Wall time of the estimator.
@@ -114,7 +116,8 @@ def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = Fals
         min_eigenvalue=estimate.min_eigenvalue,
         f_m=estimate.f_m,
         f_m_floor=estimate.f_m_floor,
-        duality_gap=None if certificate is None else certificate.gap,
+        duality_gap=None if certificate is None else certificate.duality_gap,
+        f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
         held_by_trace_weight=estimate.held_by_trace_weight,
         total_trace_rad_per_Nm=total_trace(estimate.structure, estimate.pi),

@@ -1,12 +1,14 @@
 """A proof of quality for any conservative estimate.
 
-F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For unit vectors y_k, |r_k| >= y_k . r_k;
-so with S_i the gradient of sum y_k . r_k with respect to block i, every conservative C* whose blocks have a
-trace of at most t_i obeys
-    F(C*) >= -sum y_k . z_k - sum max(0, -lambda_min S_i) t_i.
-With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there, and the bound reads
-    F - F* <= sum <S_i, C_i> + sum max(0, -lambda_min S_i) t_i.
-Nothing is asked of how the estimate was found.
+F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one,
+|r_k| >= y_k . r_k; so with S_i the gradient of sum y_k . r_k with respect to block i, and any weight w of the
+trace, every conservative C whose blocks have a trace of at most t_i obeys
+    F(C) + w tr C >= -sum y_k . z_k - sum max(0, -lambda_min(S_i) - w) t_i.
+With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. Nothing is asked of how the estimate
+was found. The bound is used twice:
+- with the weight w of GCO it bounds the program that is solved: the duality gap;
+- with w = 0 it bounds F_M alone. What an optimum of the program is at most above the least F_M is what the
+  weight costs: no more than w sum t_i, beside the duality gap.
 """
 
 import math
@@ -18,11 +20,24 @@ from testbench.identify.estimate import Certificate, Dual, Estimate
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 
+TRACE_WEIGHT = 1e-8
+"""Weight of the trace beside F_M in GCO, both as shares of what the data span.
+
+It picks the least trace among models that fit alike. Where the fit goes on improving as unseen compliance
+grows without end, there is no such model, and the weight decides where to stop: the advice says so.
+"""
 LENGTH = 0.5
 """Length that turns a translation into a rotation in scaled units [m]: L / sqrt(3) of a link of 0.9 m."""
 
-SENSITIVITY_SHARE = 1e-2
-"""Least sensitivity of an axis in the default trace bounds, as a share of the largest."""
+UNSEEN_SHARE = 1e-2
+"""Sensitivity that is assumed of an axis that no reading shows, as a share of the largest."""
+
+LONGEST = 1 + 1e-9  #: Length of a dual vector up to which it is a unit vector but for rounding.
+ROUNDING = 4 * np.finfo(float).eps
+"""What rounding may take from an eigenvalue of S_i, as a share of the size of what S_i is summed from.
+
+The bounds are exact up to it, and to 1e-12 of F_M at C = 0.
+"""
 
 
 def scaled_units(structure: Structure) -> Array:
@@ -39,7 +54,7 @@ def scaled_units(structure: Structure) -> Array:
 def certify(
     estimate: Estimate, trace_bounds: Array | None = None, *, dual: Dual | None = None
 ) -> Certificate:
-    """Bound the optimality gap of a conservative estimate.
+    """Bound how far a conservative estimate is from the best one.
 
     Args:
         estimate: Any conservative estimate, from any method.
@@ -49,11 +64,13 @@ def certify(
             which prove much only near an optimum.
 
     Returns:
-        How far F_M is at most above its least value, and the traces within which that holds.
+        How far F_M is at most above its least value, the same of F_M and the trace term, and the traces
+        within which that holds.
 
     Raises:
-        BenchError: When the estimate is not conservative (the bound would prove nothing), or a trace bound
-            is negative, not finite or missing.
+        BenchError: When the estimate is not conservative (the bound would prove nothing), a trace bound is
+            negative, not finite or missing, or the dual has another shape, is not finite, or has a vector
+            longer than one by more than rounding.
     """
     if not estimate.conservative:
         raise BenchError(
@@ -61,8 +78,25 @@ def certify(
             f"{estimate.min_eigenvalue:.3g}"
         )
     regression = estimate.regression
-    dual = gradient_dual(regression, estimate.pi) if dual is None else dual
-    return bound_gap(regression, estimate.pi, dual, trace_bounds)
+    dual = gradient_dual(regression, estimate.pi) if dual is None else _checked(regression, dual)
+    return bound(regression, estimate.pi, dual, trace_bounds)
+
+
+def _checked(regression: Regression, dual: Dual) -> Dual:
+    """A dual from outside: refused unless its vectors are of length one at most but for rounding."""
+    terms = len(regression.terms)
+    y = check_array(dual.y, (terms, regression.structure.n), "dual.y")
+    rest = check_array(dual.y_rest, (terms,), "dual.y_rest")
+    longest = float(np.hypot(np.linalg.norm(y, axis=1), rest).max())
+    if longest > LONGEST:
+        raise BenchError(f"dual: expected vectors of length 1 at most, got one of {longest:.9g}")
+    return shortened(y, rest)
+
+
+def shortened(y: Array, rest: Array) -> Dual:
+    """The dual of these vectors, (terms, n) and (terms,), those longer than one scaled to it."""
+    length = np.maximum(1.0, np.hypot(np.linalg.norm(y, axis=1), rest))
+    return Dual(y / length[:, None], rest / length)
 
 
 def gradient_dual(regression: Regression, pi: Array) -> Dual:
@@ -77,20 +111,13 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
     return Dual(np.array(y), np.array(rest))
 
 
-def bound_gap(
-    regression: Regression,
-    pi: Array,
-    dual: Dual,
-    trace_bounds: Array | None = None,
-    *,
-    trace_weight: float = 0.0,
-) -> Certificate:
-    """Gap between the cost of a conservative pi, (n,), and the lower bound of a dual vector from anywhere.
+def bound(regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None) -> Certificate:
+    """How far a conservative pi, (n,), is at most above the lower bounds of a dual, none longer than one.
 
-    The cost is F_M + trace_weight * total trace [N m/rad]; the weight adds itself to every eigenvalue of S_i.
+    Raises:
+        BenchError: When a trace bound is negative, not finite or missing.
     """
     s = regression.structure
-    unit = scaled_units(s)
     if trace_bounds is None:
         t = default_trace_bounds(regression, pi)
     else:
@@ -102,29 +129,60 @@ def bound_gap(
     for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
         g += term.R.T @ y
         constant += rest * math.sqrt(term.rest) - y @ term.z
-    S = s.gradient(g) * np.outer(unit, unit)
-    smallest = np.full(len(s.blocks), trace_weight)
+    smallest = _smallest(regression, g)
+    weight, cost = trace_weight(regression), f_m(regression, pi)
+
+    def over(cost: float, weight: float) -> float:
+        least = constant - float(np.maximum(0, -smallest - weight) @ t)
+        return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
+
+    return Certificate(
+        duality_gap=over(cost + weight * total_trace(s, pi), weight),
+        f_m_excess_bound=over(cost, 0.0),
+        trace_bounds=t,
+        smallest=smallest,
+        dual=dual,
+    )
+
+
+def _smallest(regression: Regression, g: Array) -> Array:
+    """Smallest eigenvalue of every S_i in scaled units, less its rounding, (blocks,), for a gradient (n,)."""
+    s, unit = regression.structure, scaled_units(regression.structure)
+    scale = np.outer(unit, unit)
+    S, size = s.gradient(g) * scale, s.gradient(regression.columns) * scale
+    smallest = np.empty(len(s.blocks))
     for group in s.groups:
-        smallest[group.at] += np.linalg.eigvalsh(S[group.index])[:, 0]
-    lower = max(0.0, constant - float(np.maximum(0, -smallest) @ t))  # the cost is a sum of norms
-    cost = f_m(regression, pi) + trace_weight * total_trace(s, pi)
-    return Certificate(max(0.0, cost - lower), t, smallest, dual)
+        lost = ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
+        smallest[group.at] = np.linalg.eigvalsh(S[group.index])[:, 0] - lost
+    return smallest
 
 
 def default_trace_bounds(regression: Regression, pi: Array) -> Array:
-    """Bounds in scaled units that no arm near the data exceeds, whatever the estimate, (blocks,) [rad/(N m)].
+    """Traces within which every axis may be soft enough to explain the data by itself, (blocks,) [rad/(N m)].
 
-    Every axis is allowed a compliance that explains all the data by itself, an axis that the data hardly load
-    that of one a hundredth as sensitive as the most sensitive; and twice the estimate's own, if that is more.
+    An axis d is allowed c_d = 2 F_M(0) / |R e_d|, with R e_d the weighted readings that a unit of C_dd causes
+    in all terms; a block the sum of what its axes are. By the triangle inequality a model with C_dd = c
+    and nothing else has F_M >= sum_k (c |R_k e_d| - |z_k|) >= c |R e_d| - F_M(0): softer than c_d, it fits
+    worse than a rigid arm. So it is for every axis that a reading shows, however little.
+
+    That is proven of one axis at a time. Of models with several it is assumed: compliances whose readings
+    cancel may be softer and fit. An axis that no reading shows has no bound from data: it is assumed to be
+    allowed what one of `UNSEEN_SHARE` of the largest sensitivity is. A block is allowed twice the trace of pi
+    if that is more.
     """
-    s, weight = regression.structure, regression.weight
-    unit = scaled_units(s) ** 2
-    sensitivity = np.maximum(weight, SENSITIVITY_SHARE * (weight.max() or 1.0))
-    allowed = f_m(regression, np.zeros(s.n)) / sensitivity / unit
-    own = 2 * np.diag(s.matrix(pi)) / unit
+    s = regression.structure
     used = s.block_of >= 0
-    each = [np.bincount(s.block_of[used], weights=trace[used]) for trace in (allowed, own)]
-    return np.maximum(*each)
+    unit = scaled_units(s)[used] ** 2
+    sensitivity = regression.weight[used] * unit
+    sensitivity[sensitivity == 0] = UNSEEN_SHARE * (sensitivity.max() or 1.0)
+    allowed = 2 * f_m(regression, np.zeros(s.n)) / sensitivity
+    own = 2 * np.diag(s.matrix(pi))[used] / unit
+    return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, own)))
+
+
+def trace_weight(regression: Regression) -> float:
+    """Weight of the total trace in scaled units beside F_M [N m/rad]."""
+    return float(TRACE_WEIGHT * (regression.weight.max() or 1.0))
 
 
 def total_trace(structure: Structure, pi: Array) -> float:

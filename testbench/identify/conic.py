@@ -16,20 +16,22 @@ import numpy as np
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.blocks import blocks_of
-from testbench.identify.certify import bound_gap, gradient_dual, scaled_units, total_trace
+from testbench.identify.certify import (
+    TRACE_WEIGHT,
+    bound,
+    gradient_dual,
+    scaled_units,
+    shortened,
+    total_trace,
+    trace_weight,
+)
 from testbench.identify.dense import least_norms, shares
-from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
+from testbench.identify.estimate import Dual, Estimate, make_estimate
 from testbench.identify.metric import clipped
-from testbench.identify.objective import Objective
+from testbench.identify.objective import TINY, Objective
 from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
 from testbench.model.structure import Structure
 
-TRACE_WEIGHT = 1e-8
-"""Weight of the trace beside F_M, both as shares of what the data span.
-
-It picks the least trace among models that fit alike. Where the fit goes on improving as unseen compliance
-grows without end, there is no such model, and the weight decides where to stop: the advice says so.
-"""
 PENALTY_TOLD = 1e-4  #: Share of F_M that the trace term may cost before the advice tells of it.
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
@@ -66,7 +68,8 @@ def optimum(regression: Regression) -> Estimate:
 
     The data rarely see all of C: then the optimum is not unique, or is only approached as an unseen entry
     grows without end. So the trace in scaled units is minimised beside F_M with a small weight: among models
-    that fit alike it takes the one of least trace. The certificate bounds the gap of F_M itself.
+    that fit alike it takes the one of least trace. The certificate bounds what is left of the program, and
+    what the weight costs in F_M.
 
     Raises:
         BenchError: When the structure is not symmetric.
@@ -85,16 +88,16 @@ def optimum_each(regressions: Sequence[Regression]) -> list[Estimate]:
 def _estimate(regression: Regression, program: Program, answer: "Answer") -> Estimate:
     """What is known of an answer."""
     pi = answer.pi
-    certificate = bound_gap(regression, pi, answer.dual or gradient_dual(regression, pi))
+    certificate = bound(regression, pi, answer.dual or gradient_dual(regression, pi))
     exact = f_m(regression, pi) <= EXACT * program.unit  # and F_M cannot be negative
-    solved = exact or _reached(regression, program, pi, certificate)
+    reached = certificate.duality_gap <= GAP_TOLERANCE * f_m(regression, pi) + DATA_TOLERANCE * program.unit
     held = not exact and _held(regression, program, pi)
     estimate = make_estimate(
         regression, pi, method="GCO (conic program)", constraint="psd", advice=_advice(regression, held)
     )
     return replace(
         estimate,
-        status="solved" if solved and estimate.conservative else answer.failure,
+        status="solved" if (exact or reached) and estimate.conservative else answer.failure,
         certificate=certificate,
         solver_seconds=answer.seconds,
         held_by_trace_weight=held,
@@ -185,14 +188,8 @@ def by_clarabel(regression: Regression, program: Program) -> Answer:
     pi = np.zeros(regression.structure.n)
     pi[program.columns] = program.scale * clip(program.structure, solution.x[terms:])
     z = np.array(solution.duals[:terms])
-    return Answer(pi, solution.seconds, solution.failure, Dual(z[:, 1:-1] / z[:, :1], -z[:, -1] / z[:, 0]))
-
-
-def _reached(regression: Regression, program: Program, pi: Array, certificate: Certificate) -> bool:
-    """Whether F_M + trace term is proven to be as close to its optimum as asked."""
-    t, weight = certificate.trace_bounds, program.trace_weight
-    gap = bound_gap(regression, pi, certificate.dual, t, trace_weight=weight).gap
-    return gap <= GAP_TOLERANCE * f_m(regression, pi) + DATA_TOLERANCE * program.unit
+    z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
+    return Answer(pi, solution.seconds, solution.failure, shortened(z[:, 1:-1], -z[:, -1]))
 
 
 def _held(regression: Regression, program: Program, pi: Array) -> bool:
@@ -215,14 +212,14 @@ def _advice(regression: Regression, held: bool) -> tuple[str, ...]:
 
 def scale_program(regression: Regression) -> Program:
     """Units in which data and parameters are of order one."""
-    s, weight = regression.structure, regression.weight
+    s = regression.structure
     block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.columns > 0]] = True
     columns = np.flatnonzero(seen[block])
     kept = _kept(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit)[columns]
-    return Program(columns, kept, unit, scale, TRACE_WEIGHT * (weight.max() or 1.0))
+    return Program(columns, kept, unit, scale, trace_weight(regression))
 
 
 @lru_cache(maxsize=64)

@@ -29,7 +29,7 @@ MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 
 @dataclass(frozen=True)
 class Dual:
-    """Unit vectors y_k, one for every term of F_M."""
+    """Vectors y_k of length one at most, one for every term of F_M."""
 
     y: Array  #: Against the rows of the term's R, (terms, n).
     y_rest: Array  #: Against what no parameter explains, (terms,).
@@ -37,13 +37,14 @@ class Dual:
 
 @dataclass(frozen=True)
 class Certificate:
-    """How far an estimate can be from the best conservative one."""
+    """How far an estimate can be from the best conservative one, of traces within `trace_bounds`."""
 
-    #: Upper bound of F - F*, with F* the least F_M over conservative models whose blocks have a trace within
-    #: `trace_bounds` [1].
-    gap: float
+    #: Upper bound of F_M + trace term above its least value [1]: how well the program of GCO is solved.
+    duality_gap: float
+    #: Upper bound of F_M above its least value [1]: of a solved program, what its trace weight costs.
+    f_m_excess_bound: float
     trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
-    #: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at an optimum
+    #: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at a least F_M
     #: without bounds.
     smallest: Array
     dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.

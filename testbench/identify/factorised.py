@@ -36,7 +36,7 @@ MAX_STEPS = 20_000
 TOLERANCE = 1e-12  #: Relative gain of a step at which a local solve ends.
 FLAT = 1e-9  #: Largest entry of the gradient at which it ends too.
 OUT_OF_STEPS = 1  #: Status of scipy's L-BFGS that spent all its steps.
-CLOSE = 1e-5  #: Certified gap, relative to F_M, below which a local solution counts as the global one.
+CLOSE = 1e-5  #: Certified excess, relative to F_M, below which a local solution counts as the global one.
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def best_of(problem: Factorised, rng: np.random.Generator, *, starts: int) -> Es
         constraint="psd",
     )
     certificate = certify(estimate)
-    if certificate.gap <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.unit:
+    if certificate.f_m_excess_bound <= CLOSE * estimate.f_m + DATA_TOLERANCE * problem.program.unit:
         status = "solved"
     else:
         status = "local optimum" if best.finished else f"not solved: {MAX_STEPS} steps were not enough"

@@ -1,4 +1,4 @@
-"""Least squares and GCO: recovery, optimality and its certificate, honesty about what is not solved."""
+"""Least squares and GCO: recovery, optimality, honesty about what is not solved."""
 
 from dataclasses import replace
 
@@ -205,47 +205,9 @@ def test_no_factorised_local_solve_beats_the_conic_optimum(kr500, rng, structure
     truth = estimate.structure.entries(kr500.arm.C_theta)
     for start in (estimate.pi, truth, None):
         pi = local_gco(regression, rng, start)
-        gap = certify(estimate, default_trace_bounds(regression, pi)).gap  # pi may be the softer one
-        assert estimate.f_m <= f_m(regression, pi) + gap
+        bounds = default_trace_bounds(regression, pi)  # pi may be the softer one
+        assert estimate.f_m <= f_m(regression, pi) + certify(estimate, bounds).f_m_excess_bound
         assert estimate.f_m <= f_m(regression, pi) + 0.01 * estimate.f_m
-
-
-def test_certificate_from_gradients_holds_for_any_conservative_estimate(kr500):
-    """F - F* <= gap for poor estimates too: the truth, a stiffer and a softer arm."""
-    data = gravity_data(kr500, 2).identification
-    best = gco(kr500.vjm, mgco68(kr500.arm), data)
-    for factor in (0.3, 1.0, 1.2, 3.0):
-        pi = factor * best.structure.entries(kr500.arm.C_theta)
-        poor = make_estimate(best.regression, pi, method="by hand")
-        bounds = default_trace_bounds(best.regression, best.pi)
-        assert poor.f_m - best.f_m <= certify(poor, np.maximum(bounds, certify(poor).trace_bounds)).gap
-
-
-@pytest.mark.parametrize("factor", [0.0, 0.01, 1.0])
-def test_certificate_by_default_does_not_flatter_a_model_that_is_too_stiff(kr500, factor):
-    data = gravity_data(kr500, 2).identification
-    best = gco(kr500.vjm, template56(kr500.arm), data)
-    pi = factor * best.structure.entries(kr500.arm.C_theta)
-    stiff = make_estimate(best.regression, pi, method="by hand")
-    assert stiff.f_m - best.f_m <= certify(stiff).gap
-
-
-def test_negative_trace_bounds_are_refused(kr500):
-    best = gco(kr500.vjm, template56(kr500.arm), gravity_data(kr500, 2).identification)
-    with pytest.raises(BenchError, match="expected none below 0"):
-        certify(best, -np.ones(28))
-
-
-def test_certificate_is_tight_at_the_optimum_and_refuses_what_is_not_conservative(kr500):
-    data = gravity_data(kr500, 2).identification
-    best = gco(kr500.vjm, template56(kr500.arm), data)
-    own = default_trace_bounds(best.regression, best.pi) / 100
-    assert certify(best, own).gap < 1e-3 * best.f_m
-    assert best.certificate.gap < 1e-2 * best.f_m  # bounds a hundred times softer
-    broken = least_squares(kr500.vjm, template56(kr500.arm), data)
-    assert not broken.conservative
-    with pytest.raises(BenchError, match="expected a conservative estimate"):
-        certify(broken)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
@@ -280,7 +242,7 @@ def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkey
     assert stopped.status.startswith("not solved: Clarabel says")
     assert stopped.conservative  # poor, but never unphysical
     bounds = default_trace_bounds(solved.regression, solved.pi)
-    assert certify(stopped, bounds).gap >= stopped.f_m - solved.f_m
+    assert certify(stopped, bounds).f_m_excess_bound >= stopped.f_m - solved.f_m
 
 
 def test_gco_survives_columns_that_no_load_touches(kr500):
@@ -337,7 +299,7 @@ def test_full_pose_certified_gco_of_all_153_unknowns(arm_6r, rng):
     assert estimate.regression.rank == 105
     # two terms, each near sqrt(3) sqrt(1 - 105/648); the cone leaves fewer than 105 free directions
     assert estimate.f_m == pytest.approx(estimate.f_m_floor, rel=0.1)
-    assert estimate.certificate.gap < 0.05 * estimate.f_m
+    assert estimate.certificate.f_m_excess_bound < 0.05 * estimate.f_m
 
 
 def test_a_users_own_estimator_plugs_in(kr500):

@@ -20,7 +20,7 @@ SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
 SCORES = {"rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent"}
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
-    "duality_gap", "solve_seconds", "identification", "check", "workspace", "paper",
+    "duality_gap", "f_m_excess_bound", "solve_seconds", "identification", "check", "workspace", "paper",
 }  # fmt: skip
 FILES = {
     "dataset.csv", "report.json", "report.md", "recording.rrd", "manifest.json", "models.png",

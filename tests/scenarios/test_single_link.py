@@ -17,7 +17,7 @@ FILES = {
 }  # fmt: skip
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
-    "duality_gap", "solve_seconds", "prediction", "entries", "paper",
+    "duality_gap", "f_m_excess_bound", "solve_seconds", "prediction", "entries", "paper",
 }  # fmt: skip
 
 

@@ -86,7 +86,7 @@ def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_p
     assert rms["prior"] < rms["LS"] / 2  # the prior is the truth: ten times better here
     assert isinstance(found["clipped"], tb.Estimate)
     assert found["clipped"].pi.min() == 0
-    assert 0 <= tb.certify(found["GCO"]).gap < 0.01 * found["GCO"].f_m
+    assert 0 <= tb.certify(found["GCO"]).f_m_excess_bound < 0.01 * found["GCO"].f_m
     known = tb.intervals(cell.vjm, found["prior"], runs.check)
     inside = (known.lower <= known.centre) & (known.centre <= known.upper)
     assert inside.all()

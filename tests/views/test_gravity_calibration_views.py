@@ -58,7 +58,13 @@ KNOWN = {
     "max check, mm": "paper.check_max_mm",
     "max rel., %": "paper.check_max_relative_percent",
 }
-FITS = {"model": "name", "method": "method", "status": "status", "duality gap": "duality_gap"} | {
+FITS = {
+    "model": "name",
+    "method": "method",
+    "status": "status",
+    "duality gap": "duality_gap",
+    "trace weight costs at most": "f_m_excess_bound",
+} | {
     "smallest eigenvalue": "min_eigenvalue",
     "time, s": "solve_seconds",
     **{

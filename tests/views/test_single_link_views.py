@@ -272,7 +272,7 @@ def test_eq_23_is_the_optimum_only_if_its_rounding_reaches_it(report, optimum, h
         printed_f_m=2.9,
         printed_f_m_within_rounding=[2.8, 3.0],
         optimum_f_m=optimum,
-        optimum_duality_gap=1e-5,
+        optimum_f_m_excess_bound=1e-5,
     )
     made = replace(report, eq_22_23=replace(report.eq_22_23, eq_23_from_the_data_of_eq_22=own))
     assert verdicts(made)[3] == holds

@@ -171,6 +171,7 @@ FITS = (
     Column("method", "method"),
     Column("status", "status"),
     Column("duality_gap", "duality gap", form=".1e"),
+    Column("f_m_excess_bound", "trace weight costs at most", form=".1e"),
     Column("min_eigenvalue", "smallest eigenvalue", form=".1e"),
     Column("solve_seconds", "time", "s"),
     *(

@@ -65,7 +65,7 @@ class OwnData:
     eigenvalues_within_rounding: Rows
     rank_within_rounding: int
     optimum_f_m: float
-    optimum_duality_gap: float | None
+    optimum_f_m_excess_bound: float | None
     optimum_eigenvalues: Numbers
     optimum_rank: int
     optimum_matrix: Rows
@@ -115,7 +115,7 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> OwnData:
         eigenvalues_within_rounding=np.stack([values.min(axis=0), values.max(axis=0)], axis=1).tolist(),
         rank_within_rounding=int((values.min(axis=0) > 0).sum()),
         optimum_f_m=best.f_m,
-        optimum_duality_gap=best.certificate.gap if best.certificate else None,
+        optimum_f_m_excess_bound=best.certificate.f_m_excess_bound if best.certificate else None,
         optimum_eigenvalues=best.eigenvalues[0].tolist(),
         optimum_rank=rank_beyond_noise(campaign, best.C_theta),
         optimum_matrix=best.C_theta.tolist(),

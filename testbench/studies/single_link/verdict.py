@@ -35,7 +35,7 @@ def claims(report: LinkReport) -> list[Claim]:
         ),
         judged(
             "Eq. (23) has the least F_M of a conservative matrix",
-            printed[0] <= own.optimum_f_m + (own.optimum_duality_gap or 0.0),
+            printed[0] <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0),
             f"F_M is {own.printed_f_m:.3f}, {printed[0]:.2f} to {printed[1]:.2f} within its rounding; the "
             f"certified optimum of the paper's own data has {own.optimum_f_m:.3f}",
         ),

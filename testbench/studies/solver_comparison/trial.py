@@ -91,8 +91,8 @@ class SolverNumbers:
     f_m: Number  #: Cost of Eq. (19).
     excess_f_m: Number  #: Over that of the conic program.
     relative_excess: Number  #: The same, relative.
-    duality_gap: Number  #: Over the certified lower bound.
-    relative_gap: Number  #: The same, relative to the bound.
+    f_m_excess_bound: Number  #: F_M over its certified lower bound.
+    relative_excess_bound: Number  #: The same, relative to the bound.
     seconds: Number  #: Wall time of the whole call, reduction of the dataset included.
     seconds_to_1_percent: Number  #: Until F_M was within 1 % of the conic program's; None where it never was.
     ratio_to_conic: Number  #: The same over the conic program's whole time.
@@ -310,16 +310,16 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
     proof = conic.estimate.certificate
     assert proof is not None
     estimate, best = row.estimate, conic.estimate.f_m
-    gap = certify(estimate, dual=proof.dual).gap
+    excess = certify(estimate, dual=proof.dual).f_m_excess_bound
     there = next((seconds for seconds, value in row.way if value <= WITHIN * best), None)
     elsewhere = [value > best * (1 + CLOSE) for value in row.solves or ()]
-    way = _thin(row.way, best - proof.gap)
+    way = _thin(row.way, best - proof.f_m_excess_bound)
     return SolverRow(
         f_m=estimate.f_m,
         excess_f_m=estimate.f_m - best,
         relative_excess=estimate.f_m / best - 1,
-        duality_gap=gap,
-        relative_gap=gap / (estimate.f_m - gap),
+        f_m_excess_bound=excess,
+        relative_excess_bound=excess / (estimate.f_m - excess),
         seconds=row.seconds,
         seconds_to_1_percent=there,
         ratio_to_conic=None if there is None else there / conic.seconds,

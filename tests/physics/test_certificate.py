@@ -1,0 +1,314 @@
+"""The certificate against whoever would fool it: no conservative model is better than it says.
+
+All bounds hold up to rounding: SLACK of F_M at C = 0 for the arithmetic of this file.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from programs import NASTY, random_regression
+
+from testbench.bench.campaign import Scenario, simulate
+from testbench.errors import BenchError
+from testbench.identify import certify, cone, gco, least_squares, make_estimate
+from testbench.identify.certify import (
+    bound,
+    default_trace_bounds,
+    gradient_dual,
+    scaled_units,
+    total_trace,
+    trace_weight,
+)
+from testbench.identify.conic import _block, f_m_norms, optimum, scale_program
+from testbench.identify.estimate import Dual
+from testbench.identify.regression import Term, f_m, reduce, regression_of
+from testbench.model.structure import Structure, mgco47, mgco68, mgco147, template56
+from testbench.model.vjm import chain, observation
+
+SLACK = 1e-12
+STRUCTURES = (mgco47, template56, mgco68, mgco147)
+
+
+def gravity(cell, seed, **options):
+    return simulate(cell, Scenario(arm=cell.arm.name, workspace_poses=1, **options), seed).identification
+
+
+def at_rest(regression):
+    """F_M at C = 0."""
+    return f_m(regression, np.zeros(regression.structure.n))
+
+
+def by_hand(regression, pi):
+    return make_estimate(regression, pi, method="by hand")
+
+
+def traces(structure, pi):
+    """Of every block in scaled units."""
+    diagonal = np.diag(structure.matrix(pi)) / scaled_units(structure) ** 2
+    return np.array([diagonal[block].sum() for block in structure.blocks])
+
+
+def random_within(structure, t, rng):
+    """A conservative model of any rank whose blocks have traces between nothing and all of their bounds."""
+    unit, C = scaled_units(structure), np.zeros((structure.n_theta,) * 2)
+    for block, most in zip(structure.blocks, t, strict=True):
+        V = rng.standard_normal((rng.integers(1, len(block) + 1), len(block))) * unit[block]
+        X = V.T @ V
+        size = (np.diag(X) / unit[block] ** 2).sum()
+        C[np.ix_(block, block)] = rng.choice([0.0, 1.0, 10 ** rng.uniform(-4, 0)]) * most / size * X
+    return structure.entries(C)
+
+
+def against_the_proof(structure, dual, regression, t):
+    """The model that the proof fears most: all of a bound along the worst direction of its S_i."""
+    unit = scaled_units(structure)
+    g = sum(term.R.T @ y for term, y in zip(regression.terms, dual.y, strict=True))
+    S, C = structure.gradient(g) * np.outer(unit, unit), np.zeros((structure.n_theta,) * 2)
+    for block, most in zip(structure.blocks, t, strict=True):
+        v = np.linalg.eigh(S[np.ix_(block, block)])[1][:, 0] * unit[block]
+        C[np.ix_(block, block)] = most * np.outer(v, v)
+    return structure.entries(C)
+
+
+def best_within(regression, t):
+    """The model of least F_M within traces: another program, without a trace weight, by another solver."""
+    program = scale_program(regression)
+    s, terms, count = program.structure, regression.terms, len(regression.terms)
+    of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
+    room = np.zeros((len(s.blocks), count + s.n))
+    for k, block in enumerate(s.blocks):
+        own = np.flatnonzero((s.a == s.b) & np.isin(s.a, block))
+        room[k, count + own] = program.scale[own] / scaled_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
+    rows = [term.R[:, program.columns] * (program.scale / program.unit) for term in terms]
+    found = cone.solve(
+        cone.Problem(
+            cost=np.r_[np.ones(count), np.zeros(s.n)],
+            blocks=(cone.free_block(0, count), *(_block(s, block, count) for block in s.blocks)),
+            rows=(*f_m_norms(terms, rows, program.unit), cone.Rows("nonnegative", room, np.ones(len(room)))),
+        )
+    )
+    pi = np.zeros(regression.structure.n)
+    pi[program.columns] = program.scale * found.x[count:]
+    return pi
+
+
+def refuted(regression, certificate, cost, pi):
+    """By how much a model within the bounds is better than a certificate of this F_M allows."""
+    weight, s = trace_weight(regression), regression.structure
+    own, other = (f_m(regression, p) for p in (cost, pi))
+    program = weight * (total_trace(s, cost) - total_trace(s, pi))
+    return max(
+        own - other - certificate.f_m_excess_bound, own - other + program - certificate.duality_gap
+    ) / at_rest(regression)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_no_model_within_the_bounds_beats_the_certificate_of_a_campaign(kr500, rng, structure):
+    regression = reduce(kr500.vjm, structure(kr500.arm), gravity(kr500, 5))
+    best = optimum(regression)
+    assert best.status == "solved"
+    proof, s = best.certificate, best.structure
+    others = [random_within(s, proof.trace_bounds, rng) for _ in range(200)]
+    others += [0.9 * best.pi + 0.1 * other for other in others]  # near the optimum too
+    others += [against_the_proof(s, proof.dual, regression, proof.trace_bounds)]
+    assert max(refuted(regression, proof, best.pi, other) for other in others) <= SLACK
+
+
+@pytest.mark.parametrize("share", [0.01, 1.0])
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_not_even_the_best_model_within_the_bounds_beats_it(kr500, structure, share):
+    """It does better than the optimum of the weighted program, so that there is something to refute."""
+    regression = reduce(kr500.vjm, structure(kr500.arm), gravity(kr500, 6))
+    found = optimum(regression)
+    t = share * default_trace_bounds(regression, found.pi)
+    certificate = certify(found, t, dual=found.certificate.dual)
+    best = best_within(regression, t)
+    assert (traces(found.structure, best) <= t * (1 + 1e-6)).all()
+    assert refuted(regression, certificate, found.pi, best) <= 1e-9  # what Clarabel leaves of its constraints
+    if share == 1.0:
+        assert f_m(regression, best) < found.f_m
+
+
+@pytest.mark.parametrize("kind", ["kind", *NASTY])
+def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
+    """Zero columns, rank one, no noise, readings against the loads; duals of their own and random ones."""
+    for _ in range(8):
+        regression = random_regression(kind, rng)
+        s, best = regression.structure, optimum(regression)
+        estimates = [best, by_hand(regression, 0 * best.pi), by_hand(regression, 2 * best.pi)]
+        y = rng.standard_normal((len(regression.terms), s.n + 1))
+        y /= np.linalg.norm(y, axis=1)[:, None]
+        for estimate in estimates:
+            for dual in (None, best.certificate.dual, Dual(y[:, :-1], y[:, -1])):
+                found = certify(estimate, best.certificate.trace_bounds, dual=dual)
+                worst = against_the_proof(s, found.dual, regression, found.trace_bounds)
+                others = [random_within(s, found.trace_bounds, rng) for _ in range(10)]
+                for other in [*others, worst, best.pi, 0 * best.pi]:
+                    assert refuted(regression, found, estimate.pi, other) <= SLACK
+
+
+def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
+    best = gco(kr500.vjm, mgco68(kr500.arm), gravity(kr500, 2))
+    regression, known = best.regression, best.certificate
+    longer = Dual(1.001 * known.dual.y, 1.001 * known.dual.y_rest)
+    poor = by_hand(regression, 0.5 * best.pi)
+    fooled = bound(regression, poor.pi, longer, known.trace_bounds)  # no door, so that the door is needed
+    assert refuted(regression, fooled, poor.pi, best.pi) > 1e-6
+    with pytest.raises(BenchError, match=r"dual: expected vectors of length 1 at most, got one of 1\.001"):
+        certify(poor, dual=longer)
+    rest = replace(known.dual, y_rest=known.dual.y_rest + 0.5)  # each part is shorter than one by itself
+    with pytest.raises(BenchError, match="length 1 at most"):
+        certify(poor, dual=rest)
+
+
+def test_a_dual_longer_by_rounding_is_shortened_and_a_shorter_one_is_kept(kr500):
+    best = gco(kr500.vjm, mgco68(kr500.arm), gravity(kr500, 2))
+    known = best.certificate.dual
+    long = certify(best, dual=Dual(known.y * (1 + 1e-10), known.y_rest * (1 + 1e-10)))
+    assert np.hypot(np.linalg.norm(long.dual.y), long.dual.y_rest) <= 1 + 1e-15
+    assert long.f_m_excess_bound == pytest.approx(best.certificate.f_m_excess_bound, rel=1e-6)
+    half = certify(best, dual=Dual(known.y / 2, known.y_rest / 2))
+    assert half.f_m_excess_bound == pytest.approx(best.f_m / 2, rel=0.01)
+    nothing = certify(best, dual=Dual(0 * known.y, 0 * known.y_rest))
+    assert nothing.f_m_excess_bound == best.f_m
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda d: Dual(d.y[:, :-1], d.y_rest), "dual.y: expected"),
+        (lambda d: Dual(d.y[0], d.y_rest), "dual.y: expected"),
+        (lambda d: Dual(d.y, np.r_[d.y_rest, 0.0]), "dual.y_rest: expected"),
+        (lambda d: Dual(d.y * np.nan, d.y_rest), "dual.y: .*finite"),
+        (lambda d: Dual(d.y, d.y_rest + np.inf), "dual.y_rest: .*finite"),
+    ],
+)
+def test_duals_that_are_none_are_refused_in_one_line(kr500, change, text):
+    best = gco(kr500.vjm, mgco47(kr500.arm), gravity(kr500, 2))
+    with pytest.raises(BenchError, match=text) as told:
+        certify(best, dual=change(best.certificate.dual))
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("t", [-np.ones(28), np.ones(27), np.full(28, np.inf)])
+def test_trace_bounds_that_are_none_are_refused(kr500, t):
+    best = gco(kr500.vjm, template56(kr500.arm), gravity(kr500, 2))
+    with pytest.raises(BenchError, match="trace_bounds"):
+        certify(best, t)
+
+
+def test_what_is_not_conservative_is_refused(kr500):
+    broken = least_squares(kr500.vjm, template56(kr500.arm), gravity(kr500, 2))
+    assert not broken.conservative
+    with pytest.raises(BenchError, match="expected a conservative estimate"):
+        certify(broken)
+
+
+def every_axis(arm):
+    """Every axis of every link and every joint, each a block of its own."""
+    names = [link.name for link in arm.links], [joint.name for joint in arm.joints]
+    return Structure.of(arm, links=names[0], joints=names[1], entries=tuple((k, k) for k in range(6)))
+
+
+def test_an_axis_softer_than_its_share_of_the_bounds_fits_worse_than_a_rigid_arm(kr500):
+    """The sentence of the default bounds, for every axis that a reading shows, of two terms."""
+    runs = [reduce(kr500.vjm, every_axis(kr500.arm), gravity(kr500, seed)) for seed in (3, 4)]
+    regression = regression_of(runs[0].structure, tuple(term for run in runs for term in run.terms))
+    s, unit = regression.structure, scaled_units(regression.structure)
+    t, zero = default_trace_bounds(regression, np.zeros(s.n)), at_rest(regression)
+    shown = np.flatnonzero(regression.columns > 0)
+    assert 20 < len(shown) < s.n
+    for k in shown:
+        c = 1.001 * t[s.block_of[s.a[k]]] * unit[s.a[k]] ** 2
+        assert f_m(regression, c * np.eye(s.n)[k]) > zero
+
+
+@pytest.mark.parametrize("shown", [1.0, 1e-3, 1e-11])
+def test_an_axis_that_the_data_hardly_show_may_explain_all_of_them(shown):
+    """Noise-free readings of one axis: twice its compliance fits as well as a rigid arm, and is the bound."""
+    s = Structure("two axes", 2, np.arange(2), np.arange(2), ("one", "other"))
+    R, truth = np.diag([1.0, shown]), np.array([0.0, 7.0 / shown])
+    regression = regression_of(s, (Term(R, R @ truth, 0.0, 6),))
+    assert f_m(regression, 2 * truth) == pytest.approx(at_rest(regression))
+    assert default_trace_bounds(regression, np.zeros(2))[1] == pytest.approx(2 * truth[1])
+    stiff = by_hand(regression, np.zeros(2))
+    assert certify(stiff).f_m_excess_bound >= stiff.f_m * (1 - SLACK)  # the truth has an F_M of zero
+    best = optimum(regression)
+    assert refuted(regression, best.certificate, best.pi, truth) <= SLACK
+
+
+def test_joints_hardly_loaded_are_not_taken_for_stiff(kr500):
+    """Joints 2 and 6, the load 5 mm beside joint 6, whose compliance is the larger part of the truth's."""
+    arm = kr500.arm
+    s = Structure.of(arm, joints=["joint_2", "joint_6"])
+    data = gravity(kr500, 4)
+    data = replace(data, point=np.tile([data.point[0, 0], 5e-3, 0.0], (data.runs, 1)))
+    truth = np.array([1e-7, 1e-3])
+    moved = observation(chain(kr500.vjm, data.q), s, data.wrench, data.point, kr500.vjm.markers) @ truth
+    regression = reduce(kr500.vjm, s, replace(data, after=data.before + moved))
+    assert f_m(regression, truth) <= SLACK * at_rest(regression)
+    stiff = by_hand(regression, np.array([least_squares_of_joint_2(regression), 0.0]))
+    assert certify(stiff).f_m_excess_bound >= stiff.f_m * (1 - SLACK)
+
+
+def least_squares_of_joint_2(regression):
+    (term,) = regression.terms
+    return max(0.0, term.R[:, 0] @ term.z / (term.R[:, 0] @ term.R[:, 0]))
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_noise_free_data_do_not_fool_it(kr500, structure):
+    """F_M is zero at the optimum and has no direction there."""
+    regression = reduce(kr500.vjm, structure(kr500.arm), gravity(kr500, 1, noise=False))
+    best, zero = optimum(regression), at_rest(regression)
+    assert best.status == "solved"
+    least = best_within(regression, best.certificate.trace_bounds)
+    assert refuted(regression, best.certificate, best.pi, least) <= 1e-9
+    assert best.certificate.duality_gap <= 1e-6 * zero
+    for factor in (0.0, 0.5, 2.0):
+        poor = by_hand(regression, factor * best.pi)
+        assert refuted(regression, certify(poor), poor.pi, best.pi) <= SLACK
+
+
+def test_the_proofs_of_two_datasets_prove_their_sum(kr500, rng):
+    """Terms of two datasets joined: their duals side by side prove at least what they prove apart."""
+    one, two = (reduce(kr500.vjm, mgco68(kr500.arm), gravity(kr500, seed)) for seed in (7, 8))
+    two = replace(two, structure=one.structure)
+    both = regression_of(one.structure, one.terms + two.terms)
+    found = [optimum(regression) for regression in (one, two)]
+    proofs = [estimate.certificate.dual for estimate in found]
+    side_by_side = Dual(np.vstack([d.y for d in proofs]), np.concatenate([d.y_rest for d in proofs]))
+    t = default_trace_bounds(both, found[0].pi)
+    for pi in (found[0].pi, found[1].pi, (found[0].pi + found[1].pi) / 2):
+        apart = [bound(r, pi, d, t).f_m_excess_bound for r, d in zip((one, two), proofs, strict=True)]
+        joined = bound(both, pi, side_by_side, t)
+        assert joined.f_m_excess_bound <= sum(apart) + SLACK * at_rest(both)
+        for other in (best_within(both, t), *(random_within(both.structure, t, rng) for _ in range(50))):
+            assert refuted(both, joined, pi, other) <= 1e-9
+    best = optimum(both)
+    assert best.status == "solved"
+    assert refuted(both, best.certificate, best.pi, best_within(both, best.certificate.trace_bounds)) <= 1e-9
+
+
+def test_of_a_solved_program_the_weight_costs_more_than_the_solver_leaves(kr500):
+    """The two figures: what is left of the program, and what the trace weight costs within other bounds."""
+    best = gco(kr500.vjm, mgco147(kr500.arm), gravity(kr500, 2))
+    proof = best.certificate
+    assert proof.duality_gap <= 1e-6 * best.f_m
+    weight = trace_weight(best.regression)
+    left = weight * (proof.trace_bounds.sum() - total_trace(best.structure, best.pi)) + proof.duality_gap
+    assert proof.f_m_excess_bound <= left + SLACK * at_rest(best.regression)
+    shares = [certify(best, k * proof.trace_bounds, dual=proof.dual) for k in (0.1, 1.0, 10.0)]
+    assert all(a.f_m_excess_bound < b.f_m_excess_bound for a, b in pairwise(shares))
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.01, 0.3, 1.0, 1.2, 3.0])
+def test_gradients_of_a_poor_estimate_prove_no_more_than_is_true(kr500, factor):
+    best = gco(kr500.vjm, mgco68(kr500.arm), gravity(kr500, 2))
+    poor = by_hand(best.regression, factor * best.structure.entries(kr500.arm.C_theta))
+    proof = certify(poor, np.maximum(*(default_trace_bounds(best.regression, e.pi) for e in (best, poor))))
+    assert refuted(best.regression, proof, poor.pi, best.pi) <= SLACK
+    own = gradient_dual(best.regression, poor.pi)
+    np.testing.assert_array_equal(proof.dual.y, own.y)
