@@ -15,7 +15,7 @@ from testbench.arm.cast import (
     draw_casting,
 )
 from testbench.arm.section import Material, Sections, rib_thickness
-from testbench.arm.stiffness import Tube, eigenvalue_scale, tube_compliance
+from testbench.arm.stiffness import Tube, eigenvalue_scale, tube_compliance, turned
 
 STEEL = Material(2.1e11, 0.3)
 SEEDS = range(20)
@@ -182,6 +182,22 @@ def plain(**changed):
 def test_a_casting_without_irregularities_is_a_straight_box():
     expected = straight(1.0, box(0.2, 0.3).compliance(CAST_IRON))
     assert_same(plain().compliance(), expected, 1e-14)
+
+
+def test_a_turned_section_is_the_turned_beam():
+    """Against the second moments of a section whose axes are not the principal ones."""
+    expected = turned(plain().compliance(), np.array([1.0, 0, 0]), 0.3)
+    assert_same(plain(turned=0.3).compliance(), expected, 1e-14)
+
+
+def test_a_pull_beside_the_centroid_bends():
+    """A force along x at the tip, the stout wall at +y: the moment y F turns it by y L F over E I."""
+    wall = np.array([1.0, 3.0, 1.0, 1.0])
+    section = box(0.2, 0.3, 0.01 * wall)
+    y = section.centroid[0, 0]
+    C = plain(wall=wall).compliance()
+    assert C[5, 0] == pytest.approx(y / (CAST_IRON.E * section.second_moments[0, 0, 0]), rel=1e-12)
+    assert plain(wall=wall, beside=np.array([-y, 0])).compliance()[5, 0] == pytest.approx(0, abs=1e-20)
 
 
 def test_a_tapered_box_bends_as_its_second_moment_says():
