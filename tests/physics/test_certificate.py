@@ -11,6 +11,7 @@ import pytest
 from programs import NASTY, random_regression
 
 from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.truths import TRUTHS, true_cell
 from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, least_squares, make_estimate
 from testbench.identify.certify import (
@@ -24,7 +25,7 @@ from testbench.identify.certify import (
 from testbench.identify.conic import _block, f_m_norms, optimum, scale_program
 from testbench.identify.estimate import Dual
 from testbench.identify.regression import Term, f_m, reduce, regression_of
-from testbench.model.structure import Structure, mgco47, mgco68, mgco147, template56
+from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 
 SLACK = 1e-12
@@ -223,6 +224,16 @@ def test_an_axis_softer_than_its_share_of_the_bounds_fits_worse_than_a_rigid_arm
     for k in shown:
         c = 1.001 * t[s.block_of[s.a[k]]] * unit[s.a[k]] ** 2
         assert f_m(regression, c * np.eye(s.n)[k]) > zero
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_the_true_arm_lies_within_the_default_bounds(kr500, name):
+    """What is assumed of several axes at once holds where the truth is known."""
+    cell, s = true_cell(kr500, name, 5), all153(kr500.arm)
+    used = traces(s, s.entries(cell.plant.arm.C_theta))
+    for seed in (1, 2, 3):
+        regression = reduce(cell.vjm, s, gravity(cell, seed))
+        assert (used <= default_trace_bounds(regression, np.zeros(s.n))).all()
 
 
 @pytest.mark.parametrize("shown", [1.0, 1e-3, 1e-11])
