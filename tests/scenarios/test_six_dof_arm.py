@@ -20,7 +20,10 @@ FILES = {
     "dataset.csv", "report.json", "report.md", "manifest.json", "six_dof_arm.png", "recording.rrd",
     "trials.parquet",
 }  # fmt: skip
-MODELS = {"MLS56": 56, "MLS32": 32, "MGCO147": 147, "MGCO69": 69, "MGCO56": 56}
+COMPLETED = "MLS56, PSD of equal fit"
+MODELS = {
+    "MLS56": 56, "MLS32": 32, "MGCO147": 147, "MGCO69": 69, "MGCO56": 56, "Joints": 6, COMPLETED: 56,
+}  # fmt: skip
 
 
 def run(*args):
@@ -55,14 +58,14 @@ def test_report_has_tables_i_and_ii_for_both_truths(report):
     for models in (report["models"], report["nonlinear"]["models"]):
         assert {m["name"]: m["parameters"] for m in models} == MODELS
         for m in models:
-            assert m["conservative"] is (m["constraint"] == "psd")
+            assert m["conservative"] is (m["constraint"] != "none" or m["name"] == "Joints")
             assert m["status"] == "solved"
-            for group in ("identification", "check", "readings"):
+            for group in ("identification", "check", "check_true"):
                 assert set(m[group]) == {
                     "rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent",
                 }  # fmt: skip
     cells = {m["name"]: m["paper"] for m in report["models"]}
-    assert cells["MGCO56"] == {"readings_p95_mm": 0.072, "readings_max_relative_percent": 0.62}
+    assert cells["MGCO56"] == {"check_p95_mm": 0.072, "check_max_relative_percent": 0.62}
 
 
 def test_the_report_is_medians_of_the_trials_by_model_and_truth(quick, report):
@@ -71,13 +74,42 @@ def test_the_report_is_medians_of_the_trials_by_model_and_truth(quick, report):
         for m in models:
             own = [r for r in rows if (r["truth"], r["model.name"], r["order.m"]) == (truth, m["name"], None)]
             assert len(own) == 2
-            for group in ("check", "readings", "identification"):
+            for group in ("check", "check_true", "identification"):
                 for key in ("p95_mm", "rms_mm"):
                     found = np.median([row[f"model.{group}.{key}"] for row in own])
                     assert m[group][key]["median"] == pytest.approx(found, rel=1e-12)
+
+    def errors(truth, name):
+        own = [r for r in rows if (r["truth"], r["model.name"], r["order.m"]) == (truth, name, None)]
+        return np.array([r["model.check_true.p95_mm"] for r in own])
+
+    ours, paired = errors("linear", "MGCO56"), report["paired"]
+    others = np.min([errors("linear", name) for name in ("MLS56", "MLS32", "MGCO147", "MGCO69")], axis=0)
+    assert paired["mgco56_best"] == (ours < (1 - 1e-6) * others).sum()
+    assert paired["mgco56_better_than_joints"] == (ours < errors("linear", "Joints")).sum() == 2
+    assert paired["mgco56_near_mls32"] == (np.abs(ours / errors("linear", "MLS32") - 1) <= 0.05).sum()
+    assert paired["linear_is_enough"] == (errors("nonlinear", "MGCO56") <= 1.05 * ours).sum()
     # MuJoCo's truth bends: the linear model cannot follow it, ten times the error of the linear truth
-    straight, bent = (r["models"][4]["check"]["p95_mm"] for r in (report, report["nonlinear"]))
+    straight, bent = (r["models"][4]["check_true"]["p95_mm"] for r in (report, report["nonlinear"]))
     assert bent["p05"] > 3 * straight["p95"]
+
+
+def test_readings_are_mostly_noise_and_the_true_error_is_less(report):
+    assert report["dataset"]["noise_p95_mm"] == pytest.approx(0.06989, abs=1e-5)  # 2.7955 times 25 um
+    ours = {m["name"]: m for m in report["models"]}
+    assert ours["MGCO56"]["check_true"]["p95_mm"]["p95"] < 0.06 < ours["MGCO56"]["check"]["p95_mm"]["p05"]
+    # joints alone cannot follow an arm that bends in its links
+    assert ours["Joints"]["check_true"]["p95_mm"]["p05"] > 5
+
+
+def test_least_squares_is_conservative_with_the_same_fit_and_predicts_the_same(report):
+    models = {m["name"]: m for m in report["models"]}
+    plain, completed = models["MLS56"], models[COMPLETED]
+    assert (plain["conservative"], completed["conservative"]) == (False, True)
+    assert completed["f_m"]["median"] == pytest.approx(plain["f_m"]["median"], rel=1e-7)
+    same = [m["check_true"]["rms_mm"]["median"] for m in (plain, completed)]
+    assert same[1] == pytest.approx(same[0], rel=1e-6)  # the rest of MLS56 moves no prediction
+    assert [(t["free"], t["conservative"], t["seeds"]) for t in report["ties"]] == [(24, 2, 2)] * 2
 
 
 def test_order_m_falls_to_the_optimum(report):
@@ -98,10 +130,11 @@ def test_every_statement_has_a_verdict_and_its_numbers(quick, report):
     words = (quick[0] / "report.md").read_text()
     assert len(report["claims"]) >= 10
     for row in report["claims"]:
-        assert row["verdict"].startswith(("confirmed", "not confirmed"))
+        assert row["verdict"] in ("confirmed", "not confirmed")
         assert row["why"]
         assert row["claim"] in words
     assert report["which_m"] in words
+    assert report["rule"] in words
 
 
 def test_the_order_that_is_enough_is_the_least_that_serves():

@@ -77,6 +77,7 @@ class LinkReport:
     units: str
     which_m: str
     claims: list[Claim]
+    rule: str  #: How verdicts are made.
 
     def model(self, name: str) -> LinkModel:
         """The model of a name."""

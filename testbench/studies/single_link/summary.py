@@ -11,7 +11,7 @@ from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import UM, dataset_row
 from testbench.data.dataset import Dataset
 from testbench.identify.factorised import order_range
-from testbench.studies.paper import EQ_22, EQ_23
+from testbench.studies.paper import EQ_22, EQ_23, RULE
 from testbench.studies.single_link.judge import absolute, eigenvalues, judge
 from testbench.studies.single_link.order import orders, ranks, share, which_m
 from testbench.studies.single_link.printed import printed_matrices, with_eigenvalues
@@ -71,6 +71,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[LinkRow]) -> LinkRepor
         units="matrices: m/N, 1/N, rad/(N m); eigenvalues in these mixed units, as the paper's",
         which_m=which_m(by_order, allowed, ordered),
         claims=[],
+        rule=RULE,
     )
     return replace(report, claims=claims(report))
 

@@ -1,21 +1,24 @@
-"""Figure of section 5.2: errors of the five models under both truths, the paper's beside, and the order m."""
+"""Figure of section 5.2: errors of every model under both truths, the paper's beside, and the order m."""
 
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.studies.six_dof_arm.summary import COLUMNS, ORDERS, ModelReport, SixDofReport, tables
+from testbench.studies.six_dof_arm.report import ModelReport, SixDofReport
+from testbench.studies.six_dof_arm.tables import COLUMNS, ORDERS, tables
 from testbench.trials.spread import middle
 from testbench.views.colours import look
-from testbench.views.figure import Line, dots, draw_line, log_ticks, quiet
+from testbench.views.figure import SOFT, Line, dots, draw_line, log_ticks, quiet
 
-NAME, P95 = COLUMNS[0], next(c for c in COLUMNS if c.key == "readings.p95_mm")
+NAME = COLUMNS[0]
+P95, TRUE = (next(c for c in COLUMNS if c.key == f"{key}.p95_mm") for key in ("check", "check_true"))
+FAR = 30.0  #: Times the least error beyond which a model is an arrow at the edge, with its number.
 M, F_M, ERROR = ORDERS[0], ORDERS[1], ORDERS[-1]
 
 
 def six_dof_arm(report: SixDofReport) -> Figure:
-    """Errors of every model against readings, under both truths; the error against the order m."""
+    """Errors of every model against readings and without noise, under both truths; the error against m."""
     figure = Figure(figsize=(14, 4.6), layout="constrained")
     left, centre, right = figure.subplots(1, 3)
     shown = tables(report)
@@ -25,7 +28,8 @@ def six_dof_arm(report: SixDofReport) -> Figure:
     seeds = report.seed
     spread = "" if isinstance(seeds, int) else f"; median and 5 to 95 % of {len(seeds)} seeds"
     figure.suptitle(
-        f"Section 5.2 on {report.arm}: least squares orange, GCO green, grey diamonds: the paper{spread}",
+        f"Section 5.2 on {report.arm}: least squares orange, GCO green, against readings; grey bars: without "
+        f"noise; diamonds: the paper{spread}",
         fontsize="medium",
     )
     return figure
@@ -33,7 +37,12 @@ def six_dof_arm(report: SixDofReport) -> Figure:
 
 def _errors(axes: Axes, rows: Sequence[object], models: Sequence[ModelReport], title: str) -> None:
     dots(axes, rows, NAME, P95, [look(m.structure, m.constraint, m.prior) for m in models])
-    log_ticks(axes, "x", *axes.dataLim.intervalx)
+    true = [middle(TRUE.value(row)) for row in rows]
+    axes.plot(true, range(len(true)), "|", color=SOFT, markersize=16)
+    largest = max(middle(P95.value(row)) for row in rows if middle(P95.value(row)) < FAR * min(true))
+    log_ticks(axes, "x", axes.dataLim.xmin, 1.5 * largest)
+    beyond = [y for y, row in enumerate(rows) if middle(P95.value(row)) > 1.5 * largest]
+    axes.plot([1] * len(beyond), beyond, ">", color=SOFT, transform=axes.get_yaxis_transform(), clip_on=False)
     axes.set_title(title, fontsize="medium")
 
 
@@ -47,7 +56,7 @@ def _orders(axes: Axes, report: SixDofReport) -> None:
             axes.text(*at, words, color=own.hex, fontsize="small", ha="center", va="bottom")
     log_ticks(axes, "y", *axes.dataLim.intervaly)
     axes.set_xlabel("order m of the vector space (Eq. 16)")
-    axes.set_ylabel(f"{ERROR.heading} runs, against the truth [{ERROR.unit}]")
+    axes.set_ylabel(f"{ERROR.heading} error, without noise [{ERROR.unit}]")
     axes.set_title("order m, linear truth", fontsize="medium")
     axes.legend(frameon=False, fontsize="small")
     quiet(axes)

@@ -3,11 +3,11 @@
 import time
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell, identify, named_models
+from testbench.bench.campaign import build_cell, identify
 from testbench.bench.full_pose import simulate
 from testbench.data.csvfile import write_csv
-from testbench.studies.six_dof_arm.summary import SixDofReport
-from testbench.studies.six_dof_arm.trial import MODELS, Settings
+from testbench.studies.six_dof_arm.report import SixDofReport
+from testbench.studies.six_dof_arm.trial import Settings, models
 from testbench.studies.study import Run
 from testbench.views.markdown import grid
 from testbench.views.recording.calibration import write_calibration
@@ -20,7 +20,7 @@ def write(run: Run[Settings, SixDofReport]) -> None:
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
     write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
-    results = identify(cell, campaign, named_models(cell, MODELS), time.perf_counter)
+    results = identify(cell, campaign, models(cell), time.perf_counter)
     write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
 
 

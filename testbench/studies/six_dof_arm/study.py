@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
-from testbench.studies.six_dof_arm import figure, recording, summary, trial
+from testbench.studies.six_dof_arm import figure, recording, summary, tables, trial
 from testbench.studies.study import Study
 
 STUDY = Study(
     name=trial.NAME,
-    about="Identify the five models of Table I from 108 runs, and check them on 120 others.",
+    about="Identify the models of Table I and two baselines from 108 runs, and check them on 120 others.",
     folder=Path(__file__).parent,
     options=trial.Options,
     settings=trial.settings,
@@ -17,7 +17,7 @@ STUDY = Study(
     row=trial.SixDofRow,
     trials=trial.trials,
     summary=summary.summary,
-    tables=summary.tables,
+    tables=tables.tables,
     printed=("short", "short_nonlinear"),
     figures={"six_dof_arm.png": figure.six_dof_arm},
     write=recording.write,

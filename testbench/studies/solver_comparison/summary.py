@@ -244,7 +244,7 @@ def _known(values: Sequence[Number]) -> Number:
 
 def _over_seeds(key: str, name: str, rows: Sequence[SolverRow]) -> SolverReport:
     solves = [row.local_solves for row in rows if row.local_solves is not None]
-    errors = {k: _known([getattr(row.check, k) for row in rows]) for k in vars(rows[0].check)}
+    errors = {k: _known([getattr(row.check_true, k) for row in rows]) for k in vars(rows[0].check_true)}
     return SolverReport(
         key=key,
         name=name,
@@ -253,7 +253,7 @@ def _over_seeds(key: str, name: str, rows: Sequence[SolverRow]) -> SolverReport:
         local_solves=sum(solves) if solves else None,
         local_solves_elsewhere=sum(row.local_solves_elsewhere or 0 for row in rows) if solves else None,
         conservative=all(row.conservative for row in rows),
-        check=ErrorRow(**errors),
+        check_true=ErrorRow(**errors),
         status=" | ".join(sorted({row.status for row in rows})),
     )
 
@@ -336,14 +336,14 @@ COLUMNS = (
     Column("local_solves", "local solves", form="d"),
     Column("local_solves_elsewhere", "of them elsewhere", form="d"),
     Column("conservative", "conservative", form="yes"),
-    Column("check.rms_mm", "RMS check", "mm", ".4f"),
-    Column("check.p95_mm", "95 % check", "mm", ".4f"),
+    Column("check_true.rms_mm", "RMS true", "mm", ".4f"),
+    Column("check_true.p95_mm", "95 % true", "mm", ".4f"),
     Column("status", "status"),
 )
 SHORT = (
     Column("key", "solver"),
     *COLUMNS[1:7],
-    Column("check.rms_mm", "RMS check", "mm", short="RMS\ncheck\nmm"),
+    Column("check_true.rms_mm", "RMS true", "mm", short="RMS\ntrue\nmm"),
 )
 MINIMA = (
     Column("m", "m", form="d"),

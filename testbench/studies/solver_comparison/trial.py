@@ -102,7 +102,7 @@ class SolverNumbers:
     local_solves_elsewhere: int | None  #: Those that ended more than CLOSE above the conic program.
     conservative: Share  #: Whether every block is positive semi-definite.
     status: str  #: What the solver says.
-    check: ErrorRow  #: Errors against the truth.
+    check_true: ErrorRow  #: Errors of the check runs, without noise.
 
 
 @dataclass(frozen=True)
@@ -329,7 +329,7 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
         local_solves_elsewhere=sum(elsewhere) if row.solves else None,
         conservative=estimate.conservative,
         status=estimate.status,
-        check=error_row(judge(cell, campaign, model, estimate, row.seconds).truth),
+        check_true=error_row(judge(cell, campaign, model, estimate, row.seconds).check_true),
         way_seconds=tuple(seconds for seconds, _ in way),
         way_gap=tuple(value for _, value in way),
     )
