@@ -5,8 +5,15 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 from run_here import app_of, here
+
+from testbench.bench.campaign import clear_poses
+from testbench.model.poses import WorkArea
+from testbench.model.structure import joints_only
+from testbench.model.vjm import chain, observation
+from testbench.studies.loaded_stiffness.trial import joints_alone
 
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "loaded_stiffness.py")
@@ -105,6 +112,31 @@ def test_rows_of_errors_csv_add_up_to_the_report(quick, report):
         parts = np.array([[float(row[f"error_{x}_m"]) for x in "xyz"] for row in case])
         np.testing.assert_allclose(np.linalg.norm(parts, axis=1), error, rtol=1e-12)
     assert {int(row["run"]) for row in rows} == set(range(1, POSES * len(LOADS) + 1))
+
+
+def test_joints_alone_are_the_best_that_joints_can_do(kr500):
+    rng = np.random.default_rng(4)
+    q = clear_poses(kr500, WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)), 12, rng)
+    wrench, point = np.tile([0, 0, -5e3, 0, 0, 0], (12, 1)), np.tile(kr500.vjm.load, (12, 1))
+    A = observation(chain(kr500.vjm, q), joints_only(kr500.arm), wrench, point, np.zeros((1, 3)))[:, 0]
+    moved = A @ [1e-6, 4e-7, 2e-6, 3e-6, 5e-6, 1e-6]
+    np.testing.assert_allclose(joints_alone(kr500, q, wrench, point, moved), moved, rtol=1e-9, atol=1e-15)
+    bent = moved + 1e-4 * rng.standard_normal(moved.shape)
+    left = bent - joints_alone(kr500, q, wrench, point, bent)
+    slope = np.einsum("rxp,rx->p", A, left)  # of half the sum of squares: zero at its minimum
+    assert np.abs(slope).max() < 1e-10 * np.abs(np.einsum("rxp,rx->p", A, bent)).max()
+
+
+def test_the_report_says_what_joints_alone_leave_under_the_heaviest_weight(quick, report):
+    rows = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+    assert [row["truth"] for row in report["joints"]] == ["weightless", "own weight"]
+    for row in report["joints"]:
+        own = [r for r in rows if (r["truth"], r["load_N"], r["method"]) == (row["truth"], 1e4, "linear")]
+        assert len(own) == POSES
+        left = 1e3 * np.sqrt(np.mean([r["joints_error_m"] ** 2 for r in own]))
+        assert row["rms_mm"] == pytest.approx(left, rel=1e-12)
+        assert row["over_linear"] == pytest.approx(left / rms(report, row["truth"], "linear")[-1], rel=1e-12)
+        assert 2 < row["rms_percent"] < 20  # links give a part of the KR 500's sag that joints cannot mimic
 
 
 def test_manifest_names_study_seed_versions_commit_and_model_files(quick):

@@ -10,7 +10,7 @@ from read_back import chunks_of, document, series
 
 from testbench.studies.loaded_stiffness import figure, recording
 from testbench.studies.loaded_stiffness.study import STUDY
-from testbench.studies.loaded_stiffness.summary import LoadedReport, LoadedRow, TangentRow, best
+from testbench.studies.loaded_stiffness.summary import JointsRow, LoadedReport, LoadedRow, TangentRow, best
 from testbench.studies.loaded_stiffness.trial import Settings
 from testbench.studies.study import Run
 from testbench.views.colours import GREENS, LOAD, ORANGES, hexadecimal
@@ -72,6 +72,7 @@ def report(rng):
         methods={m: f"what {m} is" for m in METHODS},
         rows=filled(LoadedRow, rng, cases),
         tangent=tangents,
+        joints=filled(JointsRow, rng, [{"truth": t} for t in TRUTHS]),
         best={},
     )
     return judged(made)
@@ -119,6 +120,15 @@ def test_words_name_the_method_of_least_error_whichever_it_is(report, truth, win
         light = row(report, LOADS[-1], "weightless", method)
         if method != winner:
             assert f": {1000 * light.rms_mm:.2f} um RMS, {light.rms_percent:.2f} % of" in words.block(block)
+
+
+@pytest.mark.parametrize(("over", "word"), [(15.3, "more"), (0.5, "less")])
+def test_words_say_what_joints_alone_leave(report, over, word):
+    made = replace(report, joints=[replace(row, over_linear=over) for row in report.joints])
+    text = STUDY.words(made).block("statements")
+    for row in made.joints:
+        assert f"{1000 * row.rms_mm:.0f} um RMS, {row.rms_percent:.1f} % ({row.truth})" in text
+    assert f"{over:g} times what Eq. (6) loses: leaving out links costs {word} than" in text
 
 
 def test_methods_of_the_same_error_are_alike(report):

@@ -61,6 +61,16 @@ class TangentRow:
 
 
 @dataclass(frozen=True)
+class JointsRow:
+    """What joints alone leave of the heaviest weight's deflections, fitted to them without noise."""
+
+    truth: Truth
+    rms_mm: float
+    rms_percent: float
+    over_linear: float  #: RMS error over that of Eq. (6) with the true compliances [1].
+
+
+@dataclass(frozen=True)
 class LoadedReport:
     """report.json; `best` are the methods of least RMS error under the heaviest weight."""
 
@@ -72,6 +82,7 @@ class LoadedReport:
     methods: Mapping[Method, str]
     rows: list[LoadedRow]
     tangent: list[TangentRow]
+    joints: list[JointsRow]
     best: Mapping[Truth, tuple[Method, ...]]
 
     def line(self, truth: Truth, method: Method) -> list[LoadedRow]:
@@ -106,8 +117,19 @@ def summary(asked: Settings, seeds: range, trials: Trials[PoseRow]) -> LoadedRep
         tangent=[
             TangentRow(load, max(row.tangent_difference for row in found)) for load, found in by_load.items()
         ],
+        joints=[
+            joints([row for row in by_load[loads[-1]] if row.truth == truth], rows)
+            for truth, rows in heaviest.items()
+        ],
         best={truth: best(own) for truth, own in heaviest.items()},
     )
+
+
+def joints(rows: Sequence[PoseRow], beside: Sequence[LoadedRow]) -> JointsRow:
+    """Joints alone under one weight and truth; every pose stands once a method in the rows."""
+    linear = next(row for row in beside if row.method == "linear")
+    left = MM * rms(np.array([row.joints_error_m for row in rows if row.method == "linear"]))
+    return JointsRow(linear.truth, left, 100 * left / linear.deflection_rms_mm, left / linear.rms_mm)
 
 
 def best(rows: Sequence[LoadedRow]) -> tuple[Method, ...]:

@@ -21,7 +21,8 @@ from testbench.model.loaded import (
     secant,
 )
 from testbench.model.poses import WorkArea
-from testbench.model.vjm import chain
+from testbench.model.structure import joints_only
+from testbench.model.vjm import chain, observation
 from testbench.plant import Plant, settle, weightless
 
 NAME = "loaded_stiffness"
@@ -72,6 +73,7 @@ class PoseRow:
     deflection_m: tuple[float, ...]  #: True deflection of the tool, world, (3,).
     error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
     tangent_difference: float  #: Of the tangent compliance, model against weightless truth [1].
+    joints_error_m: float  #: Distance that joints alone leave, fitted to these very deflections.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -115,6 +117,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, incre
     expected = numerical_tangent(plants["weightless"], q, wrench, point, increment)
     off = np.linalg.norm(C - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))
     predicted = predict(cell, q, theta, wrench, point)
+    joints = {truth: joints_alone(cell, q, wrench, point, moved) for truth, moved in true.items()}
     return [
         PoseRow(
             pose=i + 1,
@@ -125,6 +128,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, incre
             deflection_m=tuple(moved[i].tolist()),
             error_m=tuple((foretold[i] - moved[i]).tolist()),
             tangent_difference=float(off[i]),
+            joints_error_m=float(np.linalg.norm(joints[truth][i] - moved[i])),
         )
         for truth, moved in true.items()
         for method, foretold in predicted.items()
@@ -146,6 +150,16 @@ def predict(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> 
         "secant": displacement(unloaded, secant(unloaded, C_theta, wrench, point, K_w), AT_TOOL)[:, 0],
         "integrated": loaded_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
     }
+
+
+def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array) -> Array:
+    """Deflection of the tool by joint compliances fitted to these very deflections, (poses, 3) [m].
+
+    Linear as Eq. (6), links rigid, least squares without noise: no campaign leaves joints alone less.
+    """
+    A = observation(chain(cell.vjm, q), joints_only(cell.arm), wrench, point, AT_TOOL)[:, 0]
+    pi = np.linalg.lstsq(A.reshape(-1, A.shape[-1]), moved.ravel())[0]
+    return np.asarray(A @ pi)
 
 
 def tangent(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> Array:
