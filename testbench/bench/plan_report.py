@@ -34,6 +34,19 @@ class Unbounded:
 
 
 @dataclass(frozen=True)
+class WholeArm:
+    """Errors at the tasks were every link and joint elastic, as most models leave some of them out.
+
+    Root mean squares over arms of the folder's compliances within so many per cent, after the same plan: of
+    the planned model, and of joints alone by least squares.
+    """
+
+    within_percent: float
+    planned_mm: float
+    joints_alone_mm: float
+
+
+@dataclass(frozen=True)
 class RandomPlans:
     """Errors at the tasks of so many random plans of as many poses; None: no bound."""
 
@@ -191,6 +204,7 @@ class PlanReport(PlanSettings):
     error_mm: Expected
     workspace_error_mm: Expected | Unbounded
     error_if_prior_twice_as_uncertain_mm: Expected | None
+    whole_arm: WholeArm
     random_plans: RandomPlans
     certificate: Certificate
     plan: list[PoseRow]

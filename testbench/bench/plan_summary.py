@@ -1,6 +1,7 @@
 """From a plan to its report: what it promises, its certificate, and the plans beside it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,12 +21,17 @@ from testbench.design.baselines import (
 from testbench.design.forecast import Forecast
 from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise, seen_at_most
-from testbench.design.rows import deflection_rows
+from testbench.design.rows import Experiment, deflection_rows
 from testbench.design.specification import Specification, loads_of, task_rows
+from testbench.design.whole_arm import error_on
 from testbench.errors import Array
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, chain
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
+UNKNOWN = 0.3  #: How well an arm's compliances are known where no prior is given [1].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
 
 
@@ -50,6 +56,7 @@ def summary(
         error_mm=overall(tasks),
         workspace_error_mm=overall(workspace) if math.isfinite(workspace.overall) else r.Unbounded(),
         error_if_prior_twice_as_uncertain_mm=None if doubted is None else overall(doubted),
+        whole_arm=_whole_arm(cell, plan),
         random_plans=r.RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
         certificate=_certificate(plan, influence),
         plan=_poses(settings, plan),
@@ -61,6 +68,20 @@ def summary(
         greedy_mm=[_finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
     )
+
+
+def _whole_arm(cell: Cell, plan: Plan) -> r.WholeArm:
+    """Of the planned model and of joints alone, on an arm that leaves nothing out."""
+    spec, prior = plan.specification, cad_prior(cell.arm)
+    uncertainty = UNKNOWN if spec.uncertainty is None else spec.uncertainty
+
+    def measured(structure: Structure) -> Experiment:
+        return replace(spec.experiment, metric=metric(prior, spec.experiment.vjm, structure))
+
+    joints = replace(spec, experiment=measured(joints_only(cell.arm)), uncertainty=None)
+    whole = measured(all153(cell.arm))
+    left = [MM * error_on(whole, uncertainty, model, plan.q, plan.load) for model in (spec, joints)]
+    return r.WholeArm(100 * uncertainty, *left)
 
 
 def overall(forecast: Forecast) -> r.Expected:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import build_cell, stream
+from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import Determinant, Linear, criterion_e
 from testbench.design.exchange import exchange
@@ -15,15 +15,17 @@ from testbench.design.planning import CRITERIA, DETOUR, _order, candidate_set, m
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load, build_problem, deflection_rows, information, reading_rows
 from testbench.design.specification import Specification, Tasks, promise_of, task_rows
+from testbench.design.whole_arm import error_on
 from testbench.errors import BenchError
-from testbench.identify import reduce
+from testbench.identify import least_squares, reduce, with_prior
+from testbench.identify.evaluate import predict
 from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.structure import mgco68, template56
+from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant import collisions
-from testbench.studies.pose_selection.arms import draw
+from testbench.studies.pose_selection.arms import draw, with_compliance
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -227,3 +229,29 @@ def test_promises_are_kept_where_the_model_is_linear(spec, poses):
         found = np.linalg.lstsq(np.vstack([A, B]), np.r_[y, c], rcond=None)[0]
         square.append(3 * np.square(wanted @ (found - x)).mean())
     assert np.sqrt(np.mean(square)) == pytest.approx(promised, rel=0.1)
+
+
+def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified(cell, spec, poses):
+    """Arms of 153 compliances, MuJoCo's first-order deflections: joints alone, and MGCO68 with its prior."""
+    prior = cad_prior(cell.arm)
+    whole, joints = (metric(prior, cell.vjm, s(cell.arm)) for s in (all153, joints_only))
+    alone = replace(spec, experiment=replace(spec.experiment, metric=joints), uncertainty=None)
+    q, load = poses[:9], np.zeros(9, dtype=int)
+    fits = {
+        "joints": (alone, joints_only(cell.arm), least_squares),
+        "planned": (spec, mgco68(cell.arm), with_prior(least_squares, prior, Strength(0.3))),
+    }
+    setup, rng = Scenario(arm=cell.arm.name, truth="linear"), stream(8)
+    squares = {name: [] for name in fits}
+    for _ in range(200):
+        own = replace(cell, truth=with_compliance(cell.plant, draw(whole, 0.3, rng)))
+        runs = measure(own, setup, hanging(own, q, np.arange(9) + 1, 460.3), rng)
+        true = measure(own, setup, hanging(own, spec.tasks.q, np.arange(10) + 1, 460.3))
+        for name, (_, structure, method) in fits.items():
+            off = predict(cell.vjm, method(cell.vjm, structure, runs), true) - true.deflection
+            squares[name].append(np.square(off).sum(axis=2).mean())
+    for name, (model, *_) in fits.items():
+        found = error_on(replace(spec.experiment, metric=whole), 0.3, model, q, load) ** 2
+        scatter = np.std(squares[name]) / np.sqrt(200)
+        assert np.mean(squares[name]) == pytest.approx(found, abs=5 * scatter), name
+        assert scatter < 0.1 * found, name  # so that a factor of two would show
