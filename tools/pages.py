@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
 STUDIES = (
     "gravity_calibration", "single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness",
-    "identifiability", "noise_sensitivity", "model_error", "pose_selection",
+    "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
 )  # fmt: skip
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
 

@@ -33,6 +33,7 @@ PLACES = {
     "MGCO69": 1,
     "MGCO47": 2,
     "MGCO147": 3,
+    "ALL153": 4,
 }
 """Shade of a structure in its family; others take one by their letters."""
 MARKS = "osD^vP"  #: Marker of each shade, matplotlib's letters.

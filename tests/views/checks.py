@@ -164,8 +164,10 @@ def check_terminal(table, rows, means):
 
 
 def _shown(table, title, value):
+    """The median alone where nothing is spread, or no spread is wanted."""
     [column] = [c for c in table.columns if c.title == title]
-    return value.median if column.exact and isinstance(value, Spread) else value
+    alone = isinstance(value, Spread) and (column.exact or value.p05 == value.p95)
+    return value.median if alone else value
 
 
 def check_pivot(table, rows, paths, unit=""):

@@ -1,0 +1,239 @@
+"""What people see of the study of the default method equals its report, for trials that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import check_pivot, check_report, check_table, unit_in
+from made_up import of_one_trial
+from read_back import chunks_of, columns, document
+
+from testbench.bench.truths import TRUTHS
+from testbench.bench.wrong_prior import PRIORS
+from testbench.studies.study import Run
+from testbench.studies.which_model import figure, recording
+from testbench.studies.which_model.study import STUDY
+from testbench.studies.which_model.trial import POSES, Case, FitRow, Settings, pairs
+from testbench.views.colours import look
+from testbench.views.markdown import grid
+
+SEEDS = range(2, 14)
+SETTINGS = Settings(arm="kr500_l480", sigma=40e-6)
+METHODS = {
+    "Joints": ("Joints", "none", False),
+    "MLS56, PSD of equal fit": ("MLS56", "free", False),
+    "MGCO56": ("MGCO56", "psd", False),
+    "MLS56 + prior": ("MGCO56", "none", True),
+    "ALL153 + prior": ("ALL153", "psd", True),
+}
+FAMILY = {
+    "method": "method",
+    "RMS error, mm": "workspace_mm",
+    "at check poses, mm": "check_mm",
+    "over joints alone": "over_joints",
+    "loses to them": "loses",
+    "over the best fixed": "over_best",
+    "over the best of the case": "over_least",
+    "is the best in": "wins",
+    "F_M over floor": "misfit",
+    "conservative": "conservative",
+}
+LOSSES = {
+    "truth": "truth",
+    "prior": "prior",
+    "poses": "poses",
+    "method": "method",
+    "cases": "cases",
+    "loses": "loses",
+    "over joints alone": "over_joints",
+    "RMS error, mm": "workspace_mm",
+}
+
+
+def trials(rng, errors=None):
+    """Made-up rows; `errors` fixes the error over the workspace by method, or by method and poses."""
+    found = []
+    for seed in SEEDS:
+        rows = []
+        for truth, prior in pairs(seed):
+            case = Case(truth, prior, rng.uniform(0.1, 0.5), rng.uniform(0.1, 0.5))
+            for name, (structure, constraint, filled) in METHODS.items():
+                for poses in POSES:
+                    row = of_one_trial(
+                        FitRow, rng, case=case, poses=poses, method=name, structure=structure,
+                        constraint=constraint, filled=filled,
+                    )  # fmt: skip
+                    own = (errors or {}).get((name, poses), (errors or {}).get(name))
+                    rows.append(row if own is None else replace(row, workspace_mm=own))
+        found.append((seed, rows))
+    return found
+
+
+def summed(found):
+    return STUDY.summary(SETTINGS, SEEDS, found)
+
+
+@pytest.fixture
+def made(rng):
+    return trials(rng)
+
+
+@pytest.fixture
+def report(made):
+    return summed(made)
+
+
+def errors_of(made, method, poses, truth="", prior=""):
+    """Of all cases, by seed and truth."""
+    return {
+        (seed, row.case.truth): row.workspace_mm
+        for seed, rows in made
+        for row in rows
+        if (row.method, row.poses) == (method, poses)
+        and truth in ("", row.case.truth)
+        and prior in ("", row.case.prior)
+    }
+
+
+def same(spread, values):
+    assert (spread.p05, spread.median, spread.p95) == pytest.approx(
+        np.percentile(values, [5, 50, 95])[[0, 1, 2]]
+    )
+
+
+def test_every_method_is_compared_case_by_case_with_joints_with_the_best_and_with_the_least(made, report):
+    assert len(report.family) == len(METHODS) * len(POSES)
+    for poses in POSES:
+        every = {m: errors_of(made, m, poses) for m in METHODS}
+        best = min(METHODS, key=lambda m: np.median(list(every[m].values())))
+        [advice] = [a for a in report.advice if a.poses == poses]
+        assert advice.best.method == best
+        plain = [m for m, (_, _, filled) in METHODS.items() if not filled]
+        assert advice.without_prior.method == min(plain, key=lambda m: np.median(list(every[m].values())))
+        for own in [m for m in report.family if m.poses == poses]:
+            mine = every[own.method]
+            same(own.workspace_mm, list(mine.values()))
+            over = np.array([v / every["Joints"][k] for k, v in mine.items()])
+            same(own.over_joints, over)
+            same(own.over_best, [v / every[best][k] for k, v in mine.items()])
+            same(own.over_least, [v / min(e[k] for e in every.values()) for k, v in mine.items()])
+            assert own.loses == pytest.approx(np.mean(over > 1.05))
+            assert own.wins == pytest.approx(
+                np.mean([v == min(e[k] for e in every.values()) for k, v in mine.items()])
+            )
+
+
+def test_cases_are_gathered_by_truth_by_prior_and_by_both(made, report):
+    assert len(report.by_truth) == len(METHODS) * len(POSES) * len(TRUTHS)
+    assert len(report.cells) == len(METHODS) * len(POSES) * len(TRUTHS) * len(PRIORS)
+    assert {m.method for m in report.by_prior} == {m for m, (_, _, filled) in METHODS.items() if filled}
+    for own in (*report.by_truth, *report.by_prior, *report.cells):
+        values = errors_of(made, own.method, own.poses, own.truth, own.prior)
+        assert own.cases == len(values)
+        same(own.workspace_mm, list(values.values()))
+    for truth in report.truths:
+        cases = {row.case for _, rows in made for row in rows if row.case.truth == truth.truth}
+        assert len(cases) == len(SEEDS)
+        same(truth.cad_mm, [case.cad_mm for case in cases])
+        same(truth.off_tubes, [case.off_tubes for case in cases])
+
+
+def test_tables_show_the_reports_numbers_with_their_units(report):
+    tables = STUDY.tables(report)
+    for name in ("family", "family_short"):
+        check_pivot(tables[name], report.family, ("method", "poses", "workspace_mm"), "poses")
+    for advice in report.advice:
+        own = {
+            key: [m for m in getattr(report, key) if m.poses == advice.poses]
+            for key in ("family", "by_truth", "by_prior", "cells")
+        }
+        check_table(tables[f"family_{advice.poses}"], own["family"], FAMILY)
+        check_pivot(tables[f"truth_{advice.poses}"], own["by_truth"], ("method", "truth", "workspace_mm"))
+        check_pivot(tables[f"prior_{advice.poses}"], own["by_prior"], ("method", "prior", "workspace_mm"))
+        cells = [m for m in own["cells"] if m.method == advice.best.method]
+        check_pivot(tables[f"best_{advice.poses}"], cells, ("truth", "prior", "workspace_mm"))
+    check_table(tables["losses"], report.losses, LOSSES)
+    text = check_report(STUDY, report)
+    for name, table in tables.items():
+        assert (grid(table) in text) == (name != "family_short"), name
+
+
+def test_losses_are_where_the_best_loses_to_joints_worst_first(rng):
+    """Of a method that loses with one truth alone."""
+    found = [(seed, [replace(row, workspace_mm=_lost(row)) for row in rows]) for seed, rows in trials(rng)]
+    report = summed(found)
+    assert {a.best.method for a in report.advice} == {"ALL153 + prior"}
+    assert {(m.truth, m.method, m.loses) for m in report.losses} == {("cast", "ALL153 + prior", 1.0)}
+    assert len(report.losses) == len(PRIORS) * len(POSES)
+    worst = [m.over_joints.median for m in report.losses]
+    assert worst == sorted(worst, reverse=True)
+    assert worst[0] == pytest.approx(1.8)
+
+
+def _lost(row):
+    if row.method == "Joints":
+        return 0.5
+    if row.method != "ALL153 + prior":
+        return 0.9
+    return 0.03 * row.poses + 0.3 if row.case.truth == "cast" else 0.1
+
+
+@pytest.mark.parametrize("factor", [1.04, 1.06])
+def test_a_method_loses_beyond_five_per_cent(rng, factor):
+    own = summed(trials(rng, {"Joints": 0.2, "MGCO56": 0.2 * factor}))
+    lost = {m.loses for m in own.family if m.method == "MGCO56"}
+    assert lost == {1.0 if factor > 1.05 else 0.0}
+
+
+@pytest.mark.parametrize("best", METHODS)
+def test_the_answer_names_the_best_at_every_number_of_poses(rng, best):
+    errors = {name: 0.4 + 0.1 * k for k, name in enumerate(METHODS)} | {(best, 12): 0.123}
+    words = STUDY.words(summed(trials(rng, errors)))
+    answer = words.block("answer")
+    assert "with 8 poses that of Joints (0.400 mm, joints alone 0.400)" in answer
+    joints = "0.123" if best == "Joints" else "0.400"
+    assert f"with 12 poses that of {best} (0.123 mm, joints alone {joints})" in answer
+    plain = best if not METHODS[best][2] else "Joints"
+    value = "0.123" if plain == best else "0.400"
+    assert f"Without a prior it is Joints with 8 (0.400 mm), {plain} with 12 ({value} mm)" in answer
+    assert "8, 12 or 20 poses" in words.block("question")
+
+
+def test_where_the_best_never_loses_the_report_says_so(rng):
+    errors = {name: 0.4 + 0.1 * k for k, name in enumerate(METHODS)}
+    text = check_report(STUDY, summed(trials(rng, errors)))
+    assert "With no true arm and no prior." in text
+    assert "Joints loses to joints alone by more than 5 % in 0 % of 72 cases" in text
+
+
+def test_the_figure_draws_the_reports_numbers(report):
+    drawn = figure.methods(report)
+    assert len(drawn.axes) == len(POSES)
+    for axes, advice in zip(drawn.axes, report.advice, strict=True):
+        assert axes.get_title() == f"{advice.poses} poses"
+        assert unit_in(axes.get_xlabel()) == "mm"
+        own = [m for m in report.family if m.poses == advice.poses]
+        names = [label.get_text() for label in axes.get_yticklabels()]
+        assert names == [f"{m.method}  {m.workspace_mm.median:.3f}" for m in own]
+        line, *others = (np.array(shape.get_xdata(), float) for shape in axes.get_lines())
+        np.testing.assert_allclose(line, advice.joints.workspace_mm.median)
+        for spread, middle, m in zip(others[::2], others[1::2], own, strict=True):
+            np.testing.assert_allclose(spread, (m.workspace_mm.p05, m.workspace_mm.p95))
+            np.testing.assert_allclose(middle, m.workspace_mm.median)
+    assert len({look(*METHODS[name]) for name in METHODS}) == len(METHODS)
+
+
+def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
+    words, tables = STUDY.words(report), STUDY.tables(report)
+    recording.write_recording(Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}"))
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    for name, entity in (("MGCO56", "mgco56"), ("ALL153 + prior", "all153_prior")):
+        own = [m.workspace_mm for m in report.family if m.method == name]
+        for end, key in (("median", "median"), ("p05", "p05"), ("p95", "p95")):
+            data = columns(chunks, f"/rms_error_over_the_workspace_mm/{entity}/{end}")
+            assert data["sweep"] == list(POSES)
+            values = [value[0] for value in data["Scalars:scalars"]]
+            assert values == pytest.approx([getattr(value, key) for value in own])
+    summary = document(chunks, "/summary")
+    for part in (words.block("question"), words.block("answer"), grid(tables["family_short"])):
+        assert part in summary
