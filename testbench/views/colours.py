@@ -1,8 +1,8 @@
 """Colour is a role, the same in figures and recordings (Okabe-Ito), and never alone: shapes go with it.
 
-Least squares is orange, sand where its free directions make it conservative, GCO green, measured vermillion,
-nominal sky blue, load purple, the arm grey. A model has one shade of its family by its structure's name,
-never by its rank; a prior fills its marker.
+Least squares is orange, sand where its free directions make it conservative, joints alone are blue, GCO is
+green, measured vermillion, nominal sky blue, load purple, the arm grey. A model has one shade of its family
+by its structure's name, never by its rank; a prior fills its marker.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,14 @@ Colour = tuple[int, ...]
 NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
 TASK = (178, 156, 48)  #: Where the robot works: olive, which is neither least squares nor GCO.
-ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (120, 75, 10))
-"""Least squares; joints alone, what most calibrations use, are its dark brown."""
-SANDS: tuple[Colour, ...] = ((205, 170, 105),)
+ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72))
+"""Least squares."""
+JOINTS = (
+    0,
+    114,
+    178,
+)  #: Joints alone, what most calibrations use: beside links they are no shade of a method.
+SANDS: tuple[Colour, ...] = ((215, 185, 130),)
 """Least squares whose free directions make it conservative."""
 GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60), (150, 205, 180))
 """GCO."""
@@ -24,7 +29,6 @@ FAMILIES = {"none": ORANGES, "psd": GREENS, "free": SANDS}
 PLACES = {
     "MLS56": 0,
     "MLS32": 1,
-    "Joints": 2,
     "MLS36": 0,
     "MLS21": 1,
     "MGCO21": 0,
@@ -66,6 +70,8 @@ def look(structure: str, constraint: Constraint, prior: bool = False) -> Look:
         constraint: What its method asks of the blocks.
         prior: Whether it has a prior.
     """
+    if structure == "Joints":
+        return Look(JOINTS, 2, prior)
     family = FAMILIES[constraint]
     place = PLACES.get(structure, sum(map(ord, structure)) % len(family))
     if constraint == "free":  # beside least squares of the same structure

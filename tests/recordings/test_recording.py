@@ -53,7 +53,7 @@ def campaign_of(cell, names, seed, changes):
 def study(cell, names=SECTION_6, seeds=1, **changes):
     """What write_calibration takes, of several seeds the words of all and the drawing of the first."""
     made = [campaign_of(cell, names, seed, changes) for seed in range(1, 1 + seeds)]
-    trials = [(k, trial.rows(c, results)) for k, (c, results) in enumerate(made)]
+    trials = [(k, trial.rows(cell, c, results)) for k, (c, results) in enumerate(made)]
     campaign, results = made[0]
     asked = trial.Settings(cell.arm.name, campaign.scenario, 50.0)
     report = summary.summary(asked, range(1, 1 + seeds), trials)

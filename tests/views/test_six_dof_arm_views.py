@@ -7,6 +7,7 @@ import pytest
 from checks import check_report, check_table, curves, unit_in
 from made_up import around, fill, filled, single
 
+from testbench.bench.baselines import EQUAL_FIT
 from testbench.studies.six_dof_arm.report import (
     ModelReport,
     OrderReport,
@@ -17,12 +18,12 @@ from testbench.studies.six_dof_arm.report import (
 )
 from testbench.studies.six_dof_arm.study import STUDY
 from testbench.studies.six_dof_arm.summary import best, enough, tie_break, which_m
-from testbench.studies.six_dof_arm.trial import COMPLETED, Judged, Order, SixDofRow
+from testbench.studies.six_dof_arm.trial import Judged, Order, SixDofRow
 from testbench.studies.six_dof_arm.verdict import claims
 from testbench.trials.spread import ends, middle
 
 PAPERS = {"MLS56": "none", "MLS32": "none", "MGCO147": "psd", "MGCO69": "psd", "MGCO56": "psd"}
-NAMES = {**PAPERS, "Joints": "none", COMPLETED: "free"}
+NAMES = {**PAPERS, "Joints": "none", EQUAL_FIT: "free"}
 CELLS = ("check_p95_mm", "check_max_relative_percent")
 MEANS = {
     "model": "name",
@@ -168,7 +169,7 @@ def test_a_comparison_is_confirmed_from_19_of_20_seeds_on(report, claim, count):
 
 def test_a_tie_break_counts_equal_fits_and_conservative_ones_apart(rng):
     def seed(fit, equal_is_conservative):
-        made = [("MLS56", 2.0, False), (COMPLETED, 2.0, equal_is_conservative), ("MGCO56", fit, True)]
+        made = [("MLS56", 2.0, False), (EQUAL_FIT, 2.0, equal_is_conservative), ("MGCO56", fit, True)]
         fixed = [{"name": n, "f_m": f, "conservative": c, "parameters": 56, "rank": 32} for n, f, c in made]
         models = [fill(Judged, rng, **own) for own in fixed]
         return [fill(SixDofRow, rng, truth="linear", model=own, order=None) for own in models]

@@ -6,12 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Campaign, Result
 from testbench.bench.rows import UM
 from testbench.data.dataset import Mask
 from testbench.identify.evaluate import Normality, normal_density
-from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
+from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport, distinct
 from testbench.studies.gravity_calibration.trial import normalities
+from testbench.trials.spread import middle
 from testbench.views.colours import MEASURED, hexadecimal, look
 from testbench.views.figure import SOFT, dots, log_ticks, quiet
 
@@ -20,34 +22,35 @@ PAPERS = ("MGCO68", "MLS32")  #: The models of Fig. 5.
 
 def models(report: GravityReport) -> Figure:
     """Errors of every model at check poses and over the workspace, the paper's beside."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    name = COLUMNS[0]
-    looks = [look(m.structure, m.constraint, m.prior) for m in report.models]
+    figure = Figure(figsize=(15, 5.2), layout="constrained")
+    name, rows = COLUMNS[0], distinct(report.models)
+    looks = [look(m.structure, m.constraint, m.prior) for m in rows]
     sides = (
         ("check.rms_mm", "check poses, against readings"),
+        ("check_true.rms_mm", "check poses, against the truth"),
         ("workspace.rms_mm", "whole workspace, against the truth"),
     )
-    for axes, (key, words) in zip(figure.subplots(1, 2), sides, strict=True):
+    for axes, (key, words) in zip(figure.subplots(1, 3), sides, strict=True):
         [column] = [c for c in COLUMNS if c.key == key]
-        dots(axes, report.models, name, column, looks)
+        dots(axes, rows, name, column, looks)
         log_ticks(axes, "x", *axes.dataLim.intervalx)
+        for own, shade in zip(rows, looks, strict=True):
+            if own.name == JOINTS:  # what there is to beat
+                axes.axvline(middle(column.value(own)), color=shade.hex, linewidth=0.8, linestyle=":")
         axes.set_title(words, fontsize="medium")
     seeds = report.seed
     spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
-    figure.suptitle(
-        f"Least squares orange, GCO green, filled with prior; grey diamonds: the paper{spread}",
-        fontsize="medium",
-    )
+    colours = "Least squares orange, joints alone blue, GCO green, filled with prior"
+    figure.suptitle(f"{colours}; grey diamonds: the paper{spread}", fontsize="medium")
     return figure
 
 
-def residuals(campaign: Campaign, results: Sequence[Result]) -> Figure:
+def residuals(campaign: Campaign, results: Sequence[Result], recommended: str) -> Figure:
     """Distributions of residual components with their normal curve, as Fig. 5 of the paper.
 
-    The paper's two models, and the conservative one that does best on the check poses.
+    The paper's two models, joints alone, and the recommended one.
     """
-    best = min((r for r in results if r.estimate.conservative), key=lambda r: r.check.rms, default=None)
-    chosen = [r for r in results if r.model.name in PAPERS or r is best]
+    chosen = [r for r in results if r.model.name in (JOINTS, *PAPERS, recommended)]
     figure = Figure(figsize=(5 * len(chosen), 4.6), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(chosen), sharex=True))
     used = np.isin(campaign.measured.pose, campaign.identification.pose)

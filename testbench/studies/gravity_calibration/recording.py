@@ -1,10 +1,11 @@
 """What a calibration leaves beside its report: dataset, residual figure and recording of the first seed."""
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.gravity_calibration import figure, trial
-from testbench.studies.gravity_calibration.summary import GravityReport
+from testbench.studies.gravity_calibration.summary import GravityReport, distinct
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.study import Run
 from testbench.views.recording.calibration import write_calibration
@@ -16,25 +17,27 @@ def write(run: Run[Settings, GravityReport]) -> None:
     """dataset.csv, residuals.png and recording.rrd."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
-    results = trial.results(cell, campaign)
+    names = {m.name for m in distinct(run.report.models)}
+    results = [result for result in trial.results(cell, campaign) if result.model.name in names]
     write_csv(campaign.measured, cell.arm, run.folder / "dataset.csv")
-    figure.residuals(campaign, results).savefig(run.folder / "residuals.png", dpi=120)
+    figure.residuals(campaign, results, run.report.recommended).savefig(run.folder / "residuals.png", dpi=120)
     write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
 
 
 def about(run: Run[Settings, GravityReport]) -> Calibration:
-    """Words and models; runs are sorted by the recommended model, the best without prior are shown too."""
+    """Words and models; runs are sorted by the recommended one, joints and the best without prior beside."""
     report = run.report
-    names = [m.name for m in report.models]
+    models = distinct(report.models)
+    names = [m.name for m in models]
     best = names.index(report.recommended) if report.recommended else 0
-    first = [names.index(w.names[0]) for w in report.winners if not w.prior]
+    first = [JOINTS, *(w.names[0] for w in report.winners if not w.prior)]
     return Calibration(
         header=Header(report.scenario, run.parameters, run.seeds[0]),
         summary=run.words.summary(run.tables["recorded"]),
         notes=run.words.block("title"),
         errors=run.tables["errors"],
-        models=report.models,
+        models=models,
         best=best,
-        shown=tuple(dict.fromkeys([*first, best])),
+        shown=tuple(dict.fromkeys([*(names.index(name) for name in first if name in names), best])),
         magnification=run.settings.magnification,
     )

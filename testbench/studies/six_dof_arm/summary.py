@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from testbench.bench.baselines import EQUAL_FIT, JOINTS
 from testbench.bench.campaign import Truth
 from testbench.identify.factorised import LARGEST_ORDER
 from testbench.studies.paper import RULE, SECTION_5_2
@@ -16,8 +17,6 @@ from testbench.studies.six_dof_arm.report import (
 )
 from testbench.studies.six_dof_arm.trial import (
     CLOSE,
-    COMPLETED,
-    INCUMBENT,
     MODELS,
     NAME,
     TRUTHS,
@@ -69,7 +68,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[SixDofRow]) -> SixDofR
 
 def best(models: Sequence[ModelReport]) -> tuple[str, ...]:
     """The models of least error; not the completed one, whose fit and predictions are those of MLS56."""
-    return best_of({m.name: m.check_true.p95_mm for m in models if m.name != COMPLETED}, CLOSE).names
+    return best_of({m.name: m.check_true.p95_mm for m in models if m.name != EQUAL_FIT}, CLOSE).names
 
 
 def _truth(every: Everything, truth: Truth) -> TruthReport:
@@ -107,7 +106,7 @@ def _paired(every: Everything) -> Paired:
     def errors(name: str, seeds: Sequence[Mapping[str, Judged]] = plain) -> list[float]:
         return [middle(models[name].check_true.p95_mm) for models in seeds]
 
-    ours, mls32, joints = (errors(name) for name in ("MGCO56", "MLS32", INCUMBENT))
+    ours, mls32, joints = (errors(name) for name in ("MGCO56", "MLS32", JOINTS))
     others = [errors(name) for name in MODELS if name != "MGCO56"]
     ratio = [a / b for a, b in zip(ours, mls32, strict=True)]
     read = [middle(m["MGCO56"].check.p95_mm) / middle(m["MLS32"].check.p95_mm) for m in plain]
@@ -133,7 +132,7 @@ def tie_break(every: Everything, truth: Truth) -> TieBreak:
         truth=truth,
         seeds=len(models),
         free=first.parameters - round(middle(first.rank)),
-        conservative=sum(m[COMPLETED].conservative is True for m in models),
+        conservative=sum(m[EQUAL_FIT].conservative is True for m in models),
         fits_as_well=sum(middle(m["MGCO56"].f_m) <= (1 + EQUAL) * middle(m["MLS56"].f_m) for m in models),
     )
 
