@@ -1,6 +1,6 @@
 """Colour is a role, the same in figures and recordings (Okabe-Ito), and never alone: shapes go with it.
 
-Least squares is orange, sand where its free directions make it conservative, joints alone are blue, GCO is
+Least squares is orange, brown where its free directions make it conservative, joints alone are blue, GCO is
 green, measured vermillion, nominal sky blue, load purple, the arm grey. A model has one shade of its family
 by its structure's name, never by its rank; a prior fills its marker.
 """
@@ -14,18 +14,15 @@ Colour = tuple[int, ...]
 NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
 TASK = (178, 156, 48)  #: Where the robot works: olive, which is neither least squares nor GCO.
-ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72))
+ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105))
 """Least squares."""
-JOINTS = (
-    0,
-    114,
-    178,
-)  #: Joints alone, what most calibrations use: beside links they are no shade of a method.
-SANDS: tuple[Colour, ...] = ((215, 185, 130),)
+BROWNS: tuple[Colour, ...] = ((150, 105, 20),)
 """Least squares whose free directions make it conservative."""
+JOINTS = (0, 114, 178)
+"""Joints alone, what most calibrations use: beside links they are no shade of a method."""
 GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60), (150, 205, 180))
 """GCO."""
-FAMILIES = {"none": ORANGES, "psd": GREENS, "free": SANDS}
+FAMILIES = {"none": ORANGES, "psd": GREENS, "free": BROWNS}
 PLACES = {
     "MLS56": 0,
     "MLS32": 1,
