@@ -1,35 +1,37 @@
 """What a study's models are compared with, and the comparison: seed by seed, by true errors."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from testbench.bench.campaign import Cell, Model
-from testbench.bench.rows import JudgedRow
+from testbench.bench.rows import FitRow, JudgedRow
 from testbench.identify import completed_least_squares
 from testbench.model.structure import template56
-from testbench.trials.spread import Number, middle, spread, wins
+from testbench.trials.duel import Duel
+from testbench.trials.spread import middle, spread, wins
+
+R = TypeVar("R", bound=FitRow)
 
 JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incumbent to beat.
 EQUAL_FIT = "MLS56, PSD of equal fit"
 
 
-@dataclass(frozen=True)
-class Duel:
-    """A model against another one, seed by seed, by true errors; alike are those a solver's digits apart."""
-
-    ours: str
-    theirs: str
-    check: int  #: Seeds in which ours has the smaller error at the check poses.
-    workspace: int  #: The same over the workspace.
-    alike: int  #: Seeds in which the two err alike over the workspace.
-    seeds: int  #: Of all.
-    cone: bool  #: Whether they differ in nothing but the cone.
-    ratio: Number  #: Our error over the workspace over theirs.
-
-
 def equal_fit(cell: Cell) -> Model:
     """The model of MLS56 with its free directions used to be conservative."""
     return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
+
+
+def distinct(rows: Sequence[R]) -> list[R]:
+    """The models without a completion that exists in no seed: that is least squares once more."""
+    return [row for row in rows if row.constraint != "free" or row.conservative is not False]
+
+
+def duels(by_name: Mapping[str, Sequence[JudgedRow]], pairs: Iterable[tuple[str, str]]) -> list[Duel]:
+    """Duels of those pairs that are there, each once; none in a single seed."""
+    found = [
+        duel(by_name[a], by_name[b]) for a, b in dict.fromkeys(pairs) if a != b and {a, b} <= by_name.keys()
+    ]
+    return [d for d in found if d.seeds > 1]
 
 
 def duel(ours: Sequence[JudgedRow], theirs: Sequence[JudgedRow]) -> Duel:

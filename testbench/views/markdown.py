@@ -11,6 +11,7 @@ from pathlib import Path
 
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
 
+from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
 from testbench.views.schema import Table, show, show_truth
 
@@ -98,6 +99,7 @@ def _environment(folder: Path) -> Environment:
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
     found.filters["line"] = line
     found.filters["counted"] = counted
+    found.filters["against"] = against
     return found
 
 
@@ -114,3 +116,15 @@ def listed(names: list[str]) -> str:
 def counted(number: int, noun: str) -> str:
     """Such as 1 pose, 5,132 poses."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def against(d: Duel) -> str:
+    """Who beats whom in how many seeds, as a sentence."""
+    if d.alike == d.seeds:
+        why = ": there the cone does nothing" if d.cone else ""
+        return f"{d.ours} and {d.theirs} err alike in all {d.seeds} seeds{why}."
+    alike = f" and errs alike in {d.alike}" if d.alike else ""
+    return (
+        f"{d.ours} beats {d.theirs} over the workspace in {d.workspace} of {d.seeds} seeds{alike}, "
+        f"{show(d.ratio, '.2f')} times its error; at the check poses, against the truth, in {d.check}."
+    )

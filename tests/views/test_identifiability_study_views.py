@@ -11,6 +11,7 @@ from read_back import chunks_of, document, series
 from testbench.studies.identifiability import recording
 from testbench.studies.identifiability.study import STUDY
 from testbench.studies.identifiability.summary import (
+    Beaten,
     Choice,
     Coverage,
     IdentifiabilityReport,
@@ -20,13 +21,17 @@ from testbench.studies.identifiability.summary import (
 )
 from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle
+from testbench.views.colours import GREENS, hexadecimal
 
 KINDS = {
+    "Joints": ("Joints", "none", "none", "least squares"),
+    "MLS56, PSD of equal fit": ("MLS56", "free", "none", "conservative least squares of equal fit"),
     "MLS56": ("MLS56", "none", "none", "least squares"),
     "MGCO56": ("MGCO56", "psd", "none", "GCO"),
     "MGCO68": ("MGCO68", "psd", "none", "GCO"),
     "MGCO56, least trace": ("MGCO56", "psd", "least trace", "GCO of least trace"),
     "MGCO68, least trace": ("MGCO68", "psd", "least trace", "GCO of least trace"),
+    "Joints, LS + prior": ("Joints", "none", "prior", "least squares with prior"),
     "MGCO56, LS + prior": ("MGCO56", "none", "prior", "least squares with prior"),
     "MGCO56, GCO + prior": ("MGCO56", "psd", "prior", "GCO with prior"),
     "MGCO68, LS + prior": ("MGCO68", "none", "prior", "least squares with prior"),
@@ -35,14 +40,15 @@ KINDS = {
 }
 """Structure, constraint, filling and the method in words, by the model's name."""
 SCALED = ["MGCO56, LS + prior", "MGCO56, GCO + prior", "MGCO68, LS + prior", "MGCO68, GCO + prior"]
-OVER_POSES = ["MLS56", "MGCO56", "MGCO68", "MGCO56, GCO + prior", "MGCO68, GCO + prior"]
+OVER_POSES = ["Joints", "MLS56", "MGCO56", "MGCO68", "MGCO56, GCO + prior", "MGCO68, GCO + prior"]
 MEANS = {
     "model": "name",
     "unknowns": "parameters",
     "seen": "rank",
     "conservative": "conservative",
     "uncertainty of the prior, %": "uncertainty_percent",
-    "RMS check, mm": "check.rms_mm",
+    "RMS check, readings, mm": "check.rms_mm",
+    "RMS check, true, mm": "check_true.rms_mm",
     "RMS workspace, mm": "workspace.rms_mm",
     "max workspace, mm": "workspace.max_mm",
 }
@@ -51,6 +57,15 @@ SHORT = {
     "conservative": "linear.conservative",
     "RMS workspace, mm": "linear.workspace.rms_mm",
     "non-linear truth, mm": "nonlinear.workspace.rms_mm",
+}
+DUELS = {
+    "model": "ours",
+    "against": "theirs",
+    "seeds": "seeds",
+    "better over the workspace": "workspace",
+    "alike": "alike",
+    "error over its": "ratio",
+    "better at check poses": "check",
 }
 PERCENT = {"covered, %": "covered", "standard error, %": "standard_error", "unbounded, %": "unbounded"}
 
@@ -94,6 +109,7 @@ def report(rng):
         seed=[4, 5, 6],
         models=linear,
         nonlinear=nonlinear,
+        beaten=[Beaten(5, 2, 20), Beaten(13, 17, 20)],
         scales=[{"scale": x, **{n: spread(rng) for n in SCALED}} for x in (0.2, 2.5)],
         poses=[{"poses": x, **{n: spread(rng) for n in OVER_POSES}} for x in (5, 13, 40)],
         fixed_scale={"MGCO56": spread(rng), "MGCO68": spread(rng)},
@@ -127,6 +143,8 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
         for a, b in zip(report.models, report.nonlinear, strict=True)
     ]
     check_table(tables["short"], pairs, SHORT)
+    check_table(tables["duels"], report.duels, DUELS)
+    check_table(tables["duels_nonlinear"], report.duels_nonlinear, DUELS)
     check_table(tables["poses"], report.poses, {"poses": "poses"} | {f"{n}, mm": n for n in OVER_POSES})
     scale = {"prior softer than the truth, times": "scale"}
     check_table(tables["scales"], report.scales, scale | {f"{n}, mm": n for n in SCALED})
@@ -164,6 +182,8 @@ def test_the_answer_names_the_best_whichever_it_is(report, winner):
     assert answer.startswith(f"Best over the workspace: {shown}2.000 (1.060 to 3.420) mm. ")
     plain = f"{shown}2.000" if filling in ("none", "least trace") else "least squares (MLS56), 7.000"
     assert f"Best without a prior: {plain} (" in answer
+    joints = made.models[0].workspace.rms_mm
+    assert f"Joints alone (what most calibrations use): {joints.median:.3f} (" in answer
     assert (
         f"With non-linear truth the best is {shown}3.000 (1.590 to 5.130) mm; without a prior " in statements
     )
@@ -193,6 +213,8 @@ def test_statements_carry_the_reports_numbers_under_the_right_names(report):
         r = report.never_worse[name]
         assert f"is {r.best_ratio:.3f} to {r.worst_ratio:.3f} times that of least squares" in text
         assert f"in {r.seeds_worse} of {r.seeds} seeds" in text
+    assert "5, 13: MGCO56 without a prior beats Joints in 2, 17 of 20 seeds" in text
+    assert f"joints alone {shown(report.joints_nonlinear.workspace.rms_mm)}." in text
     low, high = (f"{row['MGCO56, GCO + prior'].median:.3f}" for row in report.scales)
     assert (
         f"A prior 0.2 and 2.5 times softer than the truth: MGCO56, GCO + prior errs by {low} and {high} mm"
@@ -228,8 +250,8 @@ def test_the_figure_draws_the_reports_numbers(report):
         assert tuple(line.get_xdata()) == ends(m.workspace.rms_mm)
         assert set(line.get_ydata()) == set(dot.get_ydata()) == {y}
         assert np.ravel(dot.get_xdata())[0] == middle(m.workspace.rms_mm)
-        orange = dot.get_color() in ("#E69F00", "#B07A48")
-        assert orange == (m.constraint == "none")
+        family = {"none": ("#E69F00", "#B07A48"), "psd": map(hexadecimal, GREENS), "free": ("#966914",)}
+        assert dot.get_color() in (("#0072B2",) if m.structure == "Joints" else family[m.constraint])
     gco = [name for name in SCALED if KINDS[name][1] == "psd"]
     for axes, rows, names, x in (
         (centre, report.poses, OVER_POSES, "poses"),

@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.bench.baselines import JOINTS
+from testbench.bench.baselines import JOINTS, distinct
 from testbench.bench.campaign import Campaign, Result
 from testbench.bench.rows import UM
 from testbench.data.dataset import Mask
 from testbench.identify.evaluate import Normality, normal_density
-from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport, distinct
+from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
 from testbench.studies.gravity_calibration.trial import normalities
 from testbench.trials.spread import middle
 from testbench.views.colours import MEASURED, hexadecimal, look

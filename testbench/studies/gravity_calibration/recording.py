@@ -1,11 +1,11 @@
 """What a calibration leaves beside its report: dataset, residual figure and recording of the first seed."""
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
+from testbench.bench.baselines import JOINTS, distinct
 from testbench.bench.campaign import build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.gravity_calibration import figure, trial
-from testbench.studies.gravity_calibration.summary import GravityReport, distinct
+from testbench.studies.gravity_calibration.summary import GravityReport
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.study import Run
 from testbench.views.recording.calibration import write_calibration

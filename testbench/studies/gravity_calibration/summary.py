@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from testbench.bench.baselines import JOINTS, Duel, duel
+from testbench.bench.baselines import JOINTS, distinct, duels
 from testbench.bench.campaign import Truth
 from testbench.identify import Constraint
 from testbench.studies.gravity_calibration.trial import NAME, Judged, Measured, ModelRow, Settings
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Trials
+from testbench.trials.duel import Duel
 from testbench.trials.spread import Number, grouped, merge, middle
 from testbench.views.schema import Column, Table, best_of
 
@@ -76,7 +77,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
         dataset=merge([row.measured for row in next(iter(by_name.values()))]),
         template_is_true=next(iter(by_name.values()))[0].template_is_true,
         models=models,
-        duels=duels(by_name, recommended(models)) if len(seeds) > 1 else [],
+        duels=duels(by_name, [(recommended(models), JOINTS), *DUELS]),
         winners=winners(models),
         recommended=recommended(models),
         check_best=best_of({m.name: m.check_true.rms_mm for m in models if m.conservative is True}).names,
@@ -91,12 +92,6 @@ def _model(rows: Sequence[ModelRow], paper: Mapping[str, float] | None) -> Model
     if 0 < solved < len(rows):
         fields["status"] = f"solved in {solved} of {len(rows)} seeds"
     return ModelReport(**fields, paper=paper)
-
-
-def duels(by_name: Mapping[str, Sequence[ModelRow]], best: str) -> list[Duel]:
-    """The recommended model against the incumbent, then what prior, cone and links do by themselves."""
-    pairs = dict.fromkeys([(best, JOINTS), *DUELS])
-    return [duel(by_name[a], by_name[b]) for a, b in pairs if a != b and {a, b} <= by_name.keys()]
 
 
 def winners(models: Sequence[ModelReport]) -> list[Winner]:
@@ -119,11 +114,6 @@ def recommended(models: Sequence[ModelReport]) -> str:
     alike = [held[name] for name in best_of({n: m.workspace.rms_mm for n, m in held.items()}).names]
     order = sorted(alike, key=lambda m: (m.parameters, m.constraint != "psd"))
     return order[0].name if order else ""
-
-
-def distinct(models: Sequence[ModelReport]) -> list[ModelReport]:
-    """The models without a completion that exists in no seed: that is least squares once more."""
-    return [m for m in models if m.constraint != "free" or m.conservative is not False]
 
 
 def twins(models: Sequence[ModelReport]) -> list[tuple[str, str]]:

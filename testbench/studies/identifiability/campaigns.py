@@ -10,6 +10,7 @@ from functools import partial
 from itertools import product
 from typing import Literal
 
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import (
     Campaign,
     Cell,
@@ -79,7 +80,11 @@ def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[Ca
     scenario, poses = scenario.model_copy(update={"truth": "linear"}), draw_poses(cell, scenario, seed)
     linear = simulate_at(cell, scenario, seed, poses)
     bent = simulate_at(cell, scenario.model_copy(update={"truth": "nonlinear"}), seed, poses)
-    asked = [Asked(name, method, SCALE) for name, method in product(tried.structures, WITH_PRIOR)]
+    incumbent = Asked(JOINTS, "LS + prior", SCALE)
+    asked = [
+        incumbent,
+        *(Asked(name, method, SCALE) for name, method in product(tried.structures, WITH_PRIOR)),
+    ]
     scaled = [
         Asked(n, m, scale) for scale, n, m in product(tried.scales, VARIED, ("LS + prior", "GCO + prior"))
     ]
@@ -92,7 +97,7 @@ def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[Ca
         yield CampaignRow("scale", fits[own].row, own.scale)
     for own in believed:
         yield CampaignRow("fixed scale", replace(fits[own].row, name=own.structure))
-    known = [choice[name] for name in VARIED]
+    known = [incumbent, *(choice[name] for name in VARIED)]
     for count in tried.poses:
         more = _with_poses(scenario, count)
         campaign = linear if more == scenario else simulate(cell, more, seed)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from testbench.bench.baselines import distinct
 from testbench.studies.identifiability.summary import IdentifiabilityReport, ModelReport
 from testbench.studies.identifiability.tables import MODELS, POSES, SCALE, WORKSPACE, rms
 from testbench.trials.spread import Number, ends
@@ -15,22 +16,23 @@ from testbench.views.schema import Column
 
 def errors(report: IdentifiabilityReport) -> Figure:
     """Every method with its spread; the prior's models over poses and over its scale."""
-    figure = Figure(figsize=(14, 5), layout="constrained")
+    figure = Figure(figsize=(15, 6), layout="constrained")
     left, centre, right = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
-    looks = [look(m.structure, m.constraint, m.prior) for m in report.models]
-    dots(left, report.models, MODELS[0], WORKSPACE, looks)
+    models = distinct(report.models)
+    looks = [look(m.structure, m.constraint, m.prior) for m in models]
+    dots(left, models, MODELS[0], WORKSPACE, looks)
     log_ticks(left, "x", *left.dataLim.intervalx)
     right.sharey(centre)
-    gco = [m for m in report.models if m.constraint == "psd"]  # least squares with a prior lies below it
+    gco = [m for m in models if m.constraint == "psd"]  # least squares with a prior lies below it
     _lines(right, gco, report.scales, SCALE)
-    _lines(centre, report.models, report.poses, POSES)
+    _lines(centre, models, report.poses, POSES)
     log_ticks(right, "x", *right.dataLim.intervalx)
     right.set_xticks([row["scale"] for row in report.scales], [SCALE.cell(row) for row in report.scales])
     seeds, prior = report.seed, report.prior
     spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
     figure.suptitle(
-        f"{report.dataset.poses} poses: least squares orange, GCO green, filled and dashed with "
-        f"a prior {prior.scale:g} times too soft, {prior.shape_percent:g} % wrong in shape{spread}",
+        f"{report.dataset.poses} poses: least squares orange, joints alone blue, GCO green; filled and "
+        f"dashed with a prior {prior.scale:g} times too soft, {prior.shape_percent:g} % wrong in shape{spread}",
         fontsize="medium",
     )
     return figure

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
+from testbench.bench.baselines import JOINTS, equal_fit
 from testbench.bench.campaign import Campaign, Cell, Errors, Model, identify, judge_all, named_models
 from testbench.bench.rows import JudgedRow, fit_row, judged_row
 from testbench.bench.wrong_prior import wrong_prior
@@ -17,19 +18,20 @@ from testbench.identify.metric import Belief, Case, Metric, metric, rescaled
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import fit_reduced, gco_least_trace, parameters
 from testbench.identify.stein import gco_stein, stein_parameters
-from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
+from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.trials.spread import Number
 
 BELIEVED = 1e-6  #: Relative uncertainty of a scale that is believed.
 STRUCTURES: dict[str, Callable[[Cell], Structure]] = {
-    "joints": lambda cell: Structure.of(cell.arm, joints=[j.name for j in cell.arm.joints], name="joints"),
+    JOINTS: lambda cell: joints_only(cell.arm),
     "MGCO47": lambda cell: mgco47(cell.arm),
     "MGCO56": lambda cell: template56(cell.arm),
     "MGCO68": lambda cell: mgco68(cell.arm),
     "MGCO147": lambda cell: mgco147(cell.arm),
     "ALL153": lambda cell: all153(cell.arm),
 }
-PLAIN = ("MLS56", "MGCO56", "MGCO68")  #: Models without a prior.
+PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+"""Models without a prior; beside MLS56 stands what is conservative and fits as well."""
 
 Filling = Literal["none", "least trace", "prior", "log-det prior"]
 """What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""
@@ -158,4 +160,6 @@ def identified(
 
 def plain(cell: Cell, campaign: Campaign) -> list[ModelRow]:
     """Models without a prior."""
-    return [row for row, _ in identified(cell, campaign, named_models(cell, PLAIN), "none")]
+    models = named_models(cell, PLAIN)
+    models.insert(PLAIN.index("MLS56") + 1, equal_fit(cell))
+    return [row for row, _ in identified(cell, campaign, models, "none")]

@@ -1,6 +1,7 @@
 """What the study leaves beside its report: dataset of the first seed, and error over poses as a recording."""
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import distinct
 from testbench.bench.campaign import build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.identifiability.summary import IdentifiabilityReport
@@ -25,7 +26,7 @@ def write(run: Run[Settings, IdentifiabilityReport]) -> None:
 def write_recording(run: Run[Settings, IdentifiabilityReport]) -> None:
     """Error over the workspace against the number of poses, with and without a prior."""
     rows = run.report.poses
-    models = [m for m in run.report.models if m.name in rows[0]]
+    models = [m for m in distinct(run.report.models) if m.name in rows[0]]
     sweep = Sweep(
         POSES,
         Column("", "RMS error over the workspace", rms("").unit),

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS, duel, duels
 from testbench.bench.campaign import build_cell, simulate
 from testbench.bench.rows import MM, DatasetRow, dataset_row
 from testbench.bench.wrong_prior import SCALE, SHAPE
@@ -19,9 +20,18 @@ from testbench.studies.identifiability.methods import ModelRow
 from testbench.studies.identifiability.trial import NAME, Settings, TrialRow
 from testbench.studies.identifiability.verdict import Gain, Leaders, gains, leaders
 from testbench.studies.study import Trials
+from testbench.trials.duel import Duel
 from testbench.trials.spread import Number, Share, grouped, merge, middle
 from testbench.views.identifiability.report import Seen, seen_report
 
+CHALLENGER = "MGCO56"  #: Without a prior, against joints alone.
+DUELS = (
+    ("MGCO56, GCO + prior", JOINTS),
+    (CHALLENGER, JOINTS),
+    (CHALLENGER, "MLS56"),
+    ("MGCO56, GCO + prior", "MGCO56, LS + prior"),
+)
+"""Against the incumbent, then what the cone does without a prior and with it."""
 NO_WORSE = 1.001  #: Ratio of two errors up to which one is no worse: the solvers' digits.
 SEEN_AT = Strength(0.3)  #: How firmly the prior is believed where it is asked what the data see.
 
@@ -113,7 +123,18 @@ class Verdict:
     best_without_prior: Leaders
     best_nonlinear: Leaders
     best_nonlinear_without_prior: Leaders
+    joints: ModelReport
+    joints_nonlinear: ModelReport
     gains: list[Gain]
+
+
+@dataclass(frozen=True)
+class Beaten:
+    """In how many seeds a model without a prior beats joints alone over the workspace, with so many poses."""
+
+    poses: int
+    wins: int
+    seeds: int
 
 
 @dataclass(frozen=True)
@@ -133,6 +154,9 @@ class IdentifiabilityReport(Verdict):
     scales: list[Mapping[str, Number]]
     fixed_scale: Mapping[str, Number]
     poses: list[Mapping[str, Number]]
+    duels: list[Duel]  #: Linear truth.
+    duels_nonlinear: list[Duel]
+    beaten: list[Beaten]  #: By MGCO56, linear truth.
     choice: Choice
     outliers: Outliers
     never_worse: Mapping[str, Ratio]
@@ -165,6 +189,9 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         scales=_swept(part["scale"], "scale"),
         fixed_scale=_errors(part["fixed scale"]),
         poses=_swept(part["poses"], "poses"),
+        duels=_duels(part["linear"]),
+        duels_nonlinear=_duels(part["nonlinear"]),
+        beaten=_beaten(part["poses"]),
         choice=_choice(part["choice"]),
         outliers=_outliers(part),
         never_worse=_never_worse(part["linear"]),
@@ -193,6 +220,8 @@ def verdict(models: Sequence[ModelReport], nonlinear: Sequence[ModelReport]) -> 
         best_without_prior=leaders(m for m in models if not m.prior),
         best_nonlinear=leaders(nonlinear),
         best_nonlinear_without_prior=leaders(m for m in nonlinear if not m.prior),
+        joints=next(m for m in models if m.name == JOINTS),
+        joints_nonlinear=next(m for m in nonlinear if m.name == JOINTS),
         gains=gains(models),
     )
 
@@ -210,6 +239,22 @@ def _errors(rows: Iterable[CampaignRow]) -> dict[str, Number]:
 
 def _swept(rows: Iterable[CampaignRow], key: str) -> list[Mapping[str, Number]]:
     return [{key: x, **_errors(own)} for x, own in grouped(rows, lambda row: row.x).items()]
+
+
+def _duels(rows: Iterable[CampaignRow]) -> list[Duel]:
+    return duels(grouped([row.fit for row in rows], lambda fit: fit.name), DUELS)
+
+
+def _beaten(rows: Iterable[CampaignRow]) -> list[Beaten]:
+    found = []
+    for poses, own in grouped(rows, lambda row: row.x).items():
+        d = duel(*(_named(own, name) for name in (CHALLENGER, JOINTS)))
+        found.append(Beaten(int(poses or 0), d.workspace, d.seeds))
+    return found
+
+
+def _named(rows: Iterable[CampaignRow], name: str) -> list[ModelRow]:
+    return [row.fit for row in rows if row.fit.name == name]
 
 
 def _choice(rows: Sequence[CampaignRow]) -> Choice:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
+from testbench.bench.baselines import distinct
 from testbench.studies.identifiability.summary import IdentifiabilityReport
 from testbench.views.schema import Column, Table
 
@@ -12,11 +13,12 @@ MODELS = (
     Column("rank", "seen", form=".0f", exact=True),
     Column("conservative", "conservative", form="yes"),
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),
-    Column("check.rms_mm", "RMS check", "mm"),
+    Column("check.rms_mm", "RMS check, readings", "mm"),
+    Column("check_true.rms_mm", "RMS check, true", "mm"),
     WORKSPACE,
     Column("workspace.max_mm", "max workspace", "mm"),
 )
-"""Against readings at the check poses, against the truth over the workspace."""
+"""At the check poses against readings and against the truth, over the workspace against the truth."""
 SHORT = (
     Column("name", "model"),
     Column("linear.conservative", "conservative", form="yes", short="conser-\nvative"),
@@ -37,6 +39,15 @@ COVERAGE = (
     Column("width_um", "mean width", "um", ".0f"),
     Column("unbounded", "unbounded", "%", ".0f", scale=100),
 )
+DUELS = (
+    Column("ours", "model"),
+    Column("theirs", "against"),
+    Column("seeds", "seeds", form="d"),
+    Column("workspace", "better over the workspace", form="d"),
+    Column("alike", "alike", form="d"),
+    Column("ratio", "error over its", form=".2f"),
+    Column("check", "better at check poses", form="d"),
+)
 POSES, SCALE = (
     Column("poses", "poses", form="g"),
     Column("scale", "prior softer than the truth, times", form="g"),
@@ -50,12 +61,15 @@ def rms(name: str) -> Column:
 
 def tables(report: IdentifiabilityReport) -> dict[str, Table]:
     """Every table of report.md, and the one for 80 columns."""
-    pairs = zip(report.models, report.nonlinear, strict=True)
+    told = {m.name for m in (*distinct(report.models), *distinct(report.nonlinear))}
+    pairs = [own for own in zip(report.models, report.nonlinear, strict=True) if own[0].name in told]
     choice = report.choice
     return {
         "models": Table(MODELS, report.models),
         "nonlinear": Table(MODELS, report.nonlinear),
         "short": Table(SHORT, [{"name": a.name, "linear": a, "nonlinear": b} for a, b in pairs]),
+        "duels": Table(DUELS, report.duels),
+        "duels_nonlinear": Table(DUELS, report.duels_nonlinear),
         "poses": _swept(POSES, report.poses),
         "scales": _swept(SCALE, report.scales),
         "choice": Table(

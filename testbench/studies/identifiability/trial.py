@@ -21,7 +21,7 @@ QUICK = Tried(
     structures=("MGCO56", "MGCO68"),
     scales=(0.5, 2.0),
     poses=(8, 20),
-    choice=("joints", "MGCO56", "MGCO68"),
+    choice=("Joints", "MGCO56", "MGCO68"),
 )
 
 

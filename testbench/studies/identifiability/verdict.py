@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from testbench.bench.baselines import distinct
 from testbench.identify import Constraint
 from testbench.studies.identifiability.methods import Filling, ModelRow
 from testbench.trials.spread import Number, grouped, middle
@@ -11,6 +12,7 @@ from testbench.views.schema import best_of, show
 
 METHODS: dict[tuple[Constraint, Filling], str] = {
     ("none", "none"): "least squares",
+    ("free", "none"): "conservative least squares of equal fit",
     ("none", "prior"): "least squares with prior",
     ("psd", "none"): "GCO",
     ("psd", "least trace"): "GCO of least trace",
@@ -47,7 +49,8 @@ class Gain:
 def leaders(models: Iterable[ModelRow]) -> Leaders:
     """The best methods, each with its best structures."""
     found: dict[str, Number] = {}
-    for (constraint, filling), own in grouped(models, lambda m: (m.constraint, m.filling)).items():
+    told = distinct(list(models))
+    for (constraint, filling), own in grouped(told, lambda m: (m.constraint, m.filling)).items():
         errors = {m.structure: m.workspace.rms_mm for m in own}
         names = best_of(errors).names
         found[f"{METHODS[constraint, filling]} ({listed(list(names))})"] = errors[names[0]]
