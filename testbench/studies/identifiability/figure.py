@@ -30,9 +30,10 @@ def errors(report: IdentifiabilityReport) -> Figure:
     right.set_xticks([row["scale"] for row in report.scales], [SCALE.cell(row) for row in report.scales])
     seeds, prior = report.seed, report.prior
     spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
+    wrong = f"{prior.scale:g} times too soft, {prior.shape_percent:g} % wrong in shape"
+    colours = "least squares orange, joints alone blue, GCO green; filled and dashed"
     figure.suptitle(
-        f"{report.dataset.poses} poses: least squares orange, joints alone blue, GCO green; filled and "
-        f"dashed with a prior {prior.scale:g} times too soft, {prior.shape_percent:g} % wrong in shape{spread}",
+        f"{report.dataset.poses} poses: {colours} with a prior {wrong}{spread}",
         fontsize="medium",
     )
     return figure
