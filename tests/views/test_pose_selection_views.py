@@ -14,7 +14,17 @@ from testbench.studies.pose_selection import recording, summary
 from testbench.studies.pose_selection.measure import build_bench
 from testbench.studies.pose_selection.report import Level
 from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, Row, Scene, Where
-from testbench.studies.pose_selection.settings import BARE, FITS, ON_ARMS, PLANNED, Scope, Settings
+from testbench.studies.pose_selection.settings import (
+    AWAY,
+    BARE,
+    FITS,
+    HOME,
+    INCUMBENT,
+    ON_ARMS,
+    PLANNED,
+    Scope,
+    Settings,
+)
 from testbench.studies.pose_selection.study import STUDY
 from testbench.studies.pose_selection.trial import first_runs
 from testbench.studies.study import Run
@@ -55,6 +65,20 @@ FORECASTS = {
     "GCO over forecast": "gco_over_expected",
     "inside 90 % interval, %": "inside_90_percent",
 }
+GROUNDS = {
+    "tasks": "ground",
+    "planned for and identified by": "fit",
+    "forecast tasks, mm": "expected_tasks_mm",
+    "planned, tasks, mm": "tasks.planned_mm",
+    "random, tasks, mm": "tasks.random_mm",
+    "ratio, tasks": "tasks.ratio",
+    "planned better, tasks": "tasks.wins",
+    "planned, workspace, mm": "workspace.planned_mm",
+    "random, workspace, mm": "workspace.random_mm",
+    "ratio, workspace": "workspace.ratio",
+    "planned better, workspace": "workspace.wins",
+    "better than joints, workspace": "workspace.better_than_joints",
+}
 VARIANTS = {
     "measured": "variant",
     "poses": "poses",
@@ -74,15 +98,21 @@ def asked(rng, kr500):
     def drawn(count):
         return tuple(map(tuple, rng.uniform(*kr500.arm.limits, (count, len(kr500.arm.joints))).tolist()))
 
-    def plan(criterion, poses, variant=""):
+    def plan(criterion, poses, variant="", fit=PLANNED, ground=HOME):
         fixed = {"q_rad": sum(drawn(poses), ()), "load": (0,) * poses, "seconds": rng.uniform(11, 99)}
-        row = fill(PlanRow, rng, criterion=criterion, variant=variant, poses=poses, **fixed)
-        return replace(single(row), efficiency=rng.uniform(0.1, 1))
+        what = {"criterion": criterion, "variant": variant, "fit": fit.name, "ground": ground.name}
+        return replace(
+            single(fill(PlanRow, rng, poses=poses, **what, **fixed)), efficiency=rng.uniform(0.1, 1)
+        )
 
     plans = [plan(name, n) for name in CRITERIA for n in POSES] + [plan("test", 12, way) for way in OTHERS]
+    plans += [plan("test", 12, fit=fit) for fit in FITS[1:]]
+    there = tuple(plan("test", 12, fit=fit, ground=AWAY) for fit in FITS)
     scene = Scene(drawn(30), 99, tuple(range(11)), drawn(4), drawn(5), tuple(plans))
-    scope = Scope(poses=POSES, criteria=CRITERIA, candidates=30, tasks=4, workspace=5, variants=3)
-    return Settings("kr500_l480", 4, scope, scene)
+    scope = Scope(
+        poses=POSES, fewer=POSES, criteria=CRITERIA, candidates=30, tasks=4, workspace=5, variants=3
+    )
+    return Settings("kr500_l480", 4, scope, scene, replace(scene, plans=there))
 
 
 def rows_of(rng, tasks=None, workspace=None):
@@ -106,6 +136,12 @@ def rows_of(rng, tasks=None, workspace=None):
         middle_mm = rng.uniform(20, 40)
         forecast = Expected(middle_mm, 0.8 * middle_mm, 1.2 * middle_mm)
         found += [row("drawn arm", name, n, fit, expected=forecast) for fit in ON_ARMS]
+    found += [
+        row("ground", name, 12, fit, ground=ground.name)
+        for ground in (HOME, AWAY)
+        for fit in FITS
+        for name in ("test", "random")
+    ]
     return found + [row("variant", way, 12, PLANNED) for way in OTHERS]
 
 
@@ -168,7 +204,20 @@ def test_the_report_has_the_rows_numbers_each_in_its_place(report, trials, asked
         assert errors.tasks_mm == spread(pick(trials, part="planned anew", plan=name))
     ours, theirs = (pick(trials, part="planned anew", plan=name) for name in ("test", "random"))
     assert anew.wins == np.sum(np.less(ours, theirs))
-    for row, plan in zip(report.worth, asked.scene.plans[-3:], strict=True):
+    places = [(ground.name, fit.name) for ground in (HOME, AWAY) for fit in FITS]
+    for row, (ground, fit) in zip(report.grounds, places, strict=True):
+        assert (row.ground, row.fit) == (ground, fit)
+        for where in ("tasks", "workspace"):
+            own, wanted = getattr(row, where), {"part": "ground", "ground": ground}
+            ours, chance, joints = (
+                pick(trials, f"{where}_mm", plan=plan, fit=name, **wanted)
+                for plan, name in (("test", fit), ("random", fit), ("test", "Joints"))
+            )
+            assert (own.planned_mm, own.random_mm) == (spread(ours), spread(chance))
+            assert own.ratio == np.median(ours) / np.median(chance)
+            assert (own.wins, own.seeds) == (np.sum(np.less(ours, chance)), 3)
+            assert own.better_than_joints == np.sum(np.less(ours, joints))
+    for row, plan in zip(report.worth, asked.scene.plans[6:9], strict=True):
         assert (row.variant, row.expected_tasks_mm) == (plan.variant, plan.expected_tasks_mm)
         assert row.judged.tasks_mm == spread(pick(trials, part="variant", plan=plan.variant))
 
@@ -184,6 +233,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
     in_percent = [replace(row, inside_90_percent=100 * row.inside_90_percent) for row in report.promises]
     check_table(tables["forecasts"], in_percent, FORECASTS)
     check_table(tables["variants"], report.worth, VARIANTS)
+    check_table(tables["grounds"], report.grounds, GROUNDS)
     text = check_report(STUDY, report)
     for fit, levels in report.errors.items():
         every = [level for own in levels.values() for level in own]
@@ -224,8 +274,10 @@ def test_the_answer_says_whether_planned_or_random_poses_are_better(rng, asked, 
     assert words.block("answer").startswith(
         f"{said} poses are better: 12 poses chosen for the tasks leave an"
     )
+    joints = report.featured["Joints"]
     text = (
-        f"an error of {markdown.show(own.test_mm)} mm there, random ones {markdown.show(own.random_mm)} mm."
+        f"an error of {markdown.show(own.test_mm)} mm there, random ones {markdown.show(own.random_mm)} mm. "
+        f"Joints alone leave {markdown.show(joints.test_mm)} and {markdown.show(joints.random_mm)} mm."
     )
     assert words.block("answer").endswith(text)
     assert ("no worse than the best tenth" in words.block("statements")) == (winner == "test")
@@ -235,11 +287,11 @@ def test_the_answer_says_whether_planned_or_random_poses_are_better(rng, asked, 
 def test_what_is_the_same_is_alike(report):
     same = replace(report.criteria[0], plan="I")
     levels = [report.criteria[0], same, report.criteria[3]]
-    judged = summary.verdict(levels, [], report.promises, report.worth)
+    judged = summary.verdict(levels, [], report.promises, report.worth, report.grounds)
     assert set(judged.tasks) == set(judged.workspace) == {"test", "I"}
     equal = dict.fromkeys(NAMES, report.errors[PLANNED.name]["test"])
     own = summary.featured(equal, 12)
-    alike = replace(report, verdict=judged, featured={PLANNED.name: own})
+    alike = replace(report, verdict=judged, featured=report.featured | {PLANNED.name: own})
     words = STUDY.words(alike)
     assert words.block("answer").startswith("Planned and random poses are alike:")
     assert words.block("statements").count("(alike)") >= 2
@@ -268,7 +320,9 @@ def test_statements_carry_the_reports_numbers(report):
     )
     for fit in FITS[1:]:
         own = report.featured[fit.name]
-        assert f"{fit.name} {middle(own.test_mm):.3f} against {mm(own.random_mm)}" in text
+        said = f"{fit.name} {middle(own.test_mm):.3f} against {mm(own.random_mm)}"
+        assert said in text
+        assert (f"{said} (planning loses)" in text) == (own.ratio_of_medians >= 1)
     assert f"{markdown.show(anew.test.tasks_mm)} mm, random {markdown.show(anew.random.tasks_mm)} mm" in text
     assert f"better in {anew.wins} of 3. Every plan is at least {100 * anew.least_efficiency:.1f} %" in text
     ratios = [row.gco_over_expected for row in report.promises]
@@ -277,6 +331,32 @@ def test_statements_carry_the_reports_numbers(report):
     assert f"interval holds {min(shares):.0f} % to {max(shares):.0f} % of them" in text
     for level, plan in zip(report.errors[PLANNED.name]["test"], report.plans[:2], strict=True):
         assert f"{level.tasks_mm.median / plan.expected_tasks_mm:.2f} ({level.poses} poses)" in text
+
+
+def test_every_case_in_which_planning_loses_is_said_with_its_ratio_and_seeds(rng, asked):
+    report = made(rng, asked)
+    cases = [(row, where) for row in report.grounds for where in ("tasks", "workspace")]
+    assert {getattr(row, where).ratio >= 1 for row, where in cases} == {True, False}
+    text = STUDY.words(report).block("statements")
+    for row, where in cases:
+        own = getattr(row, where)
+        place = (
+            f"at the tasks, {row.ground}" if where == "tasks" else f"over the workspace, planned {row.ground}"
+        )
+        said = f"{row.fit} {place} ({own.ratio:.2f}, {own.wins} of 3)"
+        assert (said in text.split("Planning loses to random poses")[1]) == (own.ratio >= 1), said
+    ahead = [replace(row, tasks=replace(row.tasks, ratio=0.9)) for row in report.grounds]
+    ahead = [replace(row, workspace=replace(row.workspace, ratio=0.99)) for row in ahead]
+    assert summary.losing(ahead) == ()
+
+
+def test_joints_alone_stand_beside_every_fit_on_both_grounds(report):
+    text = STUDY.words(report).block("statements")
+    for row in report.grounds:
+        said = f"{row.fit} {middle(row.tasks.planned_mm):.3f} mm at the tasks, "
+        assert f"{said}{middle(row.workspace.planned_mm):.3f} over the workspace" in text
+        if row.fit != INCUMBENT.name:
+            assert f"{row.fit} in {row.workspace.better_than_joints}" in text
 
 
 def levels(**errors):
@@ -305,8 +385,8 @@ def test_the_number_of_poses_that_is_enough_is_that_of_95_percent_of_trials(repo
 
 def test_curves_are_the_reports_errors_over_the_number_of_poses(report):
     figure = STUDY.figures["curves.png"](report)
-    panels = zip(figure.axes, (PLANNED, PLANNED, BARE), ("tasks_mm", "workspace_mm", "tasks_mm"), strict=True)
-    for axes, fit, key in panels:
+    fits, keys = (PLANNED, PLANNED, BARE, INCUMBENT), ("tasks_mm", "workspace_mm", "tasks_mm", "tasks_mm")
+    for axes, fit, key in zip(figure.axes, fits, keys, strict=True):
         assert unit_in(axes.get_ylabel()) == "mm"
         assert axes.get_xlabel() == "poses measured"
         assert [t.get_text() for t in axes.get_xticklabels()] == ["8", "12"]
@@ -327,7 +407,7 @@ def test_curves_are_the_reports_errors_over_the_number_of_poses(report):
 
 
 def test_dots_of_the_featured_poses_are_the_reports(report):
-    left, centre, right = STUDY.figures["featured.png"](report).axes
+    left, centre, right, last = STUDY.figures["featured.png"](report).axes
     panels = (
         (left, report.criteria, "plan", lambda row: row.tasks_mm),
         (centre, report.criteria, "plan", lambda row: row.workspace_mm),
@@ -344,6 +424,10 @@ def test_dots_of_the_featured_poses_are_the_reports(report):
     x, y = curves(right)["forecast"]
     assert x.tolist() == [row.expected_tasks_mm for row in report.worth]
     assert y.tolist() == [0, 1, 2]
+    assert [t.get_text() for t in last.get_yticklabels()] == [f"{r.fit}, {r.ground}" for r in report.grounds]
+    for where, (x, y) in zip(("tasks", "workspace"), list(curves(last).values())[:2], strict=True):
+        assert x.tolist() == [getattr(row, where).ratio for row in report.grounds]
+        assert y.tolist() == list(range(12))
 
 
 def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500, tmp_path):

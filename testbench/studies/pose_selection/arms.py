@@ -46,16 +46,21 @@ def of_drawn_arm(bench: Bench, asked: Settings, seed: int) -> list[Row]:
 
     Of the first criterion and of random poses every number is tried, of the others the featured one.
     """
-    scope, spec, rows = asked.scope, bench.spec, []
+    scope, spec = asked.scope, bench.spec
+    names = (*scope.criteria, RANDOM)
     own, ahead, prior = spec.experiment.metric, task_rows(spec), wrong_prior(bench.cell, asked.seed)
     plant = with_compliance(bench.cell.plant, draw(own, UNCERTAINTY, stream(seed, 11)))
     arm = build_bench(replace(bench.cell, truth=plant), asked, "linear")
-    for name in (*scope.criteria, RANDOM):
-        for poses in scope.poses if name in (scope.criteria[0], RANDOM) else (scope.featured,):
-            chosen = poses_of(asked, name, poses, seed)
-            data = measure(arm, spec, chosen, stream(seed, DRAWN + poses))
-            forecast = overall(promise_of(spec, chosen.q, chosen.load, ahead))
-            for fit in ON_ARMS:
-                error, _ = arm.errors_mm(fit.identify(arm.cell.vjm, prior, data))
-                rows.append(Row("drawn arm", name, poses, fit.name, error, expected=forecast))
-    return rows
+    every = {
+        name: scope.poses if name in (scope.criteria[0], RANDOM) else (scope.featured,) for name in names
+    }
+    levels = [(name, n, poses_of(asked, name, n, seed)) for name in names for n in every[name]]
+    forecasts = [overall(promise_of(spec, own.q, own.load, ahead)) for *_, own in levels]
+    read = [measure(arm, spec, own, stream(seed, DRAWN + n)) for _, n, own in levels]
+    return [
+        Row("drawn arm", name, n, fit.name, error, expected=forecast)
+        for fit in ON_ARMS
+        for (name, n, _), forecast, (error, _) in zip(
+            levels, forecasts, arm.errors_mm(fit.each(arm.cell.vjm, prior, read)), strict=True
+        )
+    ]

@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.studies.pose_selection.report import PoseReport
-from testbench.studies.pose_selection.settings import BARE, PLANNED, RANDOM
+from testbench.studies.pose_selection.settings import BARE, INCUMBENT, PLANNED, RANDOM
 from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSES, TASKS, VARIANT, WORKSPACE
 from testbench.views.colours import GREENS, GREY, LOAD, NOMINAL, ORANGES, Look
 from testbench.views.figure import SOFT, Line, dots, draw_line, log_ticks, quiet
@@ -25,12 +25,13 @@ BANDS = ("test", RANDOM)  #: Those whose spread is drawn.
 
 
 def curves(report: PoseReport) -> Figure:
-    """Error against the number of poses: at the tasks, over the workspace, and at the tasks without prior."""
-    figure = Figure(figsize=(14, 5), layout="constrained")
-    left, centre, right = figure.subplots(1, 3)
+    """Error against the number of poses: at the tasks, over the workspace, without prior, by joints alone."""
+    figure = Figure(figsize=(17, 5), layout="constrained")
+    left, centre, right, last = figure.subplots(1, 4)
     _curve(left, report, PLANNED.name, TASKS, "at the tasks")
     _curve(centre, report, PLANNED.name, WORKSPACE, "over the workspace")
     _curve(right, report, BARE.name, TASKS, "at the tasks, identified without prior")
+    _curve(last, report, INCUMBENT.name, TASKS, "at the tasks, joints alone by least squares")
     enough = report.recommendation.aim_mm
     left.axhline(enough, color=SOFT, linewidth=0.8)
     left.text(
@@ -66,9 +67,10 @@ def _curve(axes: Axes, report: PoseReport, fit: str, error: Column, words: str) 
 
 
 def featured(report: PoseReport) -> Figure:
-    """The featured number of poses: every criterion, and what could be done beyond the plan."""
-    figure = Figure(figsize=(14, 4.2), layout="constrained")
-    left, centre, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.9))
+    """The featured number of poses: every criterion, what could be done beyond, and where plans pay."""
+    figure = Figure(figsize=(18, 4.4), layout="constrained")
+    left, centre, right, last = figure.subplots(1, 4, width_ratios=(1, 1, 0.9, 1))
+    _ratios(last, report)
     looks = [LOOKS[c.plan] for c in report.criteria]
     for axes, error in ((left, TASKS), (centre, WORKSPACE)):
         dots(axes, report.criteria, PLAN, error, looks)
@@ -79,5 +81,24 @@ def featured(report: PoseReport) -> Figure:
     right.set_title("what else would help; grey: forecast", fontsize="medium")
     for axes in (left, centre, right):
         axes.set_xlim(left=0)
-    figure.suptitle(f"{report.arm}: {PLANNED.name}, RMS errors{_spread(report, 'bars')}", fontsize="medium")
+    figure.suptitle(
+        f"{report.arm}: {PLANNED.name} but on the right, RMS errors{_spread(report, 'bars')}",
+        fontsize="medium",
+    )
     return figure
+
+
+def _ratios(axes: Axes, report: PoseReport) -> None:
+    """Planned over random error by fit and ground, filled at the tasks, hollow over the workspace."""
+    rows = report.grounds
+    for face, where in ((LOOKS["test"].hex, "tasks"), ("white", "workspace")):
+        ratios = [getattr(row, where).ratio for row in rows]
+        axes.plot(ratios, range(len(rows)), "o", color=LOOKS["test"].hex, markerfacecolor=face, label=where)
+    axes.axvline(1, color=SOFT, linewidth=0.8)
+    log_ticks(axes, "x", *axes.dataLim.intervalx)
+    axes.set_yticks(range(len(rows)), [f"{row.fit}, {row.ground}" for row in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.set_xlabel("planned over random, medians [1]")
+    axes.set_title("planned for the very fit: pays left of 1", fontsize="medium")
+    axes.legend(frameon=False, fontsize="small")
+    quiet(axes)

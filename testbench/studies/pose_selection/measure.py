@@ -1,5 +1,6 @@
 """The true arm: measured in poses of a plan, identified, judged where the robot works."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from testbench.design.rows import Load
 from testbench.design.specification import Specification, loads_of
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.evaluate import Score, predict, score
+from testbench.identify.evaluate import Score, predict, predict_all, score
 from testbench.plant import Equilibrium
 from testbench.studies.pose_selection.rows import Model, Where
 from testbench.studies.pose_selection.settings import Settings
@@ -34,10 +35,13 @@ class Bench:
         """Errors of predicted deflections."""
         return score(predict(self.cell.vjm, estimate, data), data.deflection)
 
-    def errors_mm(self, estimate: Estimate) -> tuple[float, float]:
-        """RMS distance of predicted from true deflections, at the tasks and over the workspace [mm]."""
-        tasks, workspace = (self.score(estimate, data).rms for data in (self.tasks, self.workspace))
-        return MM * tasks, MM * workspace
+    def errors_mm(self, estimates: Sequence[Estimate]) -> list[tuple[float, float]]:
+        """RMS distances of predicted from true deflections, at the tasks and over the workspace [mm]."""
+        tasks, workspace = (
+            [MM * score(own, data.deflection).rms for own in predict_all(self.cell.vjm, estimates, data)]
+            for data in (self.tasks, self.workspace)
+        )
+        return list(zip(tasks, workspace, strict=True))
 
 
 def build_bench(cell: Cell, asked: Settings, truth: Truth = "nonlinear") -> Bench:

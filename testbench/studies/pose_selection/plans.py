@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -21,29 +21,56 @@ from testbench.design.specification import Specification, task_rows, workspace_r
 from testbench.errors import Array
 from testbench.plant import Payload
 from testbench.studies.pose_selection.rows import Angles, Certificate, Indices, PlanRow, Scene
-from testbench.studies.pose_selection.settings import Scope, Settings
+from testbench.studies.pose_selection.settings import (
+    AWAY,
+    FITS,
+    HOME,
+    PLANNED,
+    Fit,
+    Scope,
+    Settings,
+    elsewhere,
+)
 from testbench.studies.pose_selection.ways import specify, variants
 from testbench.studies.study import Everywhere
 
-Job = tuple[str, str, Specification]
-"""Criterion, variant (empty for the study's own way to measure), what the plan is for."""
+AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
+
+
+@dataclass(frozen=True)
+class Job:
+    """A plan to be made."""
+
+    asked: Settings  #: The study on the plan's ground.
+    fit: Fit  #: What it is made for.
+    criterion: str  #: Key of planning.CRITERIA.
+    variant: str  #: Another way to measure; empty for the study's own.
+    spec: Specification  #: What it is for, as the design of experiments wants it.
 
 
 def prepare(asked: Settings, everywhere: Everywhere) -> Settings:
-    """The scene and all plans, the same for all trials; PoseError for too few feasible poses."""
-    cell, scope, rng = build_cell(find_arm(asked.arm)), asked.scope, stream(asked.seed, 0)
-    inside, anywhere = (build_checks(cell, Conditions(area=area)) for area in (scope.area, scope.anywhere))
-    found = candidates(cell, scope, stream(asked.seed, 1))
-    scene = Scene(
+    """The scenes and all plans, the same for all trials; PoseError for too few feasible poses."""
+    cell = build_cell(find_arm(asked.arm))
+    asked = replace(asked, scene=_scene(cell, asked, 0))
+    asked = replace(asked, away=_scene(cell, elsewhere(asked), AWAY_STREAM))
+    rows = everywhere(partial(plan_rows, asked), len(_jobs(cell, asked)), PlanRow, "plans")
+    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (HOME, AWAY))
+    return replace(asked, scene=replace(asked.scene, plans=home), away=replace(asked.away, plans=away))
+
+
+def _scene(cell: Cell, asked: Settings, first: int) -> Scene:
+    """Candidates, tasks and workspace of a ground; the streams of their randomness begin at `first`."""
+    scope, rng = asked.scope, stream(asked.seed, first)
+    areas = (scope.ground.area, scope.anywhere)
+    inside, anywhere = (build_checks(cell, Conditions(area=area)) for area in areas)
+    found = candidates(cell, scope, stream(asked.seed, first + 1))
+    return Scene(
         candidates=_plain(found.q),
         drawn=found.drawn,
         rejected=tuple(found.rejected.values()),
         tasks=_plain(find(inside, scope.tasks, rng).q),
         workspace=_plain(find(anywhere, scope.workspace, rng).q),
     )
-    asked = replace(asked, scene=scene)
-    rows = everywhere(partial(plan_rows, asked), len(_jobs(cell, asked)), PlanRow, "plans")
-    return replace(asked, scene=replace(scene, plans=tuple(rows)))
 
 
 def _plain(q: Array) -> Angles:
@@ -56,29 +83,34 @@ def candidates(cell: Cell, scope: Scope, rng: np.random.Generator) -> Candidates
 
 
 def _conditions(scope: Scope) -> Conditions:
-    return Conditions(station=Station(scope.station), payload=Payload(scope.payload))
+    return Conditions(station=Station(scope.ground.station), payload=Payload(scope.payload))
 
 
 def _jobs(cell: Cell, asked: Settings) -> list[Job]:
-    scope, own = asked.scope, specify(cell, asked, wrong_prior(cell, asked.seed))
-    return [
-        *((name, "", replace(own, poses=poses)) for name in scope.criteria for poses in scope.poses),
-        *(("test", words, spec) for words, spec in variants(cell, asked, own).items()),
-    ]
+    scope, prior = asked.scope, wrong_prior(cell, asked.seed)
+    own = specify(cell, asked, prior)
+    levels = [(name, poses) for name in scope.criteria for poses in scope.numbers(name)]
+    here = [Job(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
+    here += [Job(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
+    grounds = [(asked, fit) for fit in FITS if fit != PLANNED] + [(elsewhere(asked), fit) for fit in FITS]
+    return here + [Job(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
 
 
 def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
     """Plans by their numbers, one list each; `asked` holds the scene."""
-    cell, q, found = build_cell(find_arm(asked.arm)), np.array(asked.scene.candidates), []
-    for criterion, variant, spec in map(_jobs(cell, asked).__getitem__, numbers):
+    cell, found = build_cell(find_arm(asked.arm)), []
+    for job in map(_jobs(cell, asked).__getitem__, numbers):
+        scope, drawn = job.asked.scope, (np.array(job.asked.scene.candidates), asked.seed)
         start = time.perf_counter()
-        best = plan(cell, asked.scope, spec, criterion, (q, asked.seed))
+        best = plan(cell, scope, job.spec, job.criterion, drawn)
         seconds = time.perf_counter() - start
         row = PlanRow(
             **vars(certificate(best)),
-            criterion=criterion,
-            variant=variant,
-            poses=spec.poses,
+            ground=scope.ground.name,
+            fit=job.fit.name,
+            criterion=job.criterion,
+            variant=job.variant,
+            poses=job.spec.poses,
             q_rad=tuple(best.q.ravel().tolist()),
             load=tuple(best.load.tolist()),
             seconds=seconds,

@@ -58,7 +58,7 @@ def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanS
     y = replace(TASKS, heading="RMS error at the tasks")
     return PlanScene(
         cell=bench.cell,
-        station=asked.scope.station,
+        station=asked.scope.ground.station,
         payload=np.full(spec.poses, asked.scope.payload),
         candidates=_tool(bench.cell, asked.scene.candidates),
         q=chosen.q,

@@ -106,6 +106,30 @@ class Anew(Certificate):
 
 
 @dataclass(frozen=True)
+class Against:
+    """Errors of a plan made for the very fit, against random poses of the same number."""
+
+    planned_mm: Number
+    random_mm: Number
+    ratio: float  #: Of medians, planned over random [1].
+    wins: int  #: Seeds in which the plan has the smaller error.
+    better_than_joints: int  #: Those in which it leaves less than joints alone from a plan of their own.
+    seeds: int
+
+
+@dataclass(frozen=True)
+class GroundReport:
+    """A fit with a plan of its own, made for the tasks of one of two grounds."""
+
+    ground: str
+    fit: str
+    poses: int
+    expected_tasks_mm: Number
+    tasks: Against
+    workspace: Against
+
+
+@dataclass(frozen=True)
 class ForecastReport:
     """Forecast and simulated errors at the tasks on drawn arms, root mean squares over them."""
 
@@ -144,6 +168,7 @@ class Verdict:
     #: Poses, and simulated over forecast error of the plan for the tasks on the true arm [1].
     true_arm: tuple[tuple[int, float], ...]
     helps: tuple[str, ...]  #: Other ways of least simulated error, where it is less than the featured plan's.
+    loses: tuple[str, ...]  #: Where a plan made for the very fit is no better than random poses, in words.
 
 
 @dataclass(frozen=True)
@@ -170,6 +195,8 @@ class PoseReport:
     replanned: Anew
     promises: list[ForecastReport]
     worth: list[VariantReport]
+    grounds: list[GroundReport]
+    truths: list[str]  #: Names of the true arms of `grounds`, seed by seed in turn.
     study: Scope
     criteria: list[Level]
     verdict: Verdict

@@ -7,9 +7,10 @@ from testbench.bench.plan_report import Expected
 from testbench.bench.rows import DatasetRow, ErrorRow, FitRow
 from testbench.trials.spread import Number
 
-Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant"]
+Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant", "ground"]
 """What was measured: the true arm with noise or without, with a plan and a prior of the trial's own, an arm
-that the prior could have drawn (linear truth), or the true arm in another way."""
+that the prior could have drawn (linear truth), the true arm in another way, or on one of two grounds with
+plans that are made for the very fit."""
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 
@@ -46,6 +47,8 @@ class Certificate:
 class PlanRow(Certificate):
     """A plan."""
 
+    ground: str  #: Name of the ground that it is for.
+    fit: str  #: Name of the fit that it is made for.
     criterion: str  #: Key of planning.CRITERIA.
     variant: str  #: Another way to measure than the study's own; empty for that.
     poses: int  #: How many.
@@ -65,10 +68,10 @@ class Scene:
     workspace: Angles = ()  #: Poses all over the workspace.
     plans: tuple[PlanRow, ...] = ()  #: By criterion and number of poses, then by variant.
 
-    def plan(self, criterion: str, poses: int, variant: str = "") -> PlanRow:
-        """The plan by a criterion of so many poses."""
-        wanted = (criterion, poses, variant)
-        return next(p for p in self.plans if (p.criterion, p.poses, p.variant) == wanted)
+    def plan(self, criterion: str, poses: int, fit: str, variant: str = "") -> PlanRow:
+        """The plan by a criterion of so many poses for a fit."""
+        wanted = (criterion, poses, fit, variant)
+        return next(p for p in self.plans if (p.criterion, p.poses, p.fit, p.variant) == wanted)
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,7 @@ class Row:
     fit: str  #: How they were identified.
     tasks_mm: float  #: At the tasks.
     workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
+    ground: str = ""  #: Name of the ground, of that part.
     expected: Expected | None = None  #: Forecast of random poses, and of all poses on a drawn arm.
     certificate: Certificate | None = None  #: Of a plan made anew.
     model: Model | None = None  #: Of the featured number of poses.

@@ -1,7 +1,7 @@
 """What the study of pose selection tries: sizes, where the robot works, how runs are identified."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -16,7 +16,7 @@ from testbench.identify import Estimate
 from testbench.identify.method import Method, gco, least_squares, with_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.model.poses import WorkArea
-from testbench.model.structure import Structure, mgco68, template56
+from testbench.model.structure import Structure, joints_only, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.studies.pose_selection.rows import Scene
 
@@ -35,17 +35,24 @@ class Fit:
 
     def identify(self, vjm: Vjm, prior: Prior, data: Dataset) -> Estimate:
         """Compliances from runs; the prior's common scale is left to them."""
+        return self.each(vjm, prior, [data])[0]
+
+    def each(self, vjm: Vjm, prior: Prior, datasets: Sequence[Dataset]) -> list[Estimate]:
+        """The same of several datasets, solved together."""
         method = with_prior(self.method, prior, Strength(UNCERTAINTY)) if self.prior else self.method
-        return method(vjm, self.structure(vjm.arm), data)
+        return method.each(vjm, self.structure(vjm.arm), datasets)
 
 
 FITS = (
     Fit("MGCO68 + prior", mgco68, True),
     Fit("MGCO56 + prior", template56, True),
+    Fit("Joints + prior", joints_only, True, least_squares),
     Fit("MGCO68", mgco68, False),
     Fit("MGCO56", template56, False),
+    Fit("Joints", joints_only, False, least_squares),
 )
-PLANNED, BARE = FITS[0], FITS[2]  #: The fit that plans are made for, and the same without its prior.
+PLANNED, BARE = FITS[0], FITS[3]  #: The fit that plans are made for, and the same without its prior.
+INCUMBENT = FITS[-1]  #: Six joint compliances by plain least squares.
 ON_ARMS = (PLANNED, Fit("MLS68 + prior", mgco68, True, least_squares))
 """On arms drawn from the prior, GCO and LS."""
 
@@ -57,9 +64,23 @@ class Options:
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
 
 
-AREA = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
-ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
-"""Where the robot works, that of section 6, and the workspace."""
+@dataclass(frozen=True)
+class Ground:
+    """Where the tracker stands and the robot works."""
+
+    name: str  #: In words.
+    station: tuple[float, float, float]  #: Of the tracker [m].
+    area: WorkArea  #: Where predictions are wanted.
+
+
+HOME = Ground(
+    "in front", (4.5, -2.5, 1.6), WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+)
+AWAY = Ground(
+    "at the side", (-2.5, 4.0, 1.8), WorkArea((-0.9, 1.4, 0.9), (0.9, 2.4, 1.9), (0.0, 1.0, 0.0), np.pi / 4)
+)
+"""Where section 6 works, and another ground, on which nothing was tuned."""
+ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: The workspace.
 
 
 @dataclass(frozen=True)
@@ -68,19 +89,27 @@ class Scope:
 
     payload: float = 460.3  #: Hung mass [kg].
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
-    station: tuple[float, float, float] = (4.5, -2.5, 1.6)  #: Of the tracker [m].
-    poses: tuple[int, ...] = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses.
+    ground: Ground = HOME  #: Where the tracker stands and the robot works.
+    #: Numbers of poses, by the first criterion and at random.
+    poses: tuple[int, ...] = (4, 6, 8, 12, 16, 20, 30, 40)
+    fewer: tuple[int, ...] = (8, 12, 20)  #: Those of them by the other criteria.
     criteria: tuple[str, ...] = ("test", "I", "D", "A", "E", "G")  #: Keys of planning.CRITERIA.
     candidates: int = 5000  #: Feasible poses to choose from.
     tasks: int = 20  #: Random poses of the work area where predictions are wanted.
     workspace: int = 200  #: Random poses all over the workspace.
-    area: WorkArea = AREA  #: Work area.
     anywhere: WorkArea = ANYWHERE  #: The workspace.
     featured: int = 12  #: Number of poses that the report looks at closely.
     variants: int = 6  #: How many of the other ways to measure are tried.
+    anew: int = 10  #: Trials, from the first, that plan from candidates and a prior of their own.
+
+    def numbers(self, name: str) -> tuple[int, ...]:
+        """Numbers of poses by a criterion, or at random."""
+        return self.poses if name in (self.criteria[0], RANDOM) else self.fewer
 
 
-QUICK = Scope(poses=(12,), criteria=("test", "D"), candidates=120, tasks=6, workspace=30, variants=1)
+QUICK = Scope(
+    poses=(12,), fewer=(12,), criteria=("test", "D"), candidates=120, tasks=6, workspace=30, variants=1
+)
 
 
 EMPTY = Scene()
@@ -95,6 +124,12 @@ class Settings:
     scope: Scope  #: Sizes and numbers.
     #: Made of the rest by `plans.prepare`; empty before.
     scene: Annotated[Scene, Field(exclude=True)] = EMPTY
+    away: Annotated[Scene, Field(exclude=True)] = EMPTY  #: The same on the other ground.
+
+
+def elsewhere(asked: Settings) -> Settings:
+    """The same on the other ground."""
+    return replace(asked, scope=replace(asked.scope, ground=AWAY), scene=asked.away)
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:

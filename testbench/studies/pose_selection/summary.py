@@ -8,13 +8,14 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.bench.candidates import REASONS
 from testbench.bench.plan_report import Found
+from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.studies.pose_selection import report as r
 from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.rows import Part, PlanRow, Row
+from testbench.studies.pose_selection.rows import Part, PlanRow, Row, Scene
 from testbench.studies.pose_selection.settings import ON_ARMS, PLANNED, RANDOM
 from testbench.studies.study import Trials
-from testbench.trials.spread import ends, grouped, merge, middle, wins
+from testbench.trials.spread import Number, ends, grouped, merge, middle, wins
 from testbench.views.schema import best_of
 
 ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
@@ -32,11 +33,15 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
     names = (*scope.criteria, RANDOM)
     groups = grouped((x for _, rows in trials for x in rows), lambda x: (x.part, x.plan, x.poses, x.fit))
     errors = {fit.name: _levels(groups, asked, fit.name) for fit in s.FITS}
-    ours, plans = errors[PLANNED.name], [plan for plan in scene.plans if not plan.variant]
+    own_plans = [plan for plan in scene.plans if plan.fit == PLANNED.name]
+    ours, plans = errors[PLANNED.name], [plan for plan in own_plans if not plan.variant]
     models = {name: [x.model for x in groups["measured", name, n, PLANNED.name] if x.model] for name in names}
     first = models["test"][0]
     criteria, forecasts = [at(own, n) for own in ours.values()], _forecasts(groups)
-    variants = [_variant(plan, groups) for plan in scene.plans if plan.variant]
+    variants = [_variant(plan, groups) for plan in own_plans if plan.variant]
+    grounds = [
+        row for there in (asked, s.elsewhere(asked)) for row in _ground(groups, there.scope, there.scene)
+    ]
     return r.PoseReport(
         scenario=s.NAME,
         seed=seeds[0] if len(seeds) == 1 else list(seeds),
@@ -45,7 +50,7 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         noise=True,
         truth="nonlinear",
         prior=r.Believed(SCALE, 100 * SHAPE, 100 * UNCERTAINTY),
-        tracker_m=scope.station,
+        tracker_m=scope.ground.station,
         dataset=r.Measured(**vars(first.data), poses=n, tasks=scope.tasks, workspace_poses=scope.workspace),
         candidates=Found(len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))),
         models=[r.ModelReport(**vars(merge(own))) for own in models.values()],
@@ -58,9 +63,11 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         replanned=_anew(groups, n),
         promises=forecasts,
         worth=variants,
+        grounds=grounds,
+        truths=list(TRUTHS),
         study=scope,
         criteria=criteria,
-        verdict=verdict(criteria, ours["test"], forecasts, variants),
+        verdict=verdict(criteria, ours["test"], forecasts, variants, grounds),
     )
 
 
@@ -75,9 +82,9 @@ def _best_tenth(rows: Sequence[Row]) -> float:
 def _levels(groups: Groups, asked: s.Settings, fit: str) -> dict[str, list[r.Level]]:
     found: dict[str, list[r.Level]] = {}
     for name in (*asked.scope.criteria, RANDOM):
-        for poses in asked.scope.poses:
+        for poses in asked.scope.numbers(name):
             rows = groups["measured", name, poses, fit]
-            plan = None if name == RANDOM else asked.scene.plan(name, poses)
+            plan = None if name == RANDOM else asked.scene.plan(name, poses, PLANNED.name)
             level = r.Level(
                 **vars(_errors(rows)),
                 plan=name,
@@ -153,6 +160,42 @@ def _anew(groups: Groups, poses: int) -> r.Anew:
     )
 
 
+def _ground(groups: Groups, scope: s.Scope, scene: Scene) -> list[r.GroundReport]:
+    """Every fit with its own plan on one ground, beside random poses and beside joints alone."""
+    n, ground = scope.featured, scope.ground.name
+
+    def errors(plan: str, fit: s.Fit) -> tuple[list[float], list[float]]:
+        rows = [row for row in groups["ground", plan, n, fit.name] if row.ground == ground]
+        return [row.tasks_mm for row in rows], [middle(row.workspace_mm) for row in rows]
+
+    joints, found = errors("test", s.INCUMBENT), []
+    for fit in s.FITS:
+        ways = (errors("test", fit), errors(RANDOM, fit), joints)
+        tasks, workspace = (_against(*own) for own in zip(*ways, strict=True))
+        found.append(
+            r.GroundReport(
+                ground=ground,
+                fit=fit.name,
+                poses=n,
+                expected_tasks_mm=scene.plan("test", n, fit.name).expected_tasks_mm,
+                tasks=tasks,
+                workspace=workspace,
+            )
+        )
+    return found
+
+
+def _against(plan: Sequence[float], chance: Sequence[float], joints: Sequence[float]) -> r.Against:
+    return r.Against(
+        planned_mm=merge(list[Number](plan)),
+        random_mm=merge(list[Number](chance)),
+        ratio=float(np.median(plan) / np.median(chance)),
+        wins=wins(plan, chance),
+        better_than_joints=wins(plan, joints),
+        seeds=len(plan),
+    )
+
+
 def _forecasts(groups: Groups) -> list[r.ForecastReport]:
     """By plan and number of poses, over all drawn arms."""
     found = []
@@ -196,6 +239,7 @@ def verdict(
     best: Sequence[r.Level],
     forecasts: Sequence[r.ForecastReport],
     variants: Sequence[r.VariantReport],
+    grounds: Sequence[r.GroundReport],
 ) -> r.Verdict:
     """Who is best and whether forecasts hold; of the variants the featured plan is the first."""
     planned = [c for c in criteria if c.plan != RANDOM]
@@ -211,4 +255,14 @@ def verdict(
         inside=(min(inside), max(inside)),
         true_arm=tuple((p.poses, middle(p.tasks_mm) / middle(p.expected_tasks_mm)) for p in best),
         helps=best_of({name: error for name, error in errors.items() if error < base}).names,
+        loses=losing(grounds),
+    )
+
+
+def losing(grounds: Sequence[r.GroundReport]) -> tuple[str, ...]:
+    """Where the plan's median error is no less than that of random poses."""
+    cases = [(f"{own.fit} at the tasks, {own.ground}", own.tasks) for own in grounds]
+    cases += [(f"{own.fit} over the workspace, planned {own.ground}", own.workspace) for own in grounds]
+    return tuple(
+        f"{where} ({own.ratio:.2f}, {own.wins} of {own.seeds})" for where, own in cases if own.ratio >= 1
     )

@@ -48,6 +48,21 @@ VARIANTS = (
     JUDGED,
     Column("judged.workspace_mm", "simulated workspace", "mm"),
 )
+GROUNDS = (
+    Column("ground", "tasks"),
+    Column("fit", "planned for and identified by"),
+    EXPECTED,
+    Column("tasks.planned_mm", "planned, tasks", "mm"),
+    Column("tasks.random_mm", "random, tasks", "mm"),
+    Column("tasks.ratio", "ratio, tasks", form=".2f"),
+    Column("tasks.wins", "planned better, tasks", form="d"),
+    Column("workspace.planned_mm", "planned, workspace", "mm"),
+    Column("workspace.random_mm", "random, workspace", "mm"),
+    Column("workspace.ratio", "ratio, workspace", form=".2f"),
+    Column("workspace.wins", "planned better, workspace", form="d"),
+    Column("workspace.better_than_joints", "better than joints, workspace", form="d"),
+)
+"""Planned for the very fit, against random poses; counts are of seeds."""
 
 
 def tables(report: PoseReport) -> dict[str, Table]:
@@ -69,4 +84,5 @@ def tables(report: PoseReport) -> dict[str, Table]:
         "plans": Table(PLANS, report.plans),
         "forecasts": Table(FORECASTS, report.promises),
         "variants": Table(VARIANTS, report.worth),
+        "grounds": Table(GROUNDS, report.grounds),
     }

@@ -15,23 +15,26 @@ from testbench.identify.identifiability_help import OFFSET, with_marker
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.studies.pose_selection.rows import PlanRow
-from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Settings
+from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Fit, Settings
 
 MORE = 4  #: Further poses: the yardstick of what else could be done.
 CHANCE = 300  #: Stream of a seed for random poses, plus their number.
 
 
-def specify(cell: Cell, asked: Settings, prior: Prior) -> Specification:
-    """The featured number of poses under one weight, with the arm's own markers and the planner's prior."""
+def specify(cell: Cell, asked: Settings, prior: Prior, fit: Fit = PLANNED) -> Specification:
+    """The featured number of poses under one weight, with the arm's own markers, planned for a fit.
+
+    Without a prior of its own a fit's unknowns are still in units of the planner's.
+    """
     scope, scene = asked.scope, asked.scene
     load = hung(cell, scope.payload)
-    own = metric(prior, cell.vjm, PLANNED.structure(cell.arm))
+    own = metric(prior, cell.vjm, fit.structure(cell.arm))
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
         loads=(load,),
         tasks=Tasks(np.array(scene.tasks), load),
         workspace=np.array(scene.workspace),
-        uncertainty=UNCERTAINTY,
+        uncertainty=UNCERTAINTY if fit.prior else None,
         poses=scope.featured,
     )
 
@@ -68,7 +71,7 @@ def poses_of(asked: Settings, name: str, poses: int, seed: int) -> Chosen:
     """The poses of a plan, or random ones of a trial."""
     if name == RANDOM:
         return at_random(np.array(asked.scene.candidates), poses, stream(seed, CHANCE + poses))
-    return planned(asked.scene.plan(name, poses))
+    return planned(asked.scene.plan(name, poses, PLANNED.name))
 
 
 def planned(row: PlanRow) -> Chosen:
