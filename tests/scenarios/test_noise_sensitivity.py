@@ -48,9 +48,12 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 def test_every_trial_is_in_the_parquet_file(quick):
     table = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
     assert {row["seed"] for row in table} == {3, 4}
-    assert sum(row["part"] == "six_dof" for row in table) == 2 * 7 * 6
+    assert sum(row["part"] == "six_dof" for row in table) == 2 * 11 * 6
     assert sum(row["part"].startswith("instrument") for row in table) == 2 * 8
-    assert all(row["solved"] for row in table)
+    assert all(row["solved"] for row in table if row["constraint"] != "free")
+    names = [row["model"] for row in table if (row["seed"], row["part"], row["x"]) == (3, "gravity", 50e-6)]
+    plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
+    assert names == [*plain, "Joints + prior", "MLS56 + prior", "MGCO56 + prior", "MGCO68 + prior"]
 
 
 def test_error_grows_in_proportion_to_noise_where_the_model_is_linear(report):
@@ -59,6 +62,22 @@ def test_error_grows_in_proportion_to_noise_where_the_model_is_linear(report):
     for value, level in zip(errors[1:], report["sigmas_um"][1:], strict=True):
         # orientation readings turn one after the other: not quite linear
         assert value / level == pytest.approx(errors[-1] / report["sigmas_um"][-1], rel=1e-3)
+
+
+def test_least_squares_of_equal_fit_errs_as_least_squares_does_in_full_poses(report):
+    """Readings of full poses see all predictions: the free directions change nothing but the cone."""
+    rows = {(r["model"], r["sigma_um"]): r for r in report["sweeps"]["six_dof"]}
+    for sigma in report["sigmas_um"][1:]:
+        plain, filled = (rows[name, sigma] for name in ("MLS56", "MLS56, PSD of equal fit"))
+        assert filled["rms_um"]["median"] == pytest.approx(plain["rms_um"]["median"], rel=1e-6)
+        assert plain["conservative"] == 0
+        assert filled["conservative"] == 1 or sigma > 25  # more noise pulls what is seen out of the cone
+
+
+def test_noise_hardly_moves_joints_alone_whose_error_is_that_of_the_links(report):
+    calm, *_, noisy = rms(report, "gravity", "Joints")
+    assert calm > 100  # um: what rigid links leave
+    assert noisy < 1.5 * calm
 
 
 def test_gco_is_conservative_and_never_worse_than_least_squares_under_gravity(report):

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.studies.noise_sensitivity.instruments import FLAT
 from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
-from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA
+from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA, distinct
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import GREENS, GREY, NOMINAL, Look, look
 from testbench.views.figure import SOFT, Line, draw_line, quiet
@@ -16,6 +17,7 @@ from testbench.views.schema import Column
 
 SHADES = (GREENS[0], GREY, *GREENS[1:], NOMINAL)
 """Of the instruments, which are all read by one model; the second has flat weights."""
+SAME = 1e-4  #: Share by which errors may differ and be one line.
 LINEAR_UM = 1.0  #: Errors below are drawn on a linear scale: without noise some are exact.
 
 
@@ -24,7 +26,7 @@ def sensitivity(report: NoiseReport) -> Figure:
     figure = Figure(figsize=(15, 5.2), layout="constrained")
     *left, right = figure.subplots(1, 3)
     for axes, (part, words) in zip(left, PARTS.items(), strict=True):
-        for name, own in grouped(report.sweeps[part], lambda row: row.model).items():
+        for name, own in _alike(report.sweeps[part]).items():
             first = own[0]
             draw_line(axes, SIGMA, RMS, Line(own, look(first.structure, first.constraint, first.prior), name))
         axes.set_title(words, fontsize="medium")
@@ -38,12 +40,30 @@ def sensitivity(report: NoiseReport) -> Figure:
     right.annotate(FLAT, (1, flat), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=SOFT)
     right.set_title("laser tracker, MGCO56 with prior, KR 500, linear truth", fontsize="medium")
     _finish(right, DISTANCE, rows)
+    counts = [report.trials[part] for part in ("six_dof", "gravity", "instrument_linear")]
     figure.suptitle(
-        f"What noise costs: medians, bands 5 to 95 %, of {report.trials['six_dof']}, "
-        f"{report.trials['gravity']} and {report.trials['instrument_linear']} trials; dashed with prior",
+        "What noise costs: medians, bands 5 to 95 %, of {}, {} and {} trials; ".format(*counts)
+        + "least squares orange, joints alone blue, GCO green, dashed with prior",
         fontsize="medium",
     )
     return figure
+
+
+def _alike(levels: Sequence[Level]) -> dict[str, list[Level]]:
+    """Models under their names; those that err alike at every noise are one line under the names of all."""
+    found: list[tuple[list[str], list[Level]]] = []
+    for name, own in grouped(distinct(levels), lambda row: row.model).items():
+        errors = [middle(row.rms_um) for row in own]
+        same = [
+            names
+            for names, rows in found
+            if np.allclose(errors, [middle(r.rms_um) for r in rows], rtol=SAME, atol=SAME * LINEAR_UM)
+        ]
+        if same:
+            same[0].append(name)
+        else:
+            found.append(([name], own))
+    return {" = ".join(names): own for names, own in found}
 
 
 def _finish(axes: Axes, x: Column, rows: Sequence[Level]) -> None:

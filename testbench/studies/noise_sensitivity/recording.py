@@ -8,7 +8,7 @@ from testbench.data.csvfile import write_csv
 from testbench.studies.noise_sensitivity.fits import reread
 from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA
 from testbench.studies.noise_sensitivity.report import NoiseReport
-from testbench.studies.noise_sensitivity.tables import MODEL, RMS, SIGMA
+from testbench.studies.noise_sensitivity.tables import MODEL, RMS, SIGMA, distinct
 from testbench.studies.noise_sensitivity.trial import HEAVY, Settings
 from testbench.studies.study import Run
 from testbench.views.colours import look
@@ -28,7 +28,7 @@ def write(run: Run[Settings, NoiseReport]) -> None:
 
 def write_recording(run: Run[Settings, NoiseReport]) -> None:
     """Error over the workspace against noise, the KR 500 under its payload."""
-    rows = run.report.sweeps["gravity"]
+    rows = distinct(run.report.sweeps["gravity"])
     y = replace(RMS, heading=f"{RMS.heading} over the workspace")
     looks = {row.model: look(row.structure, row.constraint, row.prior) for row in rows}
     sweep = Sweep(SIGMA, y, points(rows, MODEL, SIGMA, y), looks)

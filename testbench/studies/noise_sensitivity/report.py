@@ -24,23 +24,25 @@ class Level(FitRow):
 
 @dataclass(frozen=True)
 class Slope:
-    """What noise costs a model, by median errors."""
+    """What noise costs a model, trial by trial."""
 
     model: str
     structure: str
+    constraint: Constraint
     prior: bool
-    noise_free_um: float
-    um_per_um: float  #: At the largest noise.
+    noise_free_um: Spread
+    #: What the largest noise adds in quadrature to the error without noise, per noise.
+    um_per_um: Spread
 
 
 @dataclass(frozen=True)
 class Extremes:
-    """Who has the least and the largest value; several where they are alike."""
+    """Who has the least and the largest median; several where they are alike. Values are of the first."""
 
     least: tuple[str, ...]
-    least_value: float
+    least_value: Spread
     most: tuple[str, ...]
-    most_value: float
+    most_value: Spread
 
 
 @dataclass(frozen=True)
@@ -54,23 +56,52 @@ class Costs:
 
 
 @dataclass(frozen=True)
+class Leaders:
+    """Errors at the noise of the paper's tracker."""
+
+    noise_um: float
+    best: tuple[str, ...]  #: Of all models; several where they are alike.
+    best_um: Number
+    plain: tuple[str, ...]  #: Of those without a prior, joints alone left out.
+    plain_um: Number
+    joints_um: Number  #: Of joints alone.
+
+
+@dataclass(frozen=True)
 class Weighted:
-    """Median error with full covariances over that with flat weights, and which is better."""
+    """Trial by trial: error with full covariances over that with flat weights; which has the less median."""
 
     truth: Truth
     distance_m: float
-    ratio: float
+    ratio: Spread
+    better_in: float  #: Share of trials in which full covariances have the smaller error.
+    trials: int
     better: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Paired:
-    """Trial by trial on the same readings: GCO's error over that of LS with the same structure."""
+    """Trial by trial on the same readings: a model's error over another one's."""
 
     part: Part
+    ours: str
+    theirs: str
     sigma_um: float
     ratio: Spread
-    better_in: float
+    better_in: float  #: Share of trials.
+    alike_in: float  #: Share of trials in which they differ by a solver's digits.
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A pair at every noise."""
+
+    ours: str
+    theirs: str
+    cone: bool  #: Whether they differ in nothing but the cone.
+    sigmas_um: tuple[float, ...]
+    better_in: tuple[float, ...]  #: Shares of trials in which ours is better.
+    alike_in: tuple[float, ...]  #: Shares in which they err alike.
 
 
 @dataclass(frozen=True)
@@ -119,10 +150,11 @@ class NoiseReport:
     costs: Mapping[Part, Costs]
     instruments: list[Level]
     near_m: float
-    near: Extremes  #: Median errors of instruments there, linear truth [um].
+    near: Extremes  #: Errors of instruments there, linear truth [um].
     weighted_over_flat: Mapping[Truth, list[Weighted]]
-    gco_over_ls: list[Paired]
-    gco_better: Mapping[Part, Shares]
-    conservative: Mapping[Constraint, Shares]
+    leaders: Mapping[Part, Leaders]
+    paired: list[Paired]
+    compared: Mapping[Part, list[Compared]]
+    conservative: Mapping[str, Shares]  #: Of all noisy fits, by method in words.
     models: list[ModelAt]
     dataset: DatasetRow

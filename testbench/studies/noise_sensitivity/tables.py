@@ -1,8 +1,9 @@
 """The columns of the study of noise, and its tables."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from testbench.studies.noise_sensitivity.report import NoiseReport
+from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.views.schema import Column, Table, pivot
 
@@ -14,17 +15,21 @@ DISTANCE = Column("x", "distance", "m", "g")
 SLOPES = (
     MODEL,
     Column("noise_free_um", "error without noise", "um", ".1f", rounding=1e-3),
-    Column("um_per_um", "error a um of noise", "um", ".2f"),
+    Column("um_per_um", "cost of a um of noise", "um", ".2f"),
 )
 PAIRED = (
+    Column("ours", "model"),
+    Column("theirs", "against"),
     SIGMA,
-    Column("ratio", "GCO over least squares", form=".2f"),
-    Column("better_in", "GCO better", form="yes"),
+    Column("ratio", "error over its", form=".2f"),
+    Column("better_in", "better", form="yes"),
+    Column("alike_in", "alike", form="yes"),
 )
 WEIGHTED = (
     Column("truth", "truth"),
     Column("distance_m", "distance", "m", "g"),
     Column("ratio", "full over flat", form=".2f"),
+    Column("better_in", "full better", form="yes"),
 )
 INSTRUMENTS = (
     Column("truth", "truth"),
@@ -34,6 +39,12 @@ INSTRUMENTS = (
 )
 
 
+def distinct(levels: Sequence[Level]) -> list[Level]:
+    """Without a completion that exists in no trial with noise: that is least squares once more."""
+    there = {level.model for level in levels if level.x > 0 and level.conservative}
+    return [level for level in levels if level.constraint != "free" or level.model in there]
+
+
 def tables(report: NoiseReport) -> dict[str, Table]:
     """Errors by model and noise, for people who read and for 80 columns; what they say; instruments."""
     found = {}
@@ -41,9 +52,10 @@ def tables(report: NoiseReport) -> dict[str, Table]:
         levels = Table((), report.sweeps[part], f"{words}: RMS error, um, by noise of a reading")
         found[f"{part}_rms"] = pivot(levels, MODEL, SIGMA, RMS)
         found[f"{part}_p95"] = pivot(levels, MODEL, SIGMA, P95)
-        found[f"{part}_short"] = pivot(levels, MODEL, SIGMA, replace(RMS, form=".0f", exact=True))
+        told = replace(levels, rows=distinct(report.sweeps[part]))
+        found[f"{part}_short"] = pivot(told, MODEL, SIGMA, replace(RMS, form=".0f", exact=True))
         found[f"{part}_slopes"] = Table(SLOPES, list(report.slopes[part].values()))
-        found[f"{part}_paired"] = Table(PAIRED, [row for row in report.gco_over_ls if row.part == part])
+        found[f"{part}_paired"] = Table(PAIRED, [row for row in report.paired if row.part == part])
     found["weighted"] = Table(WEIGHTED, [row for own in report.weighted_over_flat.values() for row in own])
     found["instruments"] = Table(INSTRUMENTS, report.instruments)
     return found

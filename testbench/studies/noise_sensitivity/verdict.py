@@ -1,0 +1,170 @@
+"""What the errors of all trials say: what noise costs whom, who is best, who beats whom."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from testbench.bench.baselines import JOINTS
+from testbench.bench.rows import UM
+from testbench.errors import Array
+from testbench.studies.noise_sensitivity.instruments import UNWEIGHTED, WEIGHTED
+from testbench.studies.noise_sensitivity.report import (
+    Compared,
+    Costs,
+    Extremes,
+    Leaders,
+    Level,
+    Paired,
+    Shares,
+    Slope,
+    Weighted,
+)
+from testbench.studies.noise_sensitivity.trial import TRUTHS, NoiseRow, Part
+from testbench.trials.spread import Number, Spread, grouped, middle, spread, triple, wins
+from testbench.views.schema import ALIKE, best_of
+
+NEAREST: dict[Part, float] = {"six_dof": 25.0, "gravity": 50.0}
+"""Noise of the paper's trackers [um], sections 5.2 and 6."""
+BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
+PAIRS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS))
+"""What the cone does without a prior and with it, then both against the incumbent."""
+
+Groups = Mapping[tuple[Part, str, float], Sequence[NoiseRow]]
+"""Rows of all trials by part, model and level."""
+
+
+def _noises(groups: Groups, part: Part) -> list[float]:
+    """The levels of a part that are above 0 [m]."""
+    return sorted({x for where, _, x in groups if where == part and x > 0})
+
+
+def _um(groups: Groups, part: Part, model: str, x: float) -> Array:
+    """Errors of a model, trial by trial [um]."""
+    return np.array([middle(row.rms_um) for row in groups[part, model, x]])
+
+
+def slopes(groups: Groups, part: Part) -> dict[str, Slope]:
+    """Error without noise, and what the largest noise adds to it, by model."""
+    found, top = {}, max(_noises(groups, part))
+    for (where, name, x), rows in groups.items():
+        if where == part and x == 0:
+            calm, noisy = (_um(groups, part, name, level) for level in (0.0, top))
+            added = np.sqrt(np.maximum(0, noisy**2 - calm**2)) / (UM * top)
+            first = rows[0]
+            found[name] = Slope(
+                model=name,
+                structure=first.structure,
+                constraint=first.constraint,
+                prior=first.prior,
+                noise_free_um=spread(calm.tolist()),
+                um_per_um=spread(added.tolist()),
+            )
+    return found
+
+
+def costs(slopes: Sequence[Slope]) -> Costs:
+    """To which models noise costs least and most, and where a prior helps."""
+    plain = {s.structure: s for s in slopes if not s.prior and s.constraint != "free"}
+    filled = {s.structure: s for s in slopes if s.prior}
+    less, more = 1 - ALIKE, 1 + ALIKE
+    lowered = [n for n, s in filled.items() if s.um_per_um.median < less * plain[n].um_per_um.median]
+    raised = [n for n, s in filled.items() if s.noise_free_um.median > more * plain[n].noise_free_um.median]
+    return Costs(
+        plain=extremes({s.model: s.um_per_um for s in plain.values()}),
+        with_prior=extremes({s.model: s.um_per_um for s in filled.values()}),
+        lowered=tuple(lowered),
+        raised_without_noise=tuple(raised),
+    )
+
+
+def extremes(values: Mapping[str, Number]) -> Extremes:
+    """The names of the least and of the largest median."""
+    size = {name: middle(value) for name, value in values.items()}
+    least, top = best_of(values).names, max(size.values())
+    most = sorted((n for n, v in size.items() if v >= (1 - ALIKE) * top), key=lambda n: -size[n])
+    return Extremes(least, _spread(values[least[0]]), tuple(most), _spread(values[most[0]]))
+
+
+def _spread(value: Number) -> Spread:
+    return Spread(*triple(value))
+
+
+def leaders(part: Part, levels: Sequence[Level]) -> Leaders:
+    """Who is best at the noise of the paper's tracker."""
+    own = {level.model: level for level in nearest(part, levels)}
+    plain = {n: level.rms_um for n, level in own.items() if not level.prior and n != JOINTS}
+    best = best_of({n: level.rms_um for n, level in own.items()}).names
+    first = best_of(plain).names
+    return Leaders(
+        noise_um=UM * own[JOINTS].x,
+        best=best,
+        best_um=own[best[0]].rms_um,
+        plain=first,
+        plain_um=plain[first[0]],
+        joints_um=own[JOINTS].rms_um,
+    )
+
+
+def nearest(part: Part, levels: Sequence[Level]) -> list[Level]:
+    """The models at the level nearest the paper's trackers, a completion only where one exists."""
+    own = min({level.x for level in levels}, key=lambda x: abs(UM * x - NEAREST[part]))
+    return [fit for fit in levels if fit.x == own and (fit.constraint != "free" or fit.conservative)]
+
+
+def weighted(groups: Groups) -> list[Weighted]:
+    """Full covariances against flat weights at every distance."""
+    found = []
+    for part, model, x in groups:
+        if model == WEIGHTED:
+            full, flat = (_um(groups, part, name, x) for name in (WEIGHTED, UNWEIGHTED))
+            medians = {"full covariances": float(np.median(full)), "flat weights": float(np.median(flat))}
+            found.append(
+                Weighted(
+                    truth=TRUTHS[part],
+                    distance_m=x,
+                    ratio=spread((full / flat).tolist()),
+                    better_in=wins(full, flat) / len(full),
+                    trials=len(full),
+                    better=best_of(medians).names,
+                )
+            )
+    return found
+
+
+def paired(groups: Groups, part: Part) -> list[Paired]:
+    """Every pair at every noise."""
+    return [_pair(groups, part, *names, x) for names in PAIRS for x in _noises(groups, part)]
+
+
+def _pair(groups: Groups, part: Part, ours: str, theirs: str, x: float) -> Paired:
+    a, b = (_um(groups, part, name, x) for name in (ours, theirs))
+    better, worse = wins(a, b), wins(b, a)
+    return Paired(
+        part=part,
+        ours=ours,
+        theirs=theirs,
+        sigma_um=UM * x,
+        ratio=spread((a / b).tolist()),
+        better_in=better / len(a),
+        alike_in=1 - (better + worse) / len(a),
+    )
+
+
+def compared(rows: Sequence[Paired]) -> list[Compared]:
+    """Every pair over all noise."""
+    return [
+        Compared(
+            ours=names[0],
+            theirs=names[1],
+            cone=names in BY_CONE,
+            sigmas_um=tuple(p.sigma_um for p in own),
+            better_in=tuple(p.better_in for p in own),
+            alike_in=tuple(p.alike_in for p in own),
+        )
+        for names, own in grouped(rows, lambda p: (p.ours, p.theirs)).items()
+    ]
+
+
+def shares(values: Sequence[float]) -> Shares:
+    """The least and the largest."""
+    return Shares(min(values), max(values))
