@@ -35,7 +35,7 @@ def spread(values: Sequence[float]) -> Spread:
 
 def wins(ours: Iterable[float], theirs: Iterable[float]) -> int:
     """In how many trials ours is the smaller by more than a solver's last digits."""
-    return sum(a < (1 - SAME) * b for a, b in zip(ours, theirs, strict=True))
+    return sum(bool(a < (1 - SAME) * b) for a, b in zip(ours, theirs, strict=True))
 
 
 def middle(value: Number) -> float:

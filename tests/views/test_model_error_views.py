@@ -17,8 +17,10 @@ SEEDS = range(2, 7)
 SETTINGS = Settings(arm="kr500_l480", sigma=40e-6)
 CASES = list(cases(1.0))
 MODELS = {
+    "Joints": ("Joints", "none", False),
     "MLS56": ("MLS56", "none", False),
     "MGCO56": ("MGCO56", "psd", False),
+    "MLS56 + prior": ("MLS56", "none", True),
     "MGCO56 + prior": ("MGCO56", "psd", True),
     "MGCO68 + prior": ("MGCO68", "psd", True),
 }
@@ -28,10 +30,13 @@ MEANS = {"disturbance": "case", "moves deflections by, um": "moved_um", "adds to
 CLAIM = {
     "disturbance": "case",
     "model": "model",
+    "against the truth, %": "against_truth",
+    "true within the claim": "within_true",
     "against readings, %": "against_readings",
     "within the claim": "within_claim",
-    "against the truth, %": "against_truth",
 }
+BEATS = {"model": "ours", "against": "theirs", "better in trials": "better", "alike in trials": "alike"}
+BEATS["error over its"] = "ratio"
 TOGETHER = {"model": "model", "without disturbance, um": "none_um", "all together, um": "all_um"}
 
 
@@ -104,6 +109,7 @@ def test_the_claim_is_judged_with_the_noise_of_two_readings_in_quadrature(made, 
         seen = np.sqrt(own**2 + 6 * 40.0**2) / np.sqrt(none**2 + 6 * 40.0**2) - 1
         same(claim.against_truth, own / none - 1)
         same(claim.against_readings, seen)
+        assert claim.within_true == np.mean(np.abs(own / none - 1) <= 0.048)
         assert claim.within_claim == np.mean(np.abs(seen) <= 0.048)
 
 
@@ -118,7 +124,8 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
     check_table(tables["ranking"], sorted(alone, key=lambda c: c.added_um.median, reverse=True), MEANS)
     check_table(tables["claim"], report.claim, CLAIM)
     [(_, lines)] = tables_of(grid(tables["claim"]))
-    assert all(line[3].endswith(" %") for line in lines)
+    assert all(line[k].endswith(" %") for line in lines for k in (3, 5))
+    check_table(tables["beats"], report.beats, BEATS)
     check_table(tables["together"], report.together, TOGETHER)
     for row in report.together:
         for case, shown in ((NONE, row.none_um), (ALL, row.all_um)):
@@ -136,13 +143,15 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
 def test_the_answer_names_the_best_model_with_all_disturbances(rng, best):
     errors = {(ALL, name, 40.0): 60.0 + 10 * k for k, name in enumerate(MODELS)} | {(ALL, best, 40.0): 31.0}
     answer = STUDY.words(summed(trials(rng, errors))).block("answer")
-    assert answer.endswith(f"With noise and all together the best model is {best}: 31 um.")
+    joints = f"; joints alone (what most calibrations use) {errors[ALL, 'Joints', 40.0]:.0f} um."
+    said = "." if best == "Joints" else joints
+    assert answer.endswith(f"With noise and all together the best model is {best}: 31 um{said}")
 
 
 def test_models_that_bear_disturbances_as_well_are_alike(rng):
     errors = {(ALL, name, 40.0): 50.0 for name in MODELS} | {(ALL, "MGCO56", 40.0): 70.0}
     answer = STUDY.words(summed(trials(rng, errors))).block("answer")
-    assert "the best models are MLS56, MGCO56 + prior and MGCO68 + prior (alike): 50 um." in answer
+    assert "MLS56 + prior, MGCO56 + prior and MGCO68 + prior (alike): 50 um" in answer
 
 
 @pytest.mark.parametrize("worst", [c for c in CASES if c not in (NONE, ALL)])
@@ -163,12 +172,37 @@ def test_the_claim_holds_for_the_models_for_which_it_does(rng):
     errors |= {("gravity compensator", "MLS56", 40.0): 500.0}
     errors |= {(STIFF, m, 40.0): 500.0 for m in MODELS}
     text = STUDY.words(summed(trials(rng, errors))).block("statements")
-    held = "MGCO56, MGCO56 + prior and MGCO68 + prior"
+    held = "Joints, MGCO56, MLS56 + prior, MGCO56 + prior and MGCO68 + prior"
     assert (
-        f'With "gravity compensator" they are within that in at least half of the trials for {held}.' in text
+        f'"gravity compensator": within 4.8 % in at least half of the trials are {held} against the' in text
     )
-    assert f'With "{STIFF}" they are within that in at least half of the trials for no model.' in text
+    assert f"truth, {held} against readings." in text
+    assert f'"{STIFF}": within 4.8 % in at least half of the trials are no model against the truth' in text
     assert "at most 4.8 % apart" in text
+
+
+def test_the_true_change_by_the_compensator_stands_before_the_one_that_noise_hides(rng):
+    """50 um become 60: +20 %; beside 98 um of noise in quadrature they are +4.4 %."""
+    errors = {(NONE, m, 40.0): 50.0 for m in MODELS} | {
+        ("gravity compensator", m, 40.0): 60.0 for m in MODELS
+    }
+    words = STUDY.words(summed(trials(rng, errors))).block("statements")
+    [said] = [line for line in words.split("\n") if '"gravity compensator" changes the true error' in line]
+    assert f"of {FEATURED} by +20.0 (+20.0 to +20.0) %. Against readings" in said
+    assert "noise adds in quadrature to both errors, it looks like +4.4 (+4.4 to +4.4) %" in said
+
+
+def test_trials_are_counted_in_which_a_model_beats_another(rng):
+    errors = {(ALL, "MGCO56", 40.0): 30.0, (ALL, "Joints", 40.0): 20.0}
+    errors |= {(ALL, name, 40.0): 10.0 for name in ("MGCO56 + prior", "MLS56 + prior")}
+    made = summed(trials(rng, errors))
+    found = {(b.ours, b.theirs): (b.better, b.alike, b.cone) for b in made.beats}
+    assert found["MGCO56", "Joints"] == (0, 0, False)
+    assert found["MGCO56 + prior", "Joints"] == (5, 0, False)
+    assert found["MGCO56 + prior", "MLS56 + prior"] == (0, 5, True)
+    text = STUDY.words(made).block("statements")
+    assert "MGCO56 beats Joints in 0 of 5 trials, 1.50 times its error." in text
+    assert "MGCO56 + prior and MLS56 + prior err alike in all 5 trials: there the cone does nothing." in text
 
 
 def test_the_sizes_of_disturbances_are_told_in_their_units(report):

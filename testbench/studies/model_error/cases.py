@@ -7,7 +7,7 @@ from testbench.errors import BenchError
 from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances
 
 NONE, ALL = "none", "all together"
-PLAIN_COMPENSATOR, STIFF = "gravity compensator", "compensator, other reading"
+PLAIN_COMPENSATOR, STIFF = "gravity compensator", "stiff compensator"
 SWITCHES: dict[str, str] = {
     "own weight": "own_weight",
     PLAIN_COMPENSATOR: "compensator",

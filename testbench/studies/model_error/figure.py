@@ -6,19 +6,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
+from testbench.studies.model_error.summary import distinct
 from testbench.studies.model_error.tables import RMS
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
 from testbench.views.figure import log_ticks, quiet
 
-STEP = 0.16  #: Between the models of one case [cases].
+STEP = 0.11  #: Between the models of one case [cases].
 
 
 def disturbances(report: ModelErrorReport) -> Figure:
     """Median and spread of every model, a line a case: nothing joins one case to the next."""
-    figure = Figure(figsize=(14, 6.4), layout="constrained")
+    figure = Figure(figsize=(14, 9), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
-    calm, noisy = ([c for c in report.cells if (c.noise_um == 0) == quietly] for quietly in (True, False))
+    told = distinct(report.cells)
+    calm, noisy = ([c for c in told if (c.noise_um == 0) == quietly] for quietly in (True, False))
     for axes, cells, words in (
         (left, calm, "without noise"),
         (right, noisy, f"with noise of {report.sigma_um:g} um"),
@@ -27,10 +29,10 @@ def disturbances(report: ModelErrorReport) -> Figure:
         axes.set_title(words, fontsize="medium")
     left.set_yticks(range(len(report.sizes)), list(report.sizes))
     left.set_ylim(len(report.sizes) - 0.5, -0.5)
-    figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=5)
+    figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=8)
     figure.suptitle(
         f"{report.arm}: each disturbance alone and all together, {report.trials} trials: median, 5 to 95 %; "
-        "filled with prior",
+        "least squares orange, joints alone blue, GCO green, filled with prior",
         fontsize="medium",
     )
     return figure

@@ -7,6 +7,7 @@ from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.csvfile import write_csv
 from testbench.studies.model_error.cases import ALL, cases
 from testbench.studies.model_error.report import ModelErrorReport
+from testbench.studies.model_error.summary import distinct
 from testbench.studies.model_error.tables import CASE, MODEL, RMS
 from testbench.studies.model_error.trial import Settings, disturbed
 from testbench.studies.noise_sensitivity.fits import reread
@@ -30,7 +31,7 @@ def write(run: Run[Settings, ModelErrorReport]) -> None:
 def write_recording(run: Run[Settings, ModelErrorReport]) -> None:
     """Error over the workspace by disturbance, with noise."""
     report, names = run.report, list(run.report.sizes)
-    noisy = [cell for cell in report.cells if cell.noise_um > 0]
+    noisy = [cell for cell in distinct(report.cells) if cell.noise_um > 0]
     noise = f"{RMS.heading} over the workspace with noise of {report.sigma_um:g} um"
     sweep = Sweep(
         CASE,

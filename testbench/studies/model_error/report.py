@@ -26,8 +26,9 @@ class Claim:
     case: str  #: Which reading of the compensator.
     model: str
     against_truth: Spread
+    within_true: float  #: Share of trials in which that is as small as the paper says.
     against_readings: Spread  #: With the readings' noise added in quadrature, as the paper measures.
-    within_claim: float  #: Share of trials in which that is as small as the paper says.
+    within_claim: float  #: The same share of these.
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,21 @@ class Held:
     """The models for which the paper's claim holds in at least half of the trials."""
 
     case: str
-    models: tuple[str, ...]
+    featured: Claim  #: Of the featured model.
+    against_truth: tuple[str, ...]
+    against_readings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Beats:
+    """Two models in the same trials, all disturbances together, with noise."""
+
+    ours: str
+    theirs: str
+    cone: bool  #: Whether they differ in nothing but the cone.
+    better: int  #: Trials in which ours has the smaller error.
+    alike: int  #: Trials in which they differ by a solver's digits.
+    ratio: Spread
 
 
 @dataclass(frozen=True)
@@ -71,5 +86,7 @@ class ModelErrorReport:
     above_noise: tuple[str, ...]  #: Cases that alone, without noise, add more.
     together: list[Together]
     best_together: tuple[str, ...]  #: Several where they are alike.
+    joints_together_um: Number  #: Of joints alone.
+    beats: list[Beats]
     models: list[ModelAt]
     dataset: DatasetRow

@@ -5,13 +5,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS
 from testbench.bench.rows import UM
 from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, sizes
-from testbench.studies.model_error.report import CaseErrors, Claim, Held, ModelErrorReport, Together
+from testbench.studies.model_error.report import Beats, CaseErrors, Claim, Held, ModelErrorReport, Together
 from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
 from testbench.studies.noise_sensitivity.summary import model_at, summed
+from testbench.studies.noise_sensitivity.verdict import BY_CONE, PAIRS
 from testbench.studies.study import Trials
-from testbench.trials.spread import grouped, middle, spread
+from testbench.trials.spread import grouped, middle, spread, wins
 from testbench.views.schema import best_of
 
 CLAIM = 0.048
@@ -28,7 +30,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
     cells = [_errors(own, groups) for own in groups.values()]
     noisy = [cell for cell in cells if cell.noise_um > 0]
     claim = _claims(groups, UM * asked.sigma)
-    pairs = together(noisy)
+    pairs = together(distinct(noisy))
     order = ranking(cells)
     adds = noise_adds(cells)
     return ModelErrorReport(
@@ -52,8 +54,13 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
         above_noise=tuple(cell.case for cell in order if cell.added_um.median > adds),
         together=pairs,
         best_together=best_of({p.model: p.all_um for p in pairs}).names,
+        joints_together_um=next(p.all_um for p in pairs if p.model == JOINTS),
+        beats=[_beats(groups, *names, UM * asked.sigma) for names in PAIRS],
         models=[
-            model_at(cell, case, "workspace") for case in (NONE, ALL) for cell in noisy if cell.case == case
+            model_at(cell, case, "workspace")
+            for case in (NONE, ALL)
+            for cell in distinct(noisy)
+            if cell.case == case
         ],
         dataset=next(row.measured for row in rows if row.measured is not None),
     )
@@ -88,6 +95,7 @@ def _claim(rows: Sequence[CaseRow], base: Sequence[CaseRow]) -> Claim:
         case=first.case,
         model=first.model,
         against_truth=spread((true[0] / true[1] - 1).tolist()),
+        within_true=float(np.mean(np.abs(true[0] / true[1] - 1) <= CLAIM)),
         against_readings=spread(seen.tolist()),
         within_claim=float(np.mean(np.abs(seen) <= CLAIM)),
     )
@@ -96,9 +104,33 @@ def _claim(rows: Sequence[CaseRow], base: Sequence[CaseRow]) -> Claim:
 def held(claims: Sequence[Claim]) -> list[Held]:
     """For which models the claim holds, by reading of the compensator."""
     return [
-        Held(case, tuple(c.model for c in own if c.within_claim >= MOST))
+        Held(
+            case=case,
+            featured=next(c for c in own if c.model == FEATURED),
+            against_truth=tuple(c.model for c in own if c.within_true >= MOST),
+            against_readings=tuple(c.model for c in own if c.within_claim >= MOST),
+        )
         for case, own in grouped(claims, lambda claim: claim.case).items()
     ]
+
+
+def _beats(groups: Groups, ours: str, theirs: str, noise_um: float) -> Beats:
+    a, b = (np.array([middle(row.rms_um) for row in groups[ALL, name, noise_um]]) for name in (ours, theirs))
+    better, worse = wins(a, b), wins(b, a)
+    return Beats(
+        ours=ours,
+        theirs=theirs,
+        cone=(ours, theirs) in BY_CONE,
+        better=better,
+        alike=len(a) - better - worse,
+        ratio=spread((a / b).tolist()),
+    )
+
+
+def distinct(cells: Sequence[CaseErrors]) -> list[CaseErrors]:
+    """Without a completion that exists in no trial with noise: that is least squares once more."""
+    there = {cell.model for cell in cells if cell.noise_um > 0 and cell.conservative}
+    return [cell for cell in cells if cell.constraint != "free" or cell.model in there]
 
 
 def ranking(cells: Sequence[CaseErrors]) -> list[CaseErrors]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from testbench.studies.model_error.report import ModelErrorReport
+from testbench.studies.model_error.summary import distinct
 from testbench.views.schema import Column, Table, pivot
 
 CASE = Column("case", "disturbance")
@@ -16,9 +17,17 @@ RANKING = (
 CLAIM = (
     CASE,
     MODEL,
+    Column("against_truth", "against the truth", "%", "+.1f", scale=100),
+    Column("within_true", "true within the claim", form="yes"),
     Column("against_readings", "against readings", "%", "+.1f", scale=100),
     Column("within_claim", "within the claim", form="yes"),
-    Column("against_truth", "against the truth", "%", "+.1f", scale=100),
+)
+BEATS = (
+    Column("ours", "model"),
+    Column("theirs", "against"),
+    Column("better", "better in trials", form="d"),
+    Column("alike", "alike in trials", form="d"),
+    Column("ratio", "error over its", form=".2f"),
 )
 TOGETHER = (
     MODEL,
@@ -30,13 +39,16 @@ TOGETHER = (
 def tables(report: ModelErrorReport) -> dict[str, Table]:
     """Errors by disturbance and model, without noise and with it; what disturbances add; the claim."""
     found = {}
+    names = {cell.model for cell in distinct(report.cells)}
     noise = f"with noise of {report.sigma_um:g} um"
     for name, calm, words in (("calm", True, "without noise"), ("noisy", False, noise)):
         cells = [cell for cell in report.cells if (cell.noise_um == 0) == calm]
         table = Table((), cells, f"RMS error, um, {words}")
         found[name] = pivot(table, CASE, MODEL, RMS)
-        found[f"{name}_short"] = pivot(table, CASE, MODEL, replace(RMS, exact=True))
+        told = replace(table, rows=[cell for cell in cells if cell.model in names])
+        found[f"{name}_short"] = pivot(told, CASE, MODEL, replace(RMS, exact=True))
     found["ranking"] = Table(RANKING, report.ranking)
+    found["beats"] = Table(BEATS, report.beats)
     found["claim"] = Table(CLAIM, report.claim)
     found["together"] = Table(TOGETHER, report.together)
     return found

@@ -1,5 +1,6 @@
 """Values with their spread on a logarithmic axis: drawn in a plane, so that every dot has its name."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,7 @@ PANE = 1580.0, 760.0
 """About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
 BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
 """How far a label stands below its point, half the width of a letter, space before a number [ui points]."""
+ABREAST = 4  #: Entries of the legend on one line: more would overlap.
 SMALLEST = 1e-9  #: Values below are drawn here: the axis is logarithmic.
 
 
@@ -77,12 +79,17 @@ class Chart:
         return self._tall * len(self.names)
 
     @property
+    def _meaning(self) -> dict[str, Colour]:
+        """What the colours of shared lines mean."""
+        return {d.text: d.colour for d in self.dots}
+
+    @property
     def _tall(self) -> float:
         return TALL if self.shared else ROW
 
     def view(self) -> rrb.Spatial2DView:
         """The view of the chart."""
-        top = -1.5 * ROW if self.shared else -ROW / 4
+        top = -ROW * (0.5 + math.ceil(len(self._meaning) / ABREAST)) if self.shared else -ROW / 4
         bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, self.bottom + ROW))
         return rrb.Spatial2DView(origin=self.path, name=self.title, visual_bounds=bounds)
 
@@ -112,7 +119,7 @@ class Chart:
         self._write_words(pen, x[:, 2], y)
 
     def _write_words(self, pen: Pen, right: Array, y: Array) -> None:
-        """Names of the lines; numbers, or on shared lines what the colours mean, in a line above."""
+        """Names of the lines; numbers, or on shared lines what the colours mean, above."""
         unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (self.bottom + ROW) / PANE[1])  # of the chart a ui point
         lift = BELOW * unit
         own = [next(d.colour for d in self.dots if d.name == name) for name in self.names]
@@ -124,10 +131,12 @@ class Chart:
             colours = [d.colour for d in self.dots]
             pen.names(f"{self.path}/number", np.column_stack([ahead, y - lift]), texts, colours)
             return
-        meaning = {d.text: d.colour for d in self.dots}
-        places = [(WIDTH * (k + 0.5) / len(meaning), -ROW) for k in range(len(meaning))]
-        colours = list(meaning.values())
-        marks = rr.Points2D(places, labels=list(meaning), colors=colours, radii=-6.0, show_labels=True)
+        names, colours = list(self._meaning), list(self._meaning.values())
+        columns, lines = min(ABREAST, len(names)), math.ceil(len(names) / ABREAST)
+        places = [
+            (WIDTH * (k % ABREAST + 0.5) / columns, -ROW * (lines - k // ABREAST)) for k in range(len(names))
+        ]
+        marks = rr.Points2D(places, labels=names, colors=colours, radii=-6.0, show_labels=True)
         pen.still(f"{self.path}/legend", marks)
 
     def _heights(self) -> Array:
