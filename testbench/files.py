@@ -69,7 +69,9 @@ def write_json(value: Any, file: Path) -> None:
     file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def write_manifest(folder: Path, *, command: str, scenario: Any, seeds: range, arms: Sequence[Path]) -> None:
+def write_manifest(
+    folder: Path, *, command: str, scenario: Any, seeds: range, arms: Sequence[Path], **measured: float
+) -> None:
     """manifest.json: what it takes to run a study again.
 
     Args:
@@ -78,12 +80,14 @@ def write_manifest(folder: Path, *, command: str, scenario: Any, seeds: range, a
         scenario: What was asked for, as plain data.
         seeds: Roots of randomness.
         arms: Folders of the arms.
+        measured: Of the run itself, such as its seconds.
     """
     manifest = {
         "command": command,
         "scenario": scenario,
         "seed": seeds[0],
         "seeds": len(seeds),
+        **measured,
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": {arm.resolve().name: digests(arm) for arm in arms},

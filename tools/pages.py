@@ -1,4 +1,4 @@
-"""The pages of docs/studies from full runs, and the demo's table in README.md: no number is typed.
+"""The pages of docs/studies from full runs, and the numbers of README.md and docs: none is typed.
 
 python tools/pages.py --runs runs/full
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from blocks import fill
 
 from testbench.errors import BenchError
 from testbench.shell import command
@@ -31,6 +32,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def main(
     runs: Annotated[Path, typer.Option(help="Folder with one folder a study.")] = ROOT / "runs" / "full",
+    bench: Annotated[Path, typer.Option(help="What `make bench` wrote.")] = ROOT / "runs/bench/bench.json",
     demo: Annotated[bool, typer.Option(help="Run the demo and write its table into README.md.")] = True,
 ) -> None:
     """Write every page whose run is there."""
@@ -40,6 +42,9 @@ def main(
     for name in found:
         page(name, runs / name)
         print(PAGES / f"{name}.md")
+    for own in (README, *sorted(PAGES.parent.glob("*.md"))):
+        if fill(own, runs, bench):
+            print(own)
     if demo:
         text = README.read_text(encoding="utf-8")
         README.write_text(DEMO.sub(rf"\g<1>{shown()}\g<2>", text), encoding="utf-8")

@@ -9,9 +9,9 @@ from testbench.views.schema import Column, show
 Verdict = Literal["confirmed", "not confirmed"]
 MOST = 0.95  #: Share of the seeds in which a comparison must hold.
 RULE = (
-    "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds; one in ten does not "
-    "even where nothing differs. A comparison is confirmed where it holds in at least 95 % of the seeds, on "
-    "the same data. Any other statement is confirmed where it holds in all of them."
+    "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds; one in ten lies "
+    "outside even where nothing differs. A comparison is confirmed where it holds in at least 95 % of the "
+    "seeds, on the same data. Any other statement is confirmed where it holds in all of them."
 )
 """How every verdict is made."""
 

@@ -1,6 +1,7 @@
 """The command of a study: trials on the engine, then its report and every view of it, all or nothing."""
 
 import json
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
@@ -55,7 +56,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     Raises:
         BenchError: When a flag is wrong, a trial cannot be done or the folder cannot be written.
     """
-    out = common.out or Path("runs") / study.name
+    start, out = time.perf_counter(), common.out or Path("runs") / study.name
     seeds = _seeds(study, common)
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
@@ -76,7 +77,8 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
         _write(study, found)
         script = f"scenarios/{study.name}.py"
-        files.write_manifest(folder, command=script, scenario=plain, seeds=seeds, arms=arms)
+        seconds = time.perf_counter() - start
+        files.write_manifest(folder, command=script, scenario=plain, seeds=seeds, arms=arms, seconds=seconds)
     terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
 

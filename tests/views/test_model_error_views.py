@@ -174,10 +174,10 @@ def test_the_claim_holds_for_the_models_for_which_it_does(rng):
     text = STUDY.words(summed(trials(rng, errors))).block("statements")
     held = "Joints, MGCO56, MLS56 + prior, MGCO56 + prior and MGCO68 + prior"
     assert (
-        f'"gravity compensator": within 4.8 % in at least half of the trials are {held} against the' in text
+        f'"gravity compensator": within 4.8 % in at least 95 % of the trials are {held} against the' in text
     )
     assert f"truth, {held} against readings." in text
-    assert f'"{STIFF}": within 4.8 % in at least half of the trials are no model against the truth' in text
+    assert f'"{STIFF}": within 4.8 % in at least 95 % of the trials are no model against the truth' in text
     assert "at most 4.8 % apart" in text
 
 

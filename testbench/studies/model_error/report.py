@@ -33,7 +33,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Held:
-    """The models for which the paper's claim holds in at least half of the trials."""
+    """The models for which the paper's claim holds in at least 95 % of the trials."""
 
     case: str
     featured: Claim  #: Of the featured model.

@@ -12,13 +12,13 @@ from testbench.studies.model_error.report import Beats, CaseErrors, Claim, Held,
 from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
 from testbench.studies.noise_sensitivity.summary import model_at, summed
 from testbench.studies.noise_sensitivity.verdict import BY_CONE, PAIRS
+from testbench.studies.paper import MOST
 from testbench.studies.study import Trials
 from testbench.trials.spread import grouped, middle, spread, wins
 from testbench.views.schema import best_of
 
 CLAIM = 0.048
 """Largest difference that the paper quotes between errors with and without a gravity compensator [1]."""
-MOST = 0.5  #: Share of trials from which on a claim holds.
 
 Groups = Mapping[tuple[str, str, float], Sequence[CaseRow]]  #: Rows of all trials by case, model and noise.
 

@@ -1,0 +1,93 @@
+"""Numbers in hand-written pages: those between marks are a run's, and no other is typed."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from blocks import FROM, PLAIN, fill
+from run_here import app_of, here
+from write_paper import read
+
+from testbench.errors import InputError
+from testbench.studies.loaded_stiffness.study import STUDY
+from testbench.views.markdown import grid
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATED = ("paper.md",)
+MEASURED = re.compile(r"\d\.\d+ (?:mm|um|ms|s|times)\b|\d us\b|\d\.\d+ ?%")
+"""What a measured number looks like: decimals with a unit."""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    app = app_of(ROOT / "scenarios" / "loaded_stiffness.py")
+    done = here(app, "--seed", 3, "--out", folder / "loaded_stiffness", "--quick", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def page(tmp_path, text):
+    file = tmp_path / "page.md"
+    file.write_text(text)
+    return file
+
+
+def test_a_mark_holds_the_words_and_tables_of_its_run_and_nothing_beside_it_changes(runs, tmp_path):
+    text = "Before 1.5 mm.\n\n<!-- from loaded_stiffness: title; tangent -->\nold\n<!-- end -->\n\nAfter.\n"
+    own = page(tmp_path, text)
+    assert fill(own, runs, tmp_path / "none.json")
+    found, report = own.read_text(), read(runs, STUDY)
+    inside = f"{report.words.block('title')}\n\n{grid(report.tables['tangent'])}"
+    assert found == text.replace("old\n", f"{inside}\n\n")
+    assert fill(own, runs, tmp_path / "none.json")
+    assert own.read_text() == found  # once more changes nothing
+
+
+def test_what_did_not_run_stays_as_it_was(runs, tmp_path):
+    text = "<!-- from single_link: title -->\nold\n<!-- end -->\n<!-- bench -->\nbars\n<!-- end -->\n"
+    own = page(tmp_path, text)
+    fill(own, runs, tmp_path / "none.json")
+    assert own.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("mark", "said"),
+    [
+        ("from no_such_study: title", "no study 'no_such_study'"),
+        ("from loaded_stiffness: no_part", "no such block, and no such table; tables are rows, errors"),
+    ],
+)
+def test_a_wrong_mark_is_one_line(runs, tmp_path, mark, said):
+    with pytest.raises(InputError, match=said):
+        fill(page(tmp_path, f"<!-- {mark} -->\n<!-- end -->\n"), runs, tmp_path / "none.json")
+
+
+def test_bars_and_times_are_those_of_the_runs(runs, tmp_path):
+    rows = [
+        {"benchmark": "a over b", "value": 2.345, "unit": "x", "bar": 3.5, "at_least": False},
+        {"benchmark": "c", "value": 12.0, "unit": "ms", "bar": None, "at_least": True},
+    ]
+    bench = tmp_path / "bench.json"
+    bench.write_text(json.dumps({"results": rows, "machine": {"processor": "some core"}}))
+    own = page(tmp_path, "<!-- bench -->\n<!-- end -->\n<!-- times -->\n<!-- end -->\n")
+    fill(own, runs, bench)
+    assert "| a over b | 2.35 x | at most 3.5 |" in own.read_text()
+    assert "| c | 12 ms |  |" in own.read_text()
+    seconds = json.loads((runs / "loaded_stiffness" / "manifest.json").read_text())["seconds"]
+    assert seconds > 0.1
+    assert f"| loaded stiffness | 1 | {seconds:.0f} s |" in own.read_text()
+
+
+@pytest.mark.parametrize(
+    "file", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda p: p.name
+)
+def test_no_measured_number_is_typed_by_hand(file):
+    if file.name in GENERATED:
+        return
+    text = PLAIN.sub("", FROM.sub("", file.read_text()))
+    text = re.sub(r"<!-- demo -->.*?<!-- end -->|```.*?```", "", text, flags=re.DOTALL)
+    lines = [line for line in text.splitlines() if not line.startswith("    ")]
+    typed = [m[0] for line in lines for m in MEASURED.finditer(line)]
+    assert not typed
