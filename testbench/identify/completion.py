@@ -61,7 +61,7 @@ def completed(regression: Regression) -> Estimate:
     free = free_directions(regression, plain.pi)
     found = _nearest(regression.structure, free)
     if found.status != "solved":
-        why = NONE if _least_shift(regression.structure, free) > PROVEN else found.failure
+        why = NONE if least_shift(regression.structure, free) > PROVEN else found.failure
         return replace(_left_as_it_is(plain, why), solver_seconds=found.seconds)
     pi = free.unit * clip(regression.structure, free.x + free.N @ found.x[1:])
     estimate = make_estimate(
@@ -97,10 +97,11 @@ def _nearest(s: Structure, free: Free) -> cone.Solution:
     return cone.solve(_program(s, free, np.zeros(s.n), (shortest,)))
 
 
-def _least_shift(s: Structure, free: Free) -> float:
-    """What no t is below, of all w for which X_0 + N w + t 1 has positive semi-definite blocks."""
+def least_shift(s: Structure, free: Free) -> float:
+    """What no t >= -1 is below, of all w for which X_0 + N w + t 1 has positive semi-definite blocks."""
     one = np.where(s.a == s.b, 1.0, 0.0)
-    return cone.solve(_program(s, free, one, ())).bound
+    first = np.eye(1, 1 + free.N.shape[1])
+    return cone.solve(_program(s, free, one, (cone.Rows("nonnegative", -first, np.ones(1)),))).bound
 
 
 def _program(s: Structure, free: Free, beside: Array, rows: tuple[cone.Rows, ...]) -> cone.Problem:

@@ -10,10 +10,12 @@ from testbench.bench.campaign import Scenario
 from testbench.bench.campaign import simulate as calibrate
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.errors import BenchError
-from testbench.identify.completion import NONE
+from testbench.identify import reduce
+from testbench.identify.completion import NONE, PROVEN, free_directions, least_shift
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.identifiability_help import imagined
+from testbench.identify.least_squares import minimum_norm
 from testbench.model.structure import free36, joints_only, mgco147, template56
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)
@@ -75,6 +77,16 @@ def test_a_seen_compliance_below_zero_leaves_no_conservative_model(kr500):
     right = completed_least_squares(kr500.vjm, structure, deflected(kr500, structure, np.abs(true)))
     assert right.conservative
     assert right.status == "solved"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_that_none_exists_is_proven_where_gco_fits_worse_and_nowhere_else(kr500, seed):
+    """A solver that fails is no proof: what every model of equal fit lacks is bounded from below."""
+    data = calibrate(kr500, seed=seed).identification
+    for make, exists in ((template56, False), (mgco147, True)):
+        regression = reduce(kr500.vjm, make(kr500.arm), data)
+        free = free_directions(regression, minimum_norm(regression).pi)
+        assert (least_shift(regression.structure, free) > PROVEN) is not exists
 
 
 def deflected(cell, structure, pi):
