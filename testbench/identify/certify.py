@@ -47,8 +47,7 @@ def scaled_units(structure: Structure) -> Array:
     rad/(N m) whatever mixture of metres and radians C holds.
     """
     index = np.arange(structure.n_theta)
-    links = (structure.n_theta + 1) // 7  # six virtual joints each, and one joint less than links
-    return np.where((index < 6 * links) & (index % 6 < 3), LENGTH, 1.0)
+    return np.where((index < 6 * structure.links) & (index % 6 < 3), LENGTH, 1.0)
 
 
 def certify(

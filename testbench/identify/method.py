@@ -5,24 +5,20 @@ A method is called like an estimator of your own: method(vjm, structure, data) -
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
-
-import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify.crossval import choose_strength, every_fold
 from testbench.identify.estimate import Constraint, Estimate, Estimator
+from testbench.identify.hierarchy import learn
 from testbench.identify.huber import without_outliers
-from testbench.identify.metric import Belief, Metric, metric, rescaled
+from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.regularised import fit_each, parameters
+from testbench.identify.regularised import fit_each
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-LEAST_POSES = 2
 ROBUST_UNCERTAINTY = 0.3  #: Relative uncertainty of a prior beside a robust loss, where none is given.
 
 
@@ -33,8 +29,8 @@ class Method:
     #: "none" for least squares, "psd" for GCO, "free" for least squares completed, which takes no prior.
     constraint: Constraint = "psd"
     prior: Prior | None = None  #: Expected compliances, their common scale left to the data; None for none.
-    #: How firmly the prior is believed; None to choose by cross-validation over poses, or
-    #: `ROBUST_UNCERTAINTY` with a robust loss: cross-validation would see the outliers.
+    #: How firmly the prior is believed; None to learn it from the readings, with the scale of every link and
+    #: joint, or `ROBUST_UNCERTAINTY` with a robust loss: outliers would teach it.
     strength: Strength | None = None
     loss: Literal["plain", "robust"] = "plain"  #: "robust" looks for outliers and does without them.
 
@@ -65,41 +61,26 @@ class Method:
     def each(self, vjm: Vjm, structure: Structure, datasets: Sequence[Dataset]) -> list[Estimate]:
         """The same of several datasets, their programs solved together."""
         regressions = [reduce(vjm, structure, data) for data in datasets]
-        beliefs = self.beliefs(vjm, regressions, datasets)
+        beliefs = self.beliefs(vjm, regressions)
         if self.loss == "robust":
             runs = zip(datasets, regressions, beliefs, strict=True)
             return [without_outliers(vjm, data, r, self.constraint, own) for data, r, own in runs]
         return fit_each(regressions, self.constraint, beliefs)
 
-    def beliefs(
-        self, vjm: Vjm, regressions: Sequence[Regression], datasets: Sequence[Dataset]
-    ) -> Sequence[Belief | None]:
+    def beliefs(self, vjm: Vjm, regressions: Sequence[Regression]) -> Sequence[Belief | None]:
         """The prior in the scale of each dataset, and how firmly it is believed; None without a prior.
 
         Raises:
-            BenchError: When the prior does not fit, or there is only one pose to choose its strength from.
+            BenchError: When the prior does not fit the structure or the data.
         """
         if self.prior is None:
-            return [None] * len(datasets)
+            return [None] * len(regressions)
         own = metric(self.prior, vjm, regressions[0].structure)
-        found = []
-        for regression, data in zip(regressions, datasets, strict=True):
-            scaled = rescaled(own, regression)
-            found.append(Belief(scaled, self.strength or self._chosen(vjm, scaled, data)))
-        return found
-
-    def _chosen(self, vjm: Vjm, own: Metric, data: Dataset) -> Strength:
-        if self.loss == "robust":
-            return Strength(ROBUST_UNCERTAINTY)
-        poses = len(np.unique(data.pose))
-        if poses < LEAST_POSES:
-            raise BenchError(
-                f"prior: expected at least {LEAST_POSES} poses to cross-validate its uncertainty, got "
-                f"{poses}; give it (--uncertainty-percent)"
-            )
-        return choose_strength(
-            every_fold(vjm, own.structure, data), own, partial(parameters, self.constraint)
-        )
+        strength = Strength(ROBUST_UNCERTAINTY) if self.loss == "robust" else None
+        strength = self.strength or strength
+        if strength is None:
+            return [learn(regression, own) for regression in regressions]
+        return [Belief(rescaled(own, regression), strength) for regression in regressions]
 
 
 least_squares = Method("none")
@@ -122,7 +103,7 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
     Args:
         estimator: A method; not an estimator of your own.
         prior: Expected compliances.
-        strength: How firmly they are believed; None to choose by cross-validation over poses.
+        strength: How firmly they are believed; None to learn it from the readings, see `hierarchy`.
 
     Returns:
         The method with the prior; call it as any other.

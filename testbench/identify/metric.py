@@ -7,15 +7,16 @@ and C is positive semi-definite where X is.
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Regression, check_symmetric
-from testbench.model.structure import Structure
+from testbench.model.structure import TEMPLATE, Structure
 from testbench.model.vjm import Vjm
 
 METRICS = 32  #: How many metrics are remembered: many datasets are fitted with few.
@@ -32,6 +33,25 @@ class Metric:
     L: Array  #: pi = L x, (n, n), block by block.
     expected: Array  #: x of X = 1, (n,).
     sizes: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
+
+    @cached_property
+    def couplings(self) -> npt.NDArray[np.bool_]:
+        """Which entries of x couple what a straight beam does not, (n,)."""
+        row, column = self.structure.triangles
+        beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
+        return np.asarray((row < 6 * self.structure.links) & ~beam)
+
+    @cached_property
+    def joints(self) -> npt.NDArray[np.bool_]:
+        """Which blocks are joints, (blocks,)."""
+        return np.array([block[0] >= 6 * self.structure.links for block in self.structure.blocks])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of every block: its link or joint, or its first row where a link has several blocks."""
+        labels = [self.structure.labels[block[0]] for block in self.structure.blocks]
+        whole = [size == 6 for size in self.sizes]
+        return tuple(label.split(".")[0] if one else label for label, one in zip(labels, whole, strict=True))
 
     def matrices(self, x: Array) -> list[Array]:
         """X of every block."""
@@ -56,11 +76,26 @@ def clipped(structure: Structure, X: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class Scale:
+    """How much softer than the prior, beside all others of its kind, the readings want a link or a joint."""
+
+    name: str  #: Of the link or joint; "joints" for all of them beside the links.
+    factor: float  #: Over the prior's compliance [1].
+    deviation: float  #: Standard deviation of its logarithm [1].
+
+
+@dataclass(frozen=True)
 class Belief:
     """A prior in the metric of a structure, and how firmly it is believed."""
 
     metric: Metric
     strength: Strength
+    #: Noise, and what the model cannot explain, over the noise of the readings [1]; `strength` is over it.
+    misfit: float = 1.0
+    #: By how much the parameters move with what is left open of the prior, a standard deviation a row,
+    #: (k, n); None where the prior is not learnt from the readings.
+    moves: Array | None = None
+    scales: tuple[Scale, ...] = ()  #: What the readings say of the prior's scales.
 
 
 @dataclass(frozen=True)
@@ -115,13 +150,14 @@ def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     """Rows that the prior adds to those of the data: B, (n, n), and c with |B x - c|^2 its penalty.
 
-    With s left to the data, |x - s e|^2 is least at s = <x, e> / <e, e>: a projection. A finite uncertainty v
-    of s gives back (s - 1)^2 / v^2 along e.
+    With deviations d of the entries of x and v of the common scale the prior's covariance is
+    diag(d)^2 + v^2 e e^T. B is a root of its inverse; where v is infinite it projects along e.
     """
-    size = np.linalg.norm(metric.expected)
-    e = metric.expected / size
-    along = 1 / np.hypot(strength.uncertainty, size * strength.scale_uncertainty)
-    B = (np.eye(len(e)) - np.outer(e, e)) / strength.uncertainty + along * np.outer(e, e)
+    d = np.where(metric.couplings, strength.of_couplings, strength.uncertainty)
+    e = metric.expected / d
+    size = np.linalg.norm(e)
+    e, along = e / size, 1 / np.hypot(1, size * strength.scale_uncertainty)
+    B = (np.eye(len(e)) - (1 - along) * np.outer(e, e)) / d
     return B, along * size * e
 
 

@@ -34,14 +34,21 @@ class Strength:
     uncertainty: float  #: Relative standard deviation u of a compliance around its expectation [1].
     #: The same of the factor common to all; infinite leaves it to the data.
     scale_uncertainty: float = np.inf
+    coupling: float | None = None  #: u of the entries that no straight beam has; None for that of all others.
+
+    @property
+    def of_couplings(self) -> float:
+        """Relative standard deviation of the entries that no straight beam has [1]."""
+        return self.uncertainty if self.coupling is None else self.coupling
 
     def __post_init__(self) -> None:
-        """Refuse an uncertainty out of RANGE, or one of the scale not above 0, by BenchError."""
+        """Refuse an uncertainty out of RANGE, or one of the scale below 0, by BenchError."""
         low, high = RANGE
-        if not low <= self.uncertainty <= high:
-            raise BenchError(f"uncertainty: expected {low:g} to {high:g}, got {self.uncertainty}")
-        if not self.scale_uncertainty > 0:
-            raise BenchError(f"scale_uncertainty: expected more than 0, got {self.scale_uncertainty}")
+        for name, value in (("uncertainty", self.uncertainty), ("coupling", self.of_couplings)):
+            if not low <= value <= high:
+                raise BenchError(f"{name}: expected {low:g} to {high:g}, got {value}")
+        if not self.scale_uncertainty >= 0:
+            raise BenchError(f"scale_uncertainty: expected 0 or more, got {self.scale_uncertainty}")
 
 
 def cad_prior(arm: Arm) -> Prior:

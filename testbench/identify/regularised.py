@@ -180,13 +180,17 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
 
 def words(belief: Belief) -> str:
     """Which prior filled what the data cannot see."""
-    strength = belief.strength
+    strength, name = belief.strength, belief.metric.prior
+    if belief.moves is not None:
+        shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.of_couplings))
+        learnt = f"shapes known to {shape:.2g} %, couplings to {coupling:.2g} %"
+        return f"prior: {name}, the scale of every block learnt from the readings, {learnt}"
     scale = (
         "its scale left to the data"
         if np.isinf(strength.scale_uncertainty)
         else f"its scale known to {100 * strength.scale_uncertainty:g} %"
     )
-    return f"prior: {belief.metric.prior}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
+    return f"prior: {name}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
 
 
 def fit_reduced(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:

@@ -107,6 +107,11 @@ class Structure:
         """Number of parameters."""
         return len(self.a)
 
+    @property
+    def links(self) -> int:
+        """Links of the arm: six virtual joints each, and one joint less than links."""
+        return (self.n_theta + 1) // 7
+
     @cached_property
     def mirrored(self) -> npt.NDArray[np.bool_]:
         """Which parameters stand at two places of C_theta, (n,)."""

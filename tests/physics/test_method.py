@@ -11,6 +11,7 @@ from testbench.data.outliers import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
 from testbench.identify.evaluate import predict
+from testbench.identify.hierarchy import learn
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.metric import metric, rescaled
 from testbench.identify.prior import Strength, cad_prior, distorted
@@ -92,20 +93,15 @@ def test_a_method_with_a_prior_is_the_fit_in_the_scale_of_the_data(kr500, campai
     assert estimate.belief.strength == HALF
 
 
-def test_a_prior_without_a_strength_takes_that_of_cross_validation_or_a_fixed_one_beside_outliers(
+def test_a_prior_without_a_strength_is_learnt_from_the_readings_or_fixed_beside_outliers(
     kr500, campaign, prior
 ):
     s, data = template56(kr500.arm), campaign.identification
-    chosen = with_prior(gco, prior)(kr500.vjm, s, data).belief.strength.uncertainty
-    errors = {}
-    for uncertainty in (chosen / 4, chosen, 4 * chosen):
-        models = [Model("x", s, with_prior(gco, prior, Strength(uncertainty)))]
-        errors[uncertainty] = recommend(kr500, models, found_by(kr500, models, data), data)[1][0].error
-    assert min(errors, key=errors.get) == chosen
+    learnt = with_prior(gco, prior)(kr500.vjm, s, data).belief
+    by_hand = learn(reduce(kr500.vjm, s, data), metric(prior, kr500.vjm, s))
+    assert learnt.strength == by_hand.strength
+    np.testing.assert_array_equal(learnt.metric.L, by_hand.metric.L)
     assert robust(with_prior(gco, prior))(kr500.vjm, s, data).belief.strength == Strength(ROBUST_UNCERTAINTY)
-    one = replace(data, pose=np.ones_like(data.pose))
-    with pytest.raises(BenchError, match="at least 2 poses to cross-validate its uncertainty, got 1"):
-        with_prior(gco, prior)(kr500.vjm, s, one)
 
 
 def test_a_robust_method_names_the_readings_that_it_does_without(kr500, campaign, prior):

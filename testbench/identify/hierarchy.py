@@ -1,0 +1,222 @@
+"""A prior that learns from the readings how wrong it is, before it fills what they do not see.
+
+In the metric of the prior a block is x_k = s_k (e_k + d xi): its scale s_k, and entries that scatter around
+what was expected, by u those of a beam template and by c the couplings that no beam has. The scales of links,
+and those of joints, scatter around a factor of each kind, as a Student distribution does: most are alike, a
+few are far off. With readings y = A x + noise of covariance kappa^2, all this makes
+    y ~ N(A s e, kappa^2 + A D A^T),    D = diag((s_k u)^2 or (s_k c)^2),
+and the hyperparameters (log s, factors, log u, log c, log kappa) are those of greatest evidence, type-II
+maximum likelihood with weak priors (MacKay 1992, The evidence framework). A CAD model whose joints, or one of
+whose links, are ten times off costs little then, where the readings show it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.errors import Array
+from testbench.identify.cone import triangle
+from testbench.identify.metric import Belief, Metric, Scale, rescaled, whitened
+from testbench.identify.prior import Strength
+from testbench.identify.regression import RANK_TOLERANCE, Regression
+from testbench.model.structure import Ids
+
+SCATTER, TAIL = 0.4, 4.0
+"""Scale and degrees of freedom of the Student distribution of log s around the factor of its kind [1]."""
+GAP = 1.5  #: Standard deviation of the logarithm of the joints' factor over the links' [1].
+SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
+COUPLING = 0.15, 0.7  #: The same of c.
+MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
+FURTHEST = 6.0  #: Largest logarithm of a scale: a factor of 400.
+STEP = 1e-4  #: Of a hyperparameter, for second derivatives: rounding and curvature cost 1e-7 both.
+WIDEST = 1.5  #: Largest standard deviation of a hyperparameter that intervals count with: linear no more.
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the readings say of the hyperparameters h, (K + kinds + 3,): log s, factors, log u, c, kappa."""
+
+    metric: Metric  #: Of the prior, in the scale of the data.
+    A: Array  #: Readings in the r directions that they span, [standard deviations], (r, n).
+    y: Array  #: (r,).
+    rest: float  #: Squared length of the readings outside these.
+    equations: int  #: How many readings are behind `rest`.
+    block: Ids  #: Block of every entry of x, (n,).
+    kind: Ids  #: Of every block: 0 for the first of links and joints that there is, (K,).
+    moved: Array  #: A e of every block, (r, K).
+    scatter: Array  #: A A^T of the entries of a template, then of the couplings, of every block, (2 K, r, r).
+
+    @property
+    def blocks(self) -> int:
+        """How many there are, K."""
+        return len(self.kind)
+
+    @property
+    def start(self) -> Array:
+        """The medians of all hyperparameters."""
+        levels = np.log([SHAPE[0], COUPLING[0], 1.0])
+        return np.concatenate([np.zeros(self.blocks + self.kind.max() + 1), levels])
+
+
+def evidence(regression: Regression, metric: Metric) -> Evidence:
+    """What a dataset says of a prior.
+
+    Raises:
+        BenchError: When the data want a common scale of the prior that is not above 0.
+    """
+    metric = rescaled(metric, regression)
+    rows, y = whitened(regression, metric)
+    U, s, Vt = np.linalg.svd(rows, full_matrices=False)
+    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
+    A, own = s[:r, None] * Vt[:r], U[:, :r].T @ y
+    block = np.repeat(np.arange(len(metric.sizes)), [triangle(n) for n in metric.sizes])
+    places = [block == k for k in range(len(metric.sizes))]
+    parts = [A[:, at & own_kind] for own_kind in (~metric.couplings, metric.couplings) for at in places]
+    outside = math.fsum(t.equations / 3 * t.rest for t in regression.terms)
+    return Evidence(
+        metric=metric,
+        A=A,
+        y=own,
+        rest=outside + max(0.0, float(y @ y - own @ own)),
+        equations=max(0, regression.equations - r),
+        block=block,
+        kind=np.unique(metric.joints, return_inverse=True)[1],
+        moved=np.stack([A[:, at] @ metric.expected[at] for at in places], axis=1),
+        scatter=np.array([part @ part.T for part in parts]),
+    )
+
+
+def loss(seen: Evidence, h: Array) -> tuple[float, Array]:
+    """Minus the logarithm of the evidence and of the hyperparameters' density, and its gradient in h."""
+    K, s = seen.blocks, np.exp(h[: seen.blocks])
+    kappa2, variances = np.exp(2 * h[-1]), _variances(seen, h)
+    S = _covariance(seen, h)
+    inverse = np.linalg.inv(S)  # all of it is in the gradient
+    e = seen.y - seen.moved @ s
+    v = inverse @ e
+    value = (e @ v + np.linalg.slogdet(S)[1] + seen.rest / kappa2) / 2 + seen.equations * h[-1]
+    slope = (inverse - np.outer(v, v)) / 2
+    by_variance = 2 * variances * np.tensordot(seen.scatter, slope, 2)
+    g = np.zeros_like(h)
+    g[:K] = by_variance[:K] + by_variance[K:] - s * (seen.moved.T @ v)
+    g[-3:] = (
+        by_variance[:K].sum(),
+        by_variance[K:].sum(),
+        2 * kappa2 * np.trace(slope) - seen.rest / kappa2 + seen.equations,
+    )
+    return _with_priors(seen, h, float(value), g)
+
+
+def _with_priors(seen: Evidence, h: Array, value: float, g: Array) -> tuple[float, Array]:
+    """Adds minus the logarithm of the hyperparameters' density, and its gradient, in place."""
+    K = seen.blocks
+    z = (h[:K] - h[K:-3][seen.kind]) / SCATTER
+    value += (TAIL + 1) / 2 * float(np.log1p(z**2 / TAIL).sum())
+    pull = (TAIL + 1) * z / (TAIL + z**2) / SCATTER
+    g[:K] += pull
+    g[K:-3] -= np.bincount(seen.kind, weights=pull)
+    if len(g[K:-3]) > 1:
+        gap = (h[K + 1] - h[K]) / GAP
+        value += gap**2 / 2
+        g[K : K + 2] += np.array([-1, 1]) * gap / GAP
+    widths = np.array([SHAPE[1], COUPLING[1], MISFIT])
+    off = (h[-3:] - seen.start[-3:]) / widths
+    g[-3:] += off / widths
+    return float(value + off @ off / 2), g
+
+
+def learn(regression: Regression, metric: Metric) -> Belief:
+    """The prior as a dataset corrects it, and what the dataset leaves open of it.
+
+    Args:
+        regression: The reduced dataset.
+        metric: Of the structure and the prior.
+
+    Returns:
+        The metric with the scale of every block, how firmly each entry is believed, and by how much the
+        parameters move with the hyperparameters.
+
+    Raises:
+        BenchError: When the data want a common scale of the prior that is not above 0.
+    """
+    seen = evidence(regression, metric)
+    h = greatest(seen, seen.start)
+    deviations, moves = _left_open(seen, h)
+    u, c, kappa = np.exp(h[-3:])
+    scale = np.exp(h[: seen.blocks])[seen.block]
+    return Belief(
+        metric=replace(seen.metric, L=seen.metric.L * scale),
+        strength=Strength(float(u / kappa), 0.0, coupling=float(c / kappa)),
+        misfit=float(kappa),
+        moves=moves @ seen.metric.L.T,
+        scales=_scales(seen, h, deviations),
+    )
+
+
+def greatest(seen: Evidence, start: Array, held: int | None = None) -> Array:
+    """The hyperparameters of greatest evidence from a start on; the scale of one block may be held."""
+    from scipy.optimize import minimize  # here: importing it takes longer than most fits
+
+    ends = [(-FURTHEST, FURTHEST)] * (len(start) - 1) + [(0.0, FURTHEST)]
+    if held is not None:
+        ends[held] = (start[held], start[held])
+
+    def cost(h: Array) -> tuple[float, Array]:
+        return loss(seen, h)
+
+    found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=ends)
+    return np.asarray(found.x)
+
+
+def _variances(seen: Evidence, h: Array) -> Array:
+    """Prior variance of the entries of a template, then of the couplings, of every block, (2 K,)."""
+    s2 = np.exp(2 * h[: seen.blocks])
+    return np.concatenate([np.exp(2 * h[-3]) * s2, np.exp(2 * h[-2]) * s2])
+
+
+def _covariance(seen: Evidence, h: Array) -> Array:
+    """Of the readings, (r, r)."""
+    S = np.tensordot(_variances(seen, h), seen.scatter, 1)
+    S[np.diag_indices_from(S)] += np.exp(2 * h[-1])
+    return np.asarray(S)
+
+
+def _mean(seen: Evidence, h: Array) -> Array:
+    """The expectation of x after the readings, (n,)."""
+    expected = np.exp(h[: seen.blocks])[seen.block] * seen.metric.expected
+    variances = _variances(seen, h)[seen.block + seen.blocks * seen.metric.couplings]
+    v = np.linalg.solve(_covariance(seen, h), seen.y - seen.A @ expected)
+    return np.asarray(expected + variances * (seen.A.T @ v))
+
+
+def _left_open(seen: Evidence, h: Array) -> tuple[Array, Array]:
+    """Covariance of the hyperparameters but kappa, Laplace's, and a standard deviation's moves of x, each.
+
+    Second derivatives are differences of the gradient; where the evidence is flat a hyperparameter counts
+    as known to WIDEST.
+    """
+    m = len(h) - 1
+    H, J = np.empty((m, m)), np.empty((m, len(seen.block)))
+    for i in range(m):
+        ends = [h + sign * STEP * np.eye(m + 1)[i] for sign in (1, -1)]
+        (_, up), (_, down) = (loss(seen, end) for end in ends)
+        H[i] = (up - down)[:m] / (2 * STEP)
+        J[i] = (_mean(seen, ends[0]) - _mean(seen, ends[1])) / (2 * STEP)
+    values, Q = np.linalg.eigh((H + H.T) / 2)
+    root = Q / np.sqrt(np.maximum(values, WIDEST**-2))
+    return root @ root.T, root.T @ J
+
+
+def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:
+    """The factor of every block over the others of its kind, and that of the joints over the links."""
+    K, m = seen.blocks, len(h) - 1
+    rows, names = np.zeros((K, m)), list(seen.metric.names)
+    rows[range(K), range(K)] = 1
+    rows[range(K), K + seen.kind] = -1
+    if m > K + 3:
+        rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
+        names.append("joints")
+    deviations = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))
+    found = zip(names, np.exp(rows @ h[:m]), deviations, strict=True)
+    return tuple(Scale(name, float(factor), float(deviation)) for name, factor, deviation in found)

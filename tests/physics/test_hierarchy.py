@@ -1,0 +1,125 @@
+"""A prior that learns from the readings: Bayes by the book, and a prior whose joints or link are far off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.wrong_prior import prior_of
+from testbench.errors import BenchError
+from testbench.identify import gco, reduce, with_prior
+from testbench.identify.hierarchy import evidence, learn, loss
+from testbench.identify.intervals import HEAVY, linearise, quantile
+from testbench.identify.metric import metric, precision_root, whitened
+from testbench.identify.prior import Prior, Strength, cad_prior
+from testbench.identify.regularised import fit_reduced
+from testbench.model.structure import all153, joints_only, mgco68, template56
+
+
+@pytest.fixture(scope="module")
+def campaign(kr500):
+    return simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=10), 3)
+
+
+def seen_by(cell, campaign, structure, prior=None):
+    prior = prior_of(cell, "scaled", 3) if prior is None else prior
+    return reduce(cell.vjm, structure, campaign.identification), metric(prior, cell.vjm, structure)
+
+
+@pytest.mark.parametrize("make", [all153, mgco68, template56, joints_only])
+def test_the_gradient_of_the_evidence_is_that_of_differences(kr500, campaign, make, rng):
+    seen = evidence(*seen_by(kr500, campaign, make(kr500.arm)))
+    h = seen.start + 0.2 * rng.standard_normal(len(seen.start))
+    steps = 1e-5 * np.eye(len(h))
+    differences = [(loss(seen, h + d)[0] - loss(seen, h - d)[0]) / 2e-5 for d in steps]
+    gradient = loss(seen, h)[1]
+    np.testing.assert_allclose(gradient, differences, rtol=0, atol=1e-6 * np.abs(gradient).max())
+
+
+def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, campaign):
+    regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
+    seen = evidence(regression, own)
+    h, other = seen.start.copy(), seen.start.copy()
+    h[-3:], other[-3:] = np.log([0.3, 0.2, 1.2]), np.log([0.5, 0.1, 1.0])
+
+    def density(h):
+        """Minus its logarithm, from all rows as they are, the scales at one."""
+        A, y = whitened(regression, seen.metric)
+        u, c, kappa = np.exp(h[-3:])
+        D = np.where(seen.metric.couplings, c, u) ** 2
+        S = kappa**2 * np.eye(len(y)) + A * D @ A.T
+        e = y - A @ seen.metric.expected
+        more = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2 / 2
+        beyond = (regression.equations - len(y)) * np.log(kappa)
+        return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
+
+    def hyper(h):
+        z = (h[-3:] - seen.start[-3:]) / np.array([0.4, 0.7, 0.7])
+        return z @ z / 2
+
+    found = [loss(seen, point)[0] - hyper(point) - density(point) for point in (h, other)]
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
+
+
+def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
+    regression, own = seen_by(kr500, campaign, all153(kr500.arm))
+    belief = learn(regression, own)
+    (A, y), D = whitened(regression, belief.metric), belief.misfit**2
+    e, strength = belief.metric.expected, belief.strength
+    P = D * np.where(belief.metric.couplings, strength.of_couplings, strength.uncertainty) ** 2
+    S = D * np.eye(len(y)) + A * P @ A.T
+    expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
+    estimate = fit_reduced(regression, "none", belief)
+    x = np.linalg.solve(belief.metric.L, estimate.pi)
+    np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
+    functionals = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T @ np.linalg.inv(
+        belief.metric.L
+    )
+    covariance = np.diag(P) - (P[:, None] * A.T) @ np.linalg.solve(S, A * P)
+    rows = functionals @ belief.metric.L
+    variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
+    variance += np.square(functionals @ belief.moves.T).sum(axis=1)
+    np.testing.assert_allclose(linearise(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5)
+
+
+def test_couplings_and_the_common_scale_make_the_covariance_that_is_said(kr500, campaign):
+    _, own = seen_by(kr500, campaign, mgco68(kr500.arm))
+    for v in (0.0, 0.7):
+        B, c = precision_root(own, Strength(0.4, v, coupling=0.1))
+        d = np.where(own.couplings, 0.1, 0.4)
+        covariance = np.diag(d**2) + v**2 * np.outer(own.expected, own.expected)
+        np.testing.assert_allclose(B.T @ B @ covariance, np.eye(len(d)), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(c, B @ own.expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
+    prior = cad_prior(kr500.arm)
+    C = prior.C_theta.copy()
+    C[42:, 42:] *= factor
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=20), 5)
+    errors = {}
+    for name, own in (("right", prior), ("wrong", Prior("joints off", C))):
+        estimate = with_prior(gco, own)(kr500.vjm, all153(kr500.arm), campaign.identification)
+        errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
+    [joints] = [scale for scale in estimate.belief.scales if scale.name == "joints"]
+    assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
+    assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
+
+
+def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campaign):
+    prior = prior_of(kr500, "scaled", 3)
+    learnt = with_prior(gco, prior)(kr500.vjm, mgco68(kr500.arm), campaign.identification)
+    fixed = with_prior(gco, prior, Strength(0.3))(kr500.vjm, mgco68(kr500.arm), campaign.identification)
+    assert (linearise(learnt).tail, linearise(fixed).tail) == (HEAVY, np.inf)
+    assert quantile(3.0, 0.975) == pytest.approx(3.18245, abs=1e-5)  # Student's tables
+    assert quantile(np.inf, 0.975) == pytest.approx(1.95996, abs=1e-5)
+
+
+def test_readings_that_move_against_the_load_are_refused_in_one_line(kr500, campaign):
+    data = campaign.identification
+    with pytest.raises(BenchError, match="expected data that move with the load"):
+        with_prior(gco, cad_prior(kr500.arm))(
+            kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before)
+        )
