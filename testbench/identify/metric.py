@@ -153,7 +153,9 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     With deviations d of the entries of x and v of the common scale the prior's covariance is
     diag(d)^2 + v^2 e e^T. B is a root of its inverse; where v is infinite it projects along e.
     """
-    d = np.where(metric.couplings, strength.of_couplings, strength.uncertainty)
+    d = np.full(len(metric.expected), strength.uncertainty)
+    if strength.coupling is not None:  # of a structure of whole blocks
+        d[metric.couplings] = strength.coupling
     e = metric.expected / d
     size = np.linalg.norm(e)
     e, along = e / size, 1 / np.hypot(1, size * strength.scale_uncertainty)

@@ -36,15 +36,11 @@ class Strength:
     scale_uncertainty: float = np.inf
     coupling: float | None = None  #: u of the entries that no straight beam has; None for that of all others.
 
-    @property
-    def of_couplings(self) -> float:
-        """Relative standard deviation of the entries that no straight beam has [1]."""
-        return self.uncertainty if self.coupling is None else self.coupling
-
     def __post_init__(self) -> None:
         """Refuse an uncertainty out of RANGE, or one of the scale below 0, by BenchError."""
         low, high = RANGE
-        for name, value in (("uncertainty", self.uncertainty), ("coupling", self.of_couplings)):
+        coupling = self.uncertainty if self.coupling is None else self.coupling
+        for name, value in (("uncertainty", self.uncertainty), ("coupling", coupling)):
             if not low <= value <= high:
                 raise BenchError(f"{name}: expected {low:g} to {high:g}, got {value}")
         if not self.scale_uncertainty >= 0:

@@ -181,8 +181,8 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
 def words(belief: Belief) -> str:
     """Which prior filled what the data cannot see."""
     strength, name = belief.strength, belief.metric.prior
-    if belief.moves is not None:
-        shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.of_couplings))
+    if strength.coupling is not None:
+        shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
         learnt = f"shapes known to {shape:.2g} %, couplings to {coupling:.2g} %"
         return f"prior: {name}, the scale of every block learnt from the readings, {learnt}"
     scale = (

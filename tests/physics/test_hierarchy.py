@@ -67,7 +67,7 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     belief = learn(regression, own)
     (A, y), D = whitened(regression, belief.metric), belief.misfit**2
     e, strength = belief.metric.expected, belief.strength
-    P = D * np.where(belief.metric.couplings, strength.of_couplings, strength.uncertainty) ** 2
+    P = D * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
     estimate = fit_reduced(regression, "none", belief)

@@ -14,6 +14,7 @@ from testbench.errors import Array
 from testbench.identify import Estimate, reduce
 from testbench.identify.crossval import Fold, choose_strength, every_fold
 from testbench.identify.estimate import Constraint
+from testbench.identify.hierarchy import learn
 from testbench.identify.metric import Belief, Case, Metric, metric, rescaled
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import fit_reduced, gco_least_trace, parameters
@@ -54,10 +55,8 @@ def _least_trace(seen: Seen, own: Metric) -> Estimate:
 
 
 def _with_prior(constraint: Constraint, seen: Seen, own: Metric) -> Estimate:
-    """Least squares or GCO with a prior, as firm as cross-validation over poses chooses."""
-    own = rescaled(own, seen.regression)
-    strength = choose_strength(seen.folds, own, partial(parameters, constraint))
-    return fit_reduced(seen.regression, constraint, Belief(own, strength))
+    """Least squares or GCO with a prior that is learnt from the readings."""
+    return fit_reduced(seen.regression, constraint, learn(seen.regression, own))
 
 
 def _scale_believed(seen: Seen, own: Metric) -> Estimate:
@@ -103,7 +102,7 @@ class ModelRow(JudgedRow):
     """A model judged, and what fills what the data do not see."""
 
     filling: Filling  #: What fills what the data do not see.
-    uncertainty_percent: Number = None  #: Of the prior, as cross-validation chose it.
+    uncertainty_percent: Number = None  #: Of the prior, as the readings or cross-validation chose it.
     #: Of least squares with a prior: error over the workspace of GCO with the same prior, believed as firmly,
     #: over its own.
     gco_over_ls_at_this_strength: Number = None

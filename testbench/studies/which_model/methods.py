@@ -20,7 +20,7 @@ def without_prior(cell: Cell) -> list[Model]:
 
 
 def to_fill(cell: Cell) -> list[Model]:
-    """Methods that are fitted with a prior, its strength cross-validated."""
+    """Methods that are fitted with a prior, learnt from the readings."""
     mgco56 = MODELS["MGCO56"](cell)
     return [
         MODELS[INCUMBENT](cell),
