@@ -18,7 +18,16 @@ from testbench.identify import Estimate, Estimator, Method, gco, least_squares
 from testbench.identify.evaluate import Score, predict_all, score
 from testbench.identify.reduction import non_redundant
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.structure import Structure, joints_only, mgco47, mgco68, mgco69, mgco147, template56
+from testbench.model.structure import (
+    Structure,
+    all153,
+    joints_only,
+    mgco47,
+    mgco68,
+    mgco69,
+    mgco147,
+    template56,
+)
 from testbench.model.vjm import Vjm, build_vjm
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and who only fits runs does without
@@ -319,8 +328,9 @@ MODELS: dict[str, Callable[[Cell], Model]] = {
     "MGCO68": lambda cell: Model("MGCO68", mgco68(cell.arm), gco),
     "MGCO69": lambda cell: Model("MGCO69", mgco69(cell.arm), gco),
     "MGCO147": lambda cell: Model("MGCO147", mgco147(cell.arm), gco),
+    "ALL153": lambda cell: Model("ALL153", all153(cell.arm), gco),
 }
-"""Models by name, the paper's and "Joints": MODELS["MGCO56"](cell) has structure and method."""
+"""Models by name, the paper's, "Joints" and "ALL153": MODELS["MGCO56"](cell) has structure and method."""
 
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""

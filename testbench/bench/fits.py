@@ -6,14 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.campaign import Cell, Model
-from testbench.bench.fit import recommend
+from testbench.bench.default import recommend
 from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import Estimate, intervals
-from testbench.identify.crossval import Candidate
+from testbench.identify import Estimate, Method, intervals
 from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import predict, score
+from testbench.identify.hierarchy import doubts as contradictions
+from testbench.identify.hierarchy import unchecked
+from testbench.identify.metric import metric
 from testbench.identify.plausibility import doubts
 
 UNITS = "link compliances in their beam frames, m/N and rad/(N m); joints rad/(N m)"
@@ -51,7 +53,8 @@ class Fitted(FitRow):
     equations: int  #: Of the readings.
     identification: ErrorRow  #: Errors on the runs that were fitted, against their readings.
     check: ErrorRow | None  #: The same on those held back; None if there are none.
-    #: Of the deflections predicted where it is checked, or was fitted; None if not asked for.
+    #: Of the deflections predicted where it is checked, or was fitted; None if not asked for, or where other
+    #: models have a prior and this one has none.
     intervals: IntervalsRow | None
     links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
     joints: Mapping[str, float]  #: Compliance of every joint.
@@ -77,10 +80,12 @@ class Fits:
     runs: int  #: That were fitted.
     poses: int  #: They are in.
     models: tuple[Fitted, ...]  #: What was found.
-    #: Name of the model to take; None where nothing can be held out, or there is one model.
-    recommended: str | None
+    recommended: str  #: Name of the model to take.
+    why: str  #: Why this one.
     held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
-    doubts: tuple[str, ...]  #: What looks wrong with the runs.
+    doubts: tuple[str, ...]  #: What looks wrong with the runs, or with the prior of the model to take.
+    #: Links and joints that may be ten times off in its prior without the readings telling.
+    unchecked: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -109,21 +114,34 @@ def fit(
         BenchError: When a method cannot fit a structure to the runs.
     """
     found = [_timed(cell, model, runs.used, clock) for model in models]
-    fitted = [_fit(cell, m, runs, timed, widths=widths) for m, timed in zip(models, found, strict=True)]
-    poses = len(np.unique(runs.used.pose))
-    name, held_out = None, list[Candidate]()
-    if len(models) > 1 and poses > 1:
-        name, held_out = recommend(cell, models, [estimate for estimate, _ in found], runs.used)
+    # beside a prior, intervals that count noise alone would look the surest.
+    plain = all(estimate.belief is None for estimate, _ in found)
+    wanted = [widths and (plain or estimate.belief is not None) for estimate, _ in found]
+    fitted = [
+        _fit(cell, m, runs, timed, widths=own) for m, timed, own in zip(models, found, wanted, strict=True)
+    ]
+    taken = recommend(cell, models, runs.used)
+    [(model, best)] = [(m, e) for m, (e, _) in zip(models, found, strict=True) if m.name == taken.name]
     return Fits(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs,
-        poses=poses,
+        poses=len(np.unique(runs.used.pose)),
         models=tuple(fitted),
-        recommended=name,
-        held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in held_out),
-        doubts=doubts(cell.vjm, runs.every),
+        recommended=taken.name,
+        why=taken.why,
+        held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
+        doubts=(*doubts(cell.vjm, runs.every), *(contradictions(best.belief) if best.belief else ())),
+        unchecked=_unchecked(cell, model, best),
     )
+
+
+def _unchecked(cell: Cell, model: Model, estimate: Estimate) -> tuple[str, ...]:
+    """What the readings do not check of a model's prior; nothing where it has none."""
+    method = model.estimator
+    if not isinstance(method, Method) or method.prior is None:
+        return ()
+    return unchecked(estimate.regression, metric(method.prior, cell.vjm, model.structure))
 
 
 def _timed(cell: Cell, model: Model, data: Dataset, clock: Callable[[], float]) -> tuple[Estimate, float]:

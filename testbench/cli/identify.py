@@ -10,13 +10,14 @@ import typer
 from rich.console import Console
 
 from testbench import files
-from testbench.bench.campaign import MODELS, Cell, Model, build_cell, named_models
+from testbench.bench.campaign import Cell, Model, build_cell, named_models
+from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import Runs, fit
 from testbench.cli.arguments import ArmName, Dataset
 from testbench.data.csvfile import read_csv
 from testbench.data.dataset import split
 from testbench.errors import BenchError, InputError
-from testbench.identify import robust, with_prior
+from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.shell.options import takes
 from testbench.views import fits as views
@@ -37,16 +38,14 @@ class Options:
     ] = False
     prior: Annotated[
         bool,
-        typer.Option("--prior", help="Fill what the data cannot see with the arm's folder as CAD prior."),
-    ] = False
+        typer.Option(help="Fill what the data cannot see with the arm's folder as CAD prior."),
+    ] = True
     uncertainty_percent: Annotated[
         float | None,
-        typer.Option(help="Of the prior; cross-validated over poses if not given, 30 with --robust."),
+        typer.Option(help="Of the prior; learnt from the readings if not given, 30 with --robust."),
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
-    intervals: Annotated[
-        bool, typer.Option("--intervals", help="95 % intervals of the predicted deflections.")
-    ] = False
+    intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
 
 
 @takes(Options)
@@ -54,7 +53,7 @@ def command(asked: Options) -> None:
     """Fit, judge, write models.json, and say which model to take."""
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
-        raise BenchError("--uncertainty-percent: expected --prior with it")
+        raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
     models = _models(cell, asked)
     found = fit(cell, models, _runs(cell, asked), time.perf_counter, widths=asked.intervals)
     with files.whole_folder(asked.out) as folder:
@@ -65,13 +64,15 @@ def command(asked: Options) -> None:
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:
-    """The models that were asked for, or all that the method can fit."""
-    models = named_models(cell, asked.model or tuple(MODELS))
-    if asked.prior:
-        filled, percent = cad_prior(cell.arm), asked.uncertainty_percent
-        strength = None if percent is None else Strength(percent / 100)
-        kept = [m for m in models if asked.model or m.structure.whole]
-        models = [replace(m, estimator=with_prior(m.estimator, filled, strength)) for m in kept]
+    """The models that were asked for, with the prior where it fits them, or those of the default."""
+    prior, percent = cad_prior(cell.arm) if asked.prior else None, asked.uncertainty_percent
+    strength = None if percent is None else Strength(percent / 100)
+    if not asked.model:
+        models = default_models(cell, prior, strength)
+    else:
+        models = named_models(cell, asked.model)
+        if prior is not None:
+            models = [with_priors([m], prior, strength)[0] if m.structure.whole else m for m in models]
     if asked.robust:
         models = [replace(m, estimator=robust(m.estimator)) for m in models]
     return models

@@ -22,6 +22,7 @@ UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
 FOLDS = 8
 ALIKE = 1e-6  #: Share by which errors may differ and count as equal: solvers leave as much.
+CLEARLY = 2.0  #: Standard errors by which a model must be better to replace another.
 LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
 
 Fits = Callable[[Sequence[Regression]], Array]
@@ -121,3 +122,29 @@ def one_standard_error(candidates: Sequence[Candidate]) -> str:
     simple = [c for c in good if c.unknowns == min(c.unknowns for c in good)]
     least = (1 + ALIKE) * min(c.error for c in simple)
     return min(simple, key=lambda c: (c.error > least, not c.conservative, c.error)).name
+
+
+@dataclass(frozen=True)
+class Duel:
+    """A model that was asked for first, or what beat it."""
+
+    name: str  #: Of the model that is taken.
+    difference: float  #: Mean error of what is taken minus that of the first [1].
+    standard_error: float  #: Of this difference, fold by fold [1].
+
+
+def unless_beaten(candidates: Sequence[Candidate], first: str) -> Duel:
+    """The first model, unless others predict what is held out better by more than CLEARLY standard errors.
+
+    Then it is the best of them. Errors are compared fold by fold, as a hard pose is hard for all.
+    """
+    [own] = [c for c in candidates if c.name == first]
+    duels = [_duel(c, own) for c in candidates if c is not own]
+    better = [d for d in duels if d.difference < -CLEARLY * d.standard_error]
+    return min(better, key=lambda d: d.difference, default=Duel(first, 0.0, 0.0))
+
+
+def _duel(one: Candidate, first: Candidate) -> Duel:
+    difference = one.errors - first.errors
+    error = float(difference.std(ddof=1) / np.sqrt(len(difference)))
+    return Duel(one.name, float(difference.mean()), error)

@@ -171,10 +171,8 @@ def _rank_advice(regression: Regression) -> tuple[str, ...]:
     missing = s.n - regression.rank
     if not missing:
         return ()
-    text = (
-        f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; {missing} directions are free"
-    )
+    text = f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; free are {missing}"
     unseen = int((regression.columns == 0).sum())
     if unseen:
-        text += f", and {unseen} entries are not touched by any load"
+        text += f", of which no load touches {unseen}"
     return (text,)

@@ -12,8 +12,8 @@ COLUMNS = (
     Column("f_m", "F_M", form=".2f"),
     Column("f_m_floor", "floor", form=".2f"),
     Column("identification.rms_mm", "RMS fit", "mm"),
-    Column("identification.max_mm", "max fit", "mm"),
 )
+FIT = (Column("identification.max_mm", "max fit", "mm"),)
 CHECK = (
     Column("check.rms_mm", "RMS check", "mm"),
     Column("check.max_mm", "max check", "mm"),
@@ -30,11 +30,12 @@ INTERVALS = (
 
 def tables(fits: Fits) -> dict[str, Table]:
     """Every model with its errors, and the intervals of its predictions where they were asked for."""
-    best, first = fits.recommended or "", fits.models[0]
-    found = {"models": Table((*COLUMNS, *(CHECK if first.check else ())), fits.models, bold=best)}
-    if first.intervals:
-        title = f"{100 * first.intervals.confidence:g} % intervals of predicted deflections"
-        found["intervals"] = Table(INTERVALS, fits.models, title, best)
+    best, first = fits.recommended, fits.models[0]
+    known = [m for m in fits.models if m.intervals]
+    found = {"models": Table((*COLUMNS, *(CHECK if first.check else FIT)), fits.models, bold=best)}
+    if known and known[0].intervals:
+        title = f"{100 * known[0].intervals.confidence:g} % intervals of predicted deflections"
+        found["intervals"] = Table(INTERVALS, known, title, best)
     return found
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbench.bench import full_pose
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.wrong_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
-from testbench.identify.hierarchy import evidence, learn, loss
+from testbench.identify.hierarchy import doubts, evidence, learn, loss, unchecked
 from testbench.identify.intervals import HEAVY, linearise, quantile
 from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, cad_prior
@@ -105,7 +106,28 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
         errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
     [joints] = [scale for scale in estimate.belief.scales if scale.name == "joints"]
     assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
+    [doubt] = [text for text in doubts(estimate.belief) if text.startswith("joints: ")]
+    assert f"want {joints.factor:.2g} times" in doubt
+    assert "beside the links" in doubt
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
+
+
+@pytest.mark.parametrize("link", range(7))
+def test_a_link_ten_times_off_is_contradicted_or_named_as_unchecked(kr500, campaign, link):
+    C = kr500.arm.C_theta.copy()
+    C[6 * link : 6 * link + 6] *= 10
+    name = kr500.arm.links[link].name
+    regression, own = seen_by(kr500, campaign, all153(kr500.arm), Prior("one link off", C))
+    contradicted = any(text.startswith(f"{name}: ") for text in doubts(learn(regression, own)))
+    assert contradicted or name in unchecked(regression, own)
+
+
+def test_many_readings_of_full_poses_leave_no_link_unchecked_and_no_doubt(arm_6r):
+    measured = full_pose.simulate(arm_6r, full_pose.FullPose(arm="arm_6r", poses=40), 4).identification
+    regression = reduce(arm_6r.vjm, all153(arm_6r.arm), measured)
+    own = metric(cad_prior(arm_6r.arm), arm_6r.vjm, all153(arm_6r.arm))
+    assert unchecked(regression, own) == ()
+    assert doubts(learn(regression, own)) == ()
 
 
 def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campaign):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.bench.campaign import Model, Scenario, identify, named_models, simulate
-from testbench.bench.fit import recommend
+from testbench.bench.default import DEFAULT, choose, default_models, recommend
 from testbench.data.outliers import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
@@ -36,10 +36,6 @@ def rigid(vjm, structure, data):
     return make_estimate(reduce(vjm, structure, data), np.full(structure.n, 1e-12), method="a hair")
 
 
-def found_by(cell, models, data):
-    return [model.estimator(cell.vjm, model.structure, data) for model in models]
-
-
 def test_an_estimator_of_ones_own_is_called_and_its_answer_comes_out(kr500, campaign):
     model = Model("mine", template56(kr500.arm), rigid)
     [result] = identify(kr500, campaign, [model], lambda: 0.0)
@@ -62,24 +58,36 @@ def test_a_recommendation_holds_poses_out_of_an_estimator_of_ones_own_too(kr500,
 
     data = campaign.identification
     models = [*named_models(kr500, ["MGCO47"]), Model("mine", template56(kr500.arm), mine)]
-    best, found = recommend(kr500, models, found_by(kr500, models, data), data)
-    assert best == "MGCO47"
-    assert [c.name for c in found] == ["MGCO47", "mine"]
-    assert [len(poses) for poses in seen] == [8] + [7] * 8  # all, and every one of the eight left out once
+    found = recommend(kr500, models, data)
+    assert found.name == "MGCO47"
+    assert [c.name for c in found.candidates] == ["MGCO47", "mine"]
+    assert [len(poses) for poses in seen] == [7] * 8  # every one of the eight left out once
     # a rigid arm's F_M is the RMS deflection over sqrt(2) sigma, fold by fold
     moved = [data.deflection[data.pose == pose] for pose in np.unique(data.pose)]
     expected = [np.sqrt((d**2).sum() / d[..., 0].size) / (np.sqrt(2) * data.sigma) for d in moved]
-    np.testing.assert_allclose(found[1].errors, expected, rtol=1e-3)  # a hair is a ten-thousandth of C
+    np.testing.assert_allclose(
+        found.candidates[1].errors, expected, rtol=1e-3
+    )  # a hair is a ten-thousandth of C
+
+
+def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
+    data, cad = campaign.identification, cad_prior(kr500.arm)
+    chosen = choose(kr500, data, cad)
+    assert (chosen.name, chosen.estimate.structure.n) == (DEFAULT, 153)
+    assert chosen.why.startswith("the default: no rival")
+    found = recommend(kr500, default_models(kr500, cad), data)
+    by_name = {c.name: c.errors for c in found.candidates}
+    assert found.name == DEFAULT
+    assert by_name["MLS56"].mean() > by_name[DEFAULT].mean()
 
 
 def test_an_answer_of_another_structure_is_refused_by_name(kr500, campaign):
     def mine(vjm, _, data):
         return rigid(vjm, named_models(kr500, ["MGCO47"])[0].structure, data)
 
-    models, data = [Model("mine", template56(kr500.arm), mine)], campaign.identification
-    found = found_by(kr500, models, data)
+    models = [*named_models(kr500, ["MGCO47"]), Model("mine", template56(kr500.arm), mine)]
     with pytest.raises(BenchError, match="parameters found by mine"):
-        recommend(kr500, models, found, data)
+        recommend(kr500, models, campaign.identification)
 
 
 @pytest.mark.parametrize(("method", "call"), [(gco, gco_with), (least_squares, least_squares_with)])

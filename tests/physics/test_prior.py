@@ -19,6 +19,7 @@ from testbench.identify.crossval import (
     fold_poses,
     held_out_errors,
     one_standard_error,
+    unless_beaten,
 )
 from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric, precision_root, rescaled, whitened
@@ -245,6 +246,18 @@ def test_one_standard_error_takes_the_simplest_that_is_good_enough():
     assert one_standard_error(candidates) == "simple"
     alike = Candidate("not conservative", 10, best + 0.07 * (1 - 1e-9), conservative=False)
     assert one_standard_error([alike, *candidates]) == "simple"
+
+
+def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
+    hard = np.array([1.0, 3.0, 1.0, 3.0, 2.0, 2.0])
+    first, noise = Candidate("first", 10, hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
+    alike = Candidate("alike", 5, hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
+    better, best = (Candidate(f"less by {d}", 5, hard - d + noise) for d in (0.15, 0.3))
+    assert unless_beaten([first, alike], "first").name == "first"
+    assert unless_beaten([alike, first], "alike").name == "alike"
+    duel = unless_beaten([first, alike, better, best], "first")
+    assert (duel.name, duel.difference) == ("less by 0.3", pytest.approx(-0.3))
+    assert duel.standard_error == pytest.approx(np.std(noise, ddof=1) / np.sqrt(6))
 
 
 BROKEN = {

@@ -73,11 +73,22 @@ def test_simulated_runs_are_identified(simulated, tmp_path):
     assert np.linalg.eigvalsh(C).min() > -1e-18
 
 
-def test_without_a_model_all_are_fitted(simulated, tmp_path):
-    done = run("identify", ARM, simulated / "data.csv", "--out", tmp_path)
+PLAIN = ["Joints", "MLS56", "MGCO56", "MGCO68"]
+FILLED = ["Joints + prior", "MGCO56 + prior", "MGCO68 + prior", "ALL153 + prior"]
+EVERY = ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147", "ALL153"]
+
+
+@pytest.mark.parametrize(("flags", "wanted"), [([], [*PLAIN, *FILLED]), (["--no-prior"], EVERY)])
+def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, flags, wanted):
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    names = [m["name"] for m in json.loads((tmp_path / "models.json").read_text())["models"]]
-    assert names == ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147"]
+    written = json.loads((tmp_path / "models.json").read_text())
+    assert [m["name"] for m in written["models"]] == wanted
+    assert [m["intervals"] is not None for m in written["models"]] == [
+        m in FILLED or bool(flags) for m in wanted
+    ]
+    assert written["recommended"] in wanted
+    assert bool(written["unchecked"]) == (written["recommended"] in FILLED)
 
 
 def test_unknown_model_lists_the_known_ones(simulated, tmp_path):
@@ -207,7 +218,7 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     cells = lines[8].split(",")
     cells[column] = repr(float(cells[column]) + 2e-3)
     (tmp_path / "spoiled.csv").write_text("\n".join([*lines[:8], ",".join(cells), *lines[9:]]) + "\n")
-    flags = ["--prior", "--uncertainty-percent", "30", "--robust", "--model", "MGCO56", "--out", tmp_path]
+    flags = ["--uncertainty-percent", "30", "--robust", "--model", "MGCO56", "--out", tmp_path]
     done = run("identify", ARM, tmp_path / "spoiled.csv", *flags)
     assert done.returncode == 0, done.stderr
     [model] = json.loads((tmp_path / "models.json").read_text())["models"]
@@ -227,9 +238,8 @@ def test_identifiability_is_said_before_any_fit(simulated, tmp_path):
 @pytest.mark.parametrize(
     ("flags", "text"),
     [
-        (["--uncertainty-percent", "30"], "expected --prior with it"),
-        (["--prior", "--uncertainty-percent", "0"], "uncertainty: expected 1e-06"),
-        (["--prior", "--model", "MLS32"], "MLS32 lacks entries"),
+        (["--no-prior", "--uncertainty-percent", "30"], "expected a prior with it"),
+        (["--uncertainty-percent", "0"], "uncertainty: expected 1e-06"),
     ],
 )
 def test_bad_wishes_for_a_prior_are_refused(simulated, tmp_path, flags, text):
@@ -246,17 +256,17 @@ def test_bad_places_and_sizes_of_pictures_are_refused(simulated, tmp_path):
 
 
 def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp_path):
-    flags = ["--prior", "--uncertainty-percent", "30", "--model", "MGCO56", "--model", "MGCO47"]
+    flags = ["--uncertainty-percent", "30", "--model", "MGCO56", "--model", "MGCO47"]
     done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     written = json.loads((tmp_path / "models.json").read_text())
     words = " ".join(done.stdout.split())
-    assert f"Recommended, marked with *: {written['recommended']}, the simplest" in words
-    assert [c["name"] for c in written["held_out"]] == ["MGCO56", "MGCO47"]
+    assert f"Take {written['recommended']}, marked with *: {written['why']}." in words
+    assert [c["name"] for c in written["held_out"]] == ["MGCO56 + prior", "MGCO47 + prior"]
 
 
 def test_intervals_are_of_the_poses_held_back_and_none_where_the_data_see_nothing(simulated, tmp_path):
-    flags = ["--model", "MLS56", "--intervals", "--check-pose", "2", "--out", tmp_path]
+    flags = ["--model", "MLS56", "--no-prior", "--check-pose", "2", "--out", tmp_path]
     done = run("identify", ARM, simulated / "data.csv", *flags)
     assert done.returncode == 0, done.stderr
     [model] = json.loads((tmp_path / "models.json").read_text())["models"]

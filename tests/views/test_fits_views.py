@@ -20,7 +20,6 @@ MEANS = {
     "F_M": "f_m",
     "floor": "f_m_floor",
     "RMS fit, mm": "identification.rms_mm",
-    "max fit, mm": "identification.max_mm",
     "RMS check, mm": "check.rms_mm",
     "max check, mm": "check.max_mm",
 }
@@ -70,7 +69,7 @@ def _with(fits, **changes):
 def test_what_was_not_asked_for_is_not_shown(fits):
     plain = replace(fits, models=tuple(replace(m, check=None, intervals=None) for m in fits.models))
     [(head, _)] = tables_of(markdown.grid(views.tables(plain)["models"]))
-    assert head == [title for title in MEANS if "check" not in title]
+    assert head == [*(title for title in MEANS if "check" not in title), "max fit, mm"]
     assert list(views.tables(plain)) == ["models"]
     assert "No pose was held back" in printed(plain)
     assert "No pose was held back" not in printed(fits)
@@ -79,7 +78,7 @@ def test_what_was_not_asked_for_is_not_shown(fits):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_model_that_is_recommended_is_named_and_marked_whichever_it_is(fits, name):
     fits = replace(fits, recommended=name)
-    assert views.words(fits).block("answer").startswith(f"Recommended, marked with *: {name}, the simplest")
+    assert views.words(fits).block("answer").startswith(f"Take {name}, marked with *: {fits.why}.")
     for table in views.tables(fits).values():
         marked = [line for line in markdown.grid(table).splitlines() if "**" in line]
         assert [line.startswith(f"| **{name}** |") for line in marked] == [True]
@@ -87,13 +86,29 @@ def test_the_model_that_is_recommended_is_named_and_marked_whichever_it_is(fits,
         assert f"{c.name} {c.f_m:.2f} +- {c.standard_error:.2f}" in printed(fits)
 
 
-def test_without_a_recommendation_it_says_why(fits):
-    alone = replace(fits, models=fits.models[:1], recommended=None, held_out=())
-    row = alone.models[0]
-    answer = views.words(alone).block("answer")
-    assert f"MLS56 fits to {row.identification.rms_mm:.3f} mm RMS" in answer
-    assert f"held back to {row.check.rms_mm:.3f} mm" in answer
-    assert "nothing can be held out" in views.words(replace(fits, recommended=None)).block("answer")
+@pytest.mark.parametrize("name", NAMES)
+def test_the_answer_says_how_sure_the_model_is_that_is_taken(fits, name):
+    fits = replace(fits, recommended=name)
+    half = next(m.intervals.half_width_mm for m in fits.models if m.name == name)
+    answer = views.words(fits).block("answer")
+    assert f"to +- {half:.3f} mm (95 %, median in the poses held back)" in answer
+    assert "held back" not in views.words(_without(fits, "check")).block("answer")
+    assert "+-" not in views.words(_without(fits, "intervals")).block("answer")
+
+
+def _without(fits, field):
+    return replace(fits, models=tuple(replace(m, **{field: None}) for m in fits.models))
+
+
+def test_what_the_readings_do_not_check_is_said_and_noise_alone_too(fits):
+    assert "do not check the folder's link_1 and joint_1:" in printed(
+        replace(fits, unchecked=("link_1", "joint_1"))
+    )
+    assert "do not check" not in printed(replace(fits, unchecked=()))
+    plain = replace(fits, models=tuple(replace(m, prior=False) for m in fits.models))
+    assert "count noise alone" in printed(plain)
+    known = replace(fits, models=tuple(replace(m, prior=True) for m in fits.models))
+    assert "count noise alone" not in printed(known)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,0 +1,131 @@
+"""Which model to take: a default that has to be beaten on what is held out, by more than chance.
+
+Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
+8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
+default. Joints alone stand beside it as a guard against a prior that is wrong in ways which nobody thought
+of: where they predict poses held out clearly better, they are taken.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.bench.campaign import MODELS, Cell, Model, named_models
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, check_array
+from testbench.identify import Estimate, Method, with_prior
+from testbench.identify.crossval import Candidate, Duel, every_fold, held_out_errors, unless_beaten
+from testbench.identify.prior import Prior, Strength
+from testbench.identify.regression import Regression, f_m
+from testbench.identify.regularised import fit_each
+
+INCUMBENT, FILLED = "Joints", " + prior"
+DEFAULT = f"ALL153{FILLED}"
+PLAIN = (INCUMBENT, "MLS56", "MGCO56", "MGCO68")
+WITH_PRIOR = (INCUMBENT, "MGCO56", "MGCO68", "ALL153")
+"""What is fitted to a user's runs where no model is named, without and with a prior."""
+LEAST_POSES = 2
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Which model to take, and why."""
+
+    name: str
+    why: str  #: A sentence.
+    candidates: tuple[Candidate, ...]  #: Errors of all models on what was held out; empty with one pose.
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The model that is taken by default."""
+
+    name: str
+    estimate: Estimate
+    why: str  #: A sentence.
+
+
+def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = None) -> list[Model]:
+    """What is fitted where no model is named: some without a prior and, where there is one, with it.
+
+    Args:
+        cell: The arm.
+        prior: Expected compliances; None for models without a prior, all that the method can fit.
+        strength: How firmly they are believed; None to learn it.
+    """
+    if prior is None:
+        return named_models(cell, tuple(MODELS))
+    return [*named_models(cell, PLAIN), *with_priors(named_models(cell, WITH_PRIOR), prior, strength)]
+
+
+def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
+    """Models with a prior, named so."""
+    return [
+        replace(m, name=f"{m.name}{FILLED}", estimator=with_prior(m.estimator, prior, strength))
+        for m in models
+    ]
+
+
+def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
+    """Identify as is best by default.
+
+    Args:
+        cell: The arm.
+        data: The runs.
+        prior: Expected compliances.
+
+    Returns:
+        `DEFAULT`, or joints alone where these predict what is held out clearly better.
+    """
+    models = [*named_models(cell, (INCUMBENT,)), *with_priors(named_models(cell, ("ALL153",)), prior)]
+    found = recommend(cell, models, data)
+    [model] = [m for m in models if m.name == found.name]
+    return Choice(model.name, model.estimator(cell.vjm, model.structure, data), found.why)
+
+
+def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:
+    """The default, or the model of fewest unknowns where it is not there, unless beaten on what is held out.
+
+    The default can be beaten by joints alone only; what else was fitted stands beside it to compare.
+
+    Args:
+        cell: The arm.
+        models: Structures and methods; outliers stay in, as every model has to face the same readings.
+        data: The runs.
+    """
+    poses = len(np.unique(data.pose))
+    first = min(models, key=lambda m: (m.name != DEFAULT, m.structure.n))
+    if poses < LEAST_POSES or len(models) == 1:
+        why = "with one pose nothing can be held out" if poses < LEAST_POSES else "no other model was fitted"
+        return Recommendation(first.name, why, ())
+    every = tuple(Candidate(m.name, m.structure.n, _errors(cell, m, data)) for m in models)
+    rivals = [c for c in every if first.name != DEFAULT or c.name in (DEFAULT, INCUMBENT)]
+    duel = unless_beaten(rivals, first.name)
+    return Recommendation(duel.name, _why(duel, first.name), every)
+
+
+def _why(duel: Duel, first: str) -> str:
+    """Why a model stays, or gives way."""
+    taken = "the default" if first == DEFAULT else "the one of fewest unknowns"
+    if duel.name == first:
+        return f"{taken}: no rival predicts what is held out in turn better by more than chance"
+    return (
+        f"on what is held out in turn its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
+        f"than that of {first}, {taken}"
+    )
+
+
+def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
+    """F_M on what is held out, (folds,); an estimator of one's own sees the other runs as they are."""
+    folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
+    if isinstance(method, Method):
+
+        def fits(regressions: Sequence[Regression]) -> Array:
+            beliefs = method.beliefs(cell.vjm, regressions)
+            return np.array([e.pi for e in fit_each(regressions, method.constraint, beliefs)])
+
+        return held_out_errors(folds, fits)
+    each = [method(cell.vjm, model.structure, fold.runs).pi for fold in folds]
+    pi = check_array(np.array(each), (len(folds), model.structure.n), f"parameters found by {model.name}")
+    return np.array([f_m(fold.held_out, p) for fold, p in zip(folds, pi, strict=True)])
