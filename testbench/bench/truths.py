@@ -19,6 +19,7 @@ from testbench.model.structure import TEMPLATE
 TrueArm = Callable[[Arm, np.random.Generator], Arm]
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
+FAMILY = "family"  #: All of TRUTHS, a seed each in turn.
 HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
 
 
@@ -105,6 +106,11 @@ TRUTHS: Mapping[str, TrueArm] = {
     "joints": _unequal_joints,
 }
 """True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
+
+
+def member(family: str, seed: int) -> str:
+    """The truth of a seed: the next of TRUTHS in turn for "family", else the one that is named."""
+    return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
 
 
 def true_cell(cell: Cell, name: str, seed: int) -> Cell:

@@ -8,7 +8,14 @@ from scipy.optimize import minimize
 
 from testbench.arm.stiffness import Tube, check_compliance, eigenvalue_scale, tube_compliance, turned
 from testbench.bench.campaign import MODELS, Scenario, simulate, stream
-from testbench.bench.truths import TRUTHS, UNEQUAL, deformed, distance_from_tubes, true_cell
+from testbench.bench.truths import (
+    TRUTHS,
+    UNEQUAL,
+    deformed,
+    distance_from_tubes,
+    member,
+    true_cell,
+)
 from testbench.bench.wrong_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 from testbench.errors import BenchError
 from testbench.identify.evaluate import predict
@@ -193,6 +200,11 @@ def test_turning_a_beam_turns_its_compliance(rng):
     quarter = turned(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
     assert quarter[1, 1] == pytest.approx(TUBE[0, 0])
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
+
+
+def test_the_family_gives_every_seed_the_next_member_and_a_name_gives_itself():
+    assert [member("family", 12 + k) for k in range(2 * len(TRUTHS))] == [*TRUTHS, *TRUTHS]
+    assert {member("cast", seed) for seed in SEEDS} == {"cast"}
 
 
 @pytest.mark.parametrize(("find", "names"), [(true_cell, TRUTHS), (prior_of, PRIORS)])
