@@ -11,11 +11,13 @@ from testbench.bench.wrong_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.hierarchy import doubts, evidence, learn, loss, unchecked
-from testbench.identify.intervals import HEAVY, linearise, quantile
+from testbench.identify.intervals import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.regularised import fit_reduced
+from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
 from testbench.model.structure import all153, joints_only, mgco68, template56
+from testbench.model.vjm import chain, observation
 
 
 @pytest.fixture(scope="module")
@@ -145,3 +147,25 @@ def test_readings_that_move_against_the_load_are_refused_in_one_line(kr500, camp
         with_prior(gco, cad_prior(kr500.arm))(
             kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before)
         )
+
+
+def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_square_of_the_load(
+    kr500, campaign
+):
+    data, C = campaign.truth, kr500.arm.C_theta
+    whole = curvature(kr500.vjm, C, data)
+    tenth = curvature(kr500.vjm, C, replace(data, wrench=data.wrench / 10))
+    np.testing.assert_allclose(tenth, whole / 100, rtol=0, atol=0.1 * np.abs(whole).max() / 100)
+    theta = loaded_equilibrium(kr500.vjm, C, data.q, data.wrench, data.point).theta
+    exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
+    where = chain(kr500.vjm, data.q)
+    linear = displacement(where, secant(where, C, data.wrench, data.point), kr500.vjm.markers)
+    np.testing.assert_allclose(whole, exact - linear, rtol=0, atol=0.1 * np.abs(whole).max())
+    estimate = with_prior(gco, cad_prior(kr500.arm))(
+        kr500.vjm, template56(kr500.arm), campaign.identification
+    )
+    found = intervals(kr500.vjm, estimate, data)
+    rows = observation(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
+    half = quantile(HEAVY, 0.975) * linearise(estimate).deviations(rows.reshape(-1, 56)).reshape(whole.shape)
+    left_out = curvature(kr500.vjm, estimate.C_theta, data)
+    np.testing.assert_allclose(found.upper - found.centre, np.hypot(half, CURVED * left_out), rtol=1e-9)

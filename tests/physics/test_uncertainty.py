@@ -13,7 +13,7 @@ from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
 from testbench.identify.bootstrap import bootstrap, resampler
 from testbench.identify.evaluate import predict
-from testbench.identify.intervals import linearise
+from testbench.identify.intervals import CURVED, curvature, linearise
 from testbench.identify.least_squares import minimum_norm, solve
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, aggregate, cad_prior
@@ -238,7 +238,9 @@ def test_intervals_of_predicted_deflections_are_those_of_their_rows(kr500, gravi
     assert found.lower.shape == found.upper.shape == one
     rows = rows_of(kr500, s, where, kr500.vjm.markers).reshape(*one, s.n)
     sd = linearise(estimate).deviations(rows[2, 1])
-    np.testing.assert_allclose(found.upper[2, 1] - found.lower[2, 1], 2 * 1.959964 * sd, rtol=1e-6)
+    bent = CURVED * curvature(kr500.vjm, estimate.C_theta, where)[2, 1]
+    half = np.hypot(1.959964 * sd, bent)
+    np.testing.assert_allclose(found.upper[2, 1] - found.lower[2, 1], 2 * half, rtol=1e-6)
     # linear truth of the folder's own compliances: the right prior's intervals hold nearly all of it
     inside = (found.lower <= where.deflection) & (where.deflection <= found.upper)
     assert inside.mean() > 0.9
