@@ -9,16 +9,18 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
+from testbench.bench.plan_promise import fitted
 from testbench.bench.plan_report import PlanReport
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.bench.plan_summary import summary
 from testbench.bench.rows import UM
 from testbench.data.station import Station
-from testbench.design.forecast import Forecast, open_to
-from testbench.design.planning import Plan, candidate_set, make_plan, promise
+from testbench.design.forecast import Forecast, open_to, widened, without_bound
+from testbench.design.planning import Plan, candidate_set, make_plan
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load
 from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
+from testbench.design.whole_arm import promise_on
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
@@ -113,7 +115,7 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) 
 
 def judge(cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan) -> Planned:
     """What a plan promises, beside others; BenchError where without a prior it leaves directions open."""
-    workspace = promise(plan, workspace_rows(plan.specification))
+    workspace = _around(cell, plan)
     report = summary(cell, settings, found, plan, workspace)
     indices = report.observability
     if settings.uncertainty_percent is None and indices.seen < indices.of:
@@ -122,6 +124,14 @@ def judge(cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan) -> 
             "loads can show; give more --poses, or leave out --no-prior"
         )
     return Planned(found, plan, workspace, report)
+
+
+def _around(cell: Cell, plan: Plan) -> Forecast:
+    """Errors over the workspace under the first load; infinite where the plan's loads leave them open."""
+    spec = plan.specification
+    fit = fitted(spec, cad_prior(cell.arm), plan.q, plan.load)
+    found = widened(promise_on(fit, spec.workspace, spec.loads[0]))
+    return without_bound(found, open_to(plan.examined.problem, workspace_rows(spec)))
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:

@@ -24,7 +24,7 @@ MOST_POSES, MOST_CANDIDATES = 200, 50_000
 class PlanSettings:
     """What is asked for."""
 
-    model: str = "MGCO68"  #: Key of `MODELS`: its structure is to be identified.
+    model: str = "ALL153"  #: Key of `MODELS`: its structure is to be identified.
     criterion: str = "test"  #: Key of planning.CRITERIA.
     poses: int = 12  #: How many are to be measured.
     loads_kg: tuple[float, ...]  #: Masses that may be hung.

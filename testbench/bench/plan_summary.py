@@ -8,6 +8,7 @@ import numpy as np
 from testbench.bench import plan_report as r
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
+from testbench.bench.plan_promise import fitted, half_width, joints_alone, within
 from testbench.bench.plan_settings import PlanSettings
 from testbench.bench.rows import MM
 from testbench.design.baselines import (
@@ -16,22 +17,18 @@ from testbench.design.baselines import (
     PriorInfluence,
     baselines,
     prior_influence,
-    sceptical,
 )
-from testbench.design.forecast import Forecast
+from testbench.design.forecast import Forecast, widened
 from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise, seen_at_most
-from testbench.design.rows import Experiment, deflection_rows
+from testbench.design.rows import deflection_rows
 from testbench.design.specification import Specification, loads_of, task_rows
-from testbench.design.whole_arm import error_on
+from testbench.design.whole_arm import Fitted, promise_on
 from testbench.errors import Array
-from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, chain
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
-UNKNOWN = 0.3  #: How well an arm's compliances are known where no prior is given [1].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
 
 
@@ -44,7 +41,9 @@ def summary(
     influence = prior_influence(plan, rows)
     drawn, rng = len(found.q) * len(spec.loads), stream(settings.seed, 3)
     others = baselines(plan, rows, drawn=drawn, rng=rng)
-    tasks, doubted = promise(plan, rows), sceptical(plan, rows)
+    ahead, prior = spec.tasks, cad_prior(cell.arm)
+    fit, joints = (fitted(own, prior, plan.q, plan.load) for own in (spec, joints_alone(spec, prior)))
+    tasks = widened(promise_on(fit, ahead.q, ahead.load))
     indices = observability(plan.examined.problem, plan.chosen)
     own = others.random[settings.poses]
     return r.PlanReport(
@@ -53,13 +52,20 @@ def summary(
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],
         prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
+        within_percent=100 * within(spec),
         error_mm=overall(tasks),
+        half_width_95_mm=MM * half_width(tasks),
+        joints_alone_mm=MM * promise_on(joints, ahead.q, ahead.load).overall,
         workspace_error_mm=overall(workspace) if math.isfinite(workspace.overall) else r.Unbounded(),
-        error_if_prior_twice_as_uncertain_mm=None if doubted is None else overall(doubted),
-        whole_arm=_whole_arm(cell, plan),
-        random_plans=r.RandomPlans(RANDOM, _finite(MM * float(np.median(own))), _percentile(own, 10)),
+        error_if_prior_twice_as_uncertain_mm=_doubted(cell, plan),
+        random_plans=r.RandomPlans(
+            plans=RANDOM,
+            planned_mm=MM * promise(plan, rows).overall,
+            median_mm=_finite(MM * float(np.median(own))),
+            best_tenth_mm=_percentile(own, 10),
+        ),
         certificate=_certificate(plan, influence),
-        plan=_poses(settings, plan),
+        plan=_poses(settings, plan, fit),
         tasks=_tasks(spec, tasks, _rms(moved)),
         candidates=r.Found(len(found.q), found.drawn, found.rejected),
         observability=indices,
@@ -70,18 +76,13 @@ def summary(
     )
 
 
-def _whole_arm(cell: Cell, plan: Plan) -> r.WholeArm:
-    """Of the planned model and of joints alone, on an arm that leaves nothing out."""
-    spec, prior = plan.specification, cad_prior(cell.arm)
-    uncertainty = UNKNOWN if spec.uncertainty is None else spec.uncertainty
-
-    def measured(structure: Structure) -> Experiment:
-        return replace(spec.experiment, metric=metric(prior, spec.experiment.vjm, structure))
-
-    joints = replace(spec, experiment=measured(joints_only(cell.arm)), uncertainty=None)
-    whole = measured(all153(cell.arm))
-    left = [MM * error_on(whole, uncertainty, model, plan.q, plan.load) for model in (spec, joints)]
-    return r.WholeArm(100 * uncertainty, *left)
+def _doubted(cell: Cell, plan: Plan) -> r.Expected | None:
+    """Were the prior twice as uncertain; None without one."""
+    spec = plan.specification
+    if spec.uncertainty is None:
+        return None
+    fit = fitted(replace(spec, uncertainty=2 * spec.uncertainty), cad_prior(cell.arm), plan.q, plan.load)
+    return overall(widened(promise_on(fit, spec.tasks.q, spec.tasks.load)))
 
 
 def overall(forecast: Forecast) -> r.Expected:
@@ -106,13 +107,14 @@ def _certificate(plan: Plan, influence: PriorInfluence) -> r.Certificate:
     )
 
 
-def _poses(settings: PlanSettings, plan: Plan) -> list[r.PoseRow]:
+def _poses(settings: PlanSettings, plan: Plan, fit: Fitted) -> list[r.PoseRow]:
     spec = plan.specification
-    own = deflection_rows(spec.experiment, plan.q, loads_of(spec, plan.load))
+    load = loads_of(spec, plan.load)
+    own = deflection_rows(spec.experiment, plan.q, load)
     deflection = _rms(own @ spec.experiment.metric.expected)
     ways: list[r.Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
     travel = np.r_[0.0, np.abs(np.diff(plan.q, axis=0)).max(axis=1)]
-    expected = _expected(spec.experiment.vjm, plan.q, deflection, promise(plan, own))
+    expected = _expected(spec.experiment.vjm, plan.q, deflection, widened(promise_on(fit, plan.q, load)))
     return [
         r.PoseRow(
             **vars(row),

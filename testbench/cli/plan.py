@@ -34,7 +34,9 @@ class Options:
     ] = None
     box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
     criterion: Annotated[str, typer.Option(help="test, D, A, E, G or I.")] = "test"
-    model: Annotated[str, typer.Option(help="Model that is to be identified.")] = "MGCO68"
+    model: Annotated[
+        str | None, typer.Option(help="Model to be identified: ALL153 if not given, MGCO68 with --no-prior.")
+    ] = None
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
     uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior, 30 if not given.")] = (
         None
@@ -84,7 +86,7 @@ def _settings(asked: Options) -> PlanSettings:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
     return PlanSettings(
-        model=asked.model,
+        model=asked.model or ("MGCO68" if asked.no_prior else PlanSettings.model),
         criterion=asked.criterion,
         poses=asked.poses,
         loads_kg=tuple(asked.load),

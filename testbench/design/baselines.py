@@ -1,16 +1,14 @@
 """What a plan is judged by: greedy and random plans of the same poses, and how much rests on the prior."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import greedy
-from testbench.design.forecast import Forecast
 from testbench.design.observability import observability
 from testbench.design.planning import Plan
 from testbench.design.rows import Ids, information
-from testbench.design.specification import promise_of
 from testbench.errors import Array
 
 RANDOM = 200  #: Random plans that the plan is compared with.
@@ -84,11 +82,3 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
 def _hidden(plan: Plan, rows: Array) -> float:
     """Mean square error in directions that no candidate shows [m^2]; rounding may fall below zero."""
     return max(0.0, float(np.trace(mean_square(rows) @ plan.examined.problem.hidden)))
-
-
-def sceptical(plan: Plan, rows: Array) -> Forecast | None:
-    """Errors of predictions (tasks, 3 m, n) [m] were the prior twice as uncertain; None without one."""
-    spec = plan.specification
-    if spec.uncertainty is None:
-        return None
-    return promise_of(replace(spec, uncertainty=2 * spec.uncertainty), plan.q, plan.load, rows)

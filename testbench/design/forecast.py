@@ -1,7 +1,7 @@
 """What a plan promises: deflections to expect and the error of predicting them after identification."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,14 @@ from testbench.design.rows import Problem
 from testbench.errors import Array
 
 DRAWS = 4000  #: Draws of the remaining error behind an interval.
+WIDER, BROAD = (0.7, 1.25), 1.2
+"""Factors on the ends of a 90 % interval, and on a standard deviation: arms bend and priors are wrong [1].
+
+Measured over the family of true arms and wrong priors, every pair twice (seeds 1 to 72; 8, 12 and 20 poses,
+planned and random, on two grounds; all links and joints identified with a learnt prior). Of the RMS errors
+3 % were below the lower end then and 4 % above the upper one; on cast links none and 17 %. Of the errors of a
+deflection along an axis 97 % were within 1.2 times the normal interval of 95 %, on cast links 92 %.
+"""
 OUTSIDE = 1e-6  #: Share of a prediction's rows outside what the candidates show that counts as unseen.
 
 
@@ -24,9 +32,22 @@ class Forecast:
     error: Array
     low: Array  #: 5th percentile, (poses,) [m].
     high: Array  #: 95th percentile, (poses,) [m].
+    deviation: Array  #: Root mean square of the error of every target along every axis, (poses, 3 m) [m].
     overall: float  #: Root mean square over all poses [m].
     overall_low: float  #: 5th percentile of that [m].
     overall_high: float  #: 95th percentile [m].
+
+
+def widened(forecast: Forecast) -> Forecast:
+    """The same with intervals that hold where the arm bends and the prior is wrong, see `WIDER`."""
+    below, above = WIDER
+    return replace(
+        forecast,
+        low=below * forecast.low,
+        high=above * forecast.high,
+        overall_low=below * forecast.overall_low,
+        overall_high=above * forecast.overall_high,
+    )
 
 
 def open_to(problem: Problem, rows: Array) -> npt.NDArray[np.bool_]:
@@ -40,16 +61,30 @@ def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
 
     Predictions are rows per unit of x, three axes a target, (poses, 3 m, n) [m].
     """
-    targets = rows.shape[1] / 3
     half = np.linalg.solve(np.linalg.cholesky(M), problem.lift.T)
-    C = half.T @ half + problem.hidden
-    values, V = np.linalg.eigh(C)
-    root = V * np.sqrt(np.maximum(values, 0))
-    draws = root @ np.random.Generator(np.random.Philox(0)).standard_normal((len(C), DRAWS))
-    square = np.stack([np.square(A @ draws).sum(axis=0) for A in rows]) / targets  # (poses, draws)
-    mean = np.einsum("pkn,nl,pkl->p", rows, C, rows, optimize=True) / targets
-    unbounded = open_to(problem, rows)
-    mean[unbounded], square[unbounded] = np.inf, np.inf
+    values, V = np.linalg.eigh(half.T @ half + problem.hidden)
+    found = forecast_of(np.zeros(rows.shape[:2]), rows @ (V * np.sqrt(np.maximum(values, 0))))
+    return without_bound(found, open_to(problem, rows))
+
+
+def without_bound(forecast: Forecast, where: npt.NDArray[np.bool_]) -> Forecast:
+    """The same, the errors of some poses, (poses,), being infinite."""
+    if not where.any():
+        return forecast
+    error, low, high = (np.where(where, np.inf, end) for end in (forecast.error, forecast.low, forecast.high))
+    deviation = np.where(where[:, None], np.inf, forecast.deviation)
+    return Forecast(error, low, high, deviation, math.inf, math.inf, math.inf)
+
+
+def forecast_of(bias: Array, spread: Array) -> Forecast:
+    """Errors of predictions that are bias + spread @ N(0, 1): (poses, 3 m) and (poses, 3 m, k) [m]."""
+    targets = bias.shape[1] / 3
+    draws = np.random.Generator(np.random.Philox(0)).standard_normal((spread.shape[2], DRAWS))
+    each = zip(bias, spread, strict=True)
+    square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in each])  # (poses, draws)
+    square /= targets
+    variance = np.square(bias) + np.square(spread).sum(axis=2)
+    mean = variance.sum(axis=1) / targets
     low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
     over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
-    return Forecast(np.sqrt(mean), low, high, *map(math.sqrt, (mean.mean(), *over)))
+    return Forecast(np.sqrt(mean), low, high, np.sqrt(variance), *map(math.sqrt, (mean.mean(), *over)))

@@ -1,39 +1,56 @@
-"""What a model leaves on an arm of which every link and joint gives, as most models leave some of them out.
+"""What a plan promises on an arm of which every link and joint gives, as most models leave some of them out.
 
 The arm's unknowns are x ~ N(e, u^2 1) in the metric of the prior that it is drawn from; its readings are
 y = A x + noise, whitened. A model's fit is affine in them, x_m = K y + k, and so is its error at the tasks,
-T x - T_m x_m = D x - T_m (K noise + k) with D = T - T_m K A: its mean square is known without any draw.
+T x - T_m x_m = D x - T_m (K noise + k) with D = T - T_m K A: normal, its mean and covariance known.
 """
 
-import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.design.rows import SCALE_UNCERTAINTY, Experiment, Ids, deflection_rows, reading_rows
-from testbench.design.specification import Specification, loads_of, measured_rows, task_rows
+from testbench.design.forecast import Forecast, forecast_of
+from testbench.design.rows import SCALE_UNCERTAINTY, Experiment, Ids, Load, deflection_rows, reading_rows
+from testbench.design.specification import Specification, loads_of, measured_rows
 from testbench.errors import Array
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
 
 
-def error_on(whole: Experiment, uncertainty: float, spec: Specification, q: Array, load: Ids) -> float:
-    """Error to expect at the tasks of a plan's model on an arm that has more unknowns, RMS distance [m].
+@dataclass(frozen=True)
+class Fitted:
+    """A model, fitted to what a plan reads of an arm that has more unknowns."""
+
+    whole: Experiment  #: The measurement with every unknown of the arm.
+    uncertainty: float  #: Of the arm's compliances around its metric's expectation, relative [1].
+    model: Experiment  #: The measurement with the model's unknowns.
+    K: Array  #: Of the fit x_m = K y + k, (n, readings).
+    k: Array  #: (n,).
+    gain: Array  #: K A: what is found of each of the arm's unknowns, (n, all).
+
+
+def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array, load: Ids) -> Fitted:
+    """A specification's model, with its prior or without, after a plan was measured on the whole arm.
 
     Args:
         whole: The same measurement with every unknown of the arm.
         uncertainty: Of the arm's compliances around its metric's expectation, relative [1].
-        spec: The model, with its prior or without, and the tasks.
+        spec: The model.
         q: Poses measured, (poses, n) [rad].
         load: Which of the loads hangs in each, (poses,).
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
-    T, own = _flat(deflection_rows(whole, spec.tasks.q, spec.tasks.load)), _flat(task_rows(spec))
     K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
-    D = T - own @ (K @ A)
-    bias = D @ whole.metric.expected - own @ k
-    square = bias @ bias + uncertainty**2 * np.square(D).sum() + np.square(own @ K).sum()
-    return math.sqrt(square / (len(own) / 3))
+    return Fitted(whole, uncertainty, spec.experiment, K, k, K @ A)
+
+
+def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
+    """Errors to expect of the fit's predictions in poses, (poses, n) [rad], under a load."""
+    T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
+    D = T - own @ fit.gain
+    bias = D @ fit.whole.metric.expected - own @ fit.k
+    return forecast_of(bias, np.concatenate([fit.uncertainty * D, own @ fit.K], axis=2))
 
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from testbench.design.planning import CRITERIA, DETOUR, _order, candidate_set, m
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment, Load, build_problem, deflection_rows, information, reading_rows
 from testbench.design.specification import Specification, Tasks, promise_of, task_rows
-from testbench.design.whole_arm import error_on
+from testbench.design.whole_arm import fit_of, promise_on
 from testbench.errors import BenchError
 from testbench.identify import least_squares, reduce, with_prior
 from testbench.identify.evaluate import predict
@@ -251,7 +251,11 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
             off = predict(cell.vjm, method(cell.vjm, structure, runs), true) - true.deflection
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
-        found = error_on(replace(spec.experiment, metric=whole), 0.3, model, q, load) ** 2
+        fit = fit_of(replace(spec.experiment, metric=whole), 0.3, model, q, load)
+        promised = promise_on(fit, spec.tasks.q, spec.tasks.load)
+        found, errors = promised.overall**2, np.sqrt(squares[name])
+        inside = np.mean((promised.overall_low < errors) & (errors < promised.overall_high))
+        assert inside == pytest.approx(0.9, abs=0.08), name  # four standard errors of 200 arms
         scatter = np.std(squares[name]) / np.sqrt(200)
         assert np.mean(squares[name]) == pytest.approx(found, abs=5 * scatter), name
         assert scatter < 0.1 * found, name  # so that a factor of two would show

@@ -77,7 +77,7 @@ def test_a_plan_is_seven_files(planned):
 
 def test_the_page_gives_the_answer_first(planned, report):
     title, _, first, *_ = (planned / "plan.md").read_text().splitlines()
-    assert "kr500_l480, MGCO68, 460 or 150 kg" in title
+    assert "kr500_l480, ALL153, 460 or 150 kg" in title
     assert first.startswith(
         f"**{POSES} poses: expected error at the tasks {report['error_mm']['expected']:.3f} mm"
     )
@@ -87,12 +87,15 @@ def test_the_plan_beats_random_ones_and_respects_its_bound(report):
     certificate = report["certificate"]
     assert 0.7 < certificate["efficiency"] <= 1
     # the same number twice, from Phi and from the forecast's covariance
-    assert certificate["reached_mm"] == pytest.approx(report["error_mm"]["expected"], rel=1e-6)
+    assert certificate["reached_mm"] == pytest.approx(report["random_plans"]["planned_mm"], rel=1e-6)
+    # and once more, as ALL153 leaves nothing out; the arms here have the folder's scale, a fit has to find it
+    assert report["error_mm"]["expected"] == pytest.approx(certificate["reached_mm"], rel=1e-2)
+    assert report["error_mm"]["p95"] < report["joints_alone_mm"]
     assert certificate["least_mm"] <= certificate["reached_mm"] < report["random_plans"]["best_tenth_mm"]
     greedy = report["greedy_mm"]
     assert all(a >= b for a, b in pairwise(greedy))
     assert report["advice"]["fewest"] == next(k for k, e in enumerate(greedy, 1) if e <= 0.1)
-    assert report["directions"]["seen"] <= report["directions"]["shown"] <= 68
+    assert report["directions"]["seen"] <= report["directions"]["shown"] <= 153
 
 
 def test_tasks_have_errors_between_their_ends_and_the_plans_rms(report):
@@ -137,7 +140,7 @@ def test_a_plan_simulated_and_identified_keeps_its_promise(planned, report, kr50
     with (tmp_path / "data.csv").open() as file:
         weights = [-float(row["force_z_N"]) / 9.81 for row in csv.DictReader(file)]
     assert weights[::3] == pytest.approx([row["load_kg"] for row in report["plan"]])
-    flags = ["--model", "MGCO68", "--prior", "--uncertainty-percent", 30, "--out", tmp_path / "fit"]
+    flags = ["--model", "ALL153", "--out", tmp_path / "fit"]
     assert run("identify", ARM, tmp_path / "data.csv", *flags)[0] == 0
     [model] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     C = np.zeros((kr500.arm.n_theta,) * 2)
@@ -145,8 +148,7 @@ def test_a_plan_simulated_and_identified_keeps_its_promise(planned, report, kr50
         C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
     C[range(42, 48), range(42, 48)] = list(model["joints"].values())
     error = 1e3 * errors_at_tasks(kr500, C)
-    # noise moves it within the interval; that the arm is not linear adds at most as much (README: 0.06 mm)
-    assert error < 2 * report["error_mm"]["p95"]
+    assert report["error_mm"]["p05"] < error < report["error_mm"]["p95"]
 
 
 def jacobian(vjm, q, point=(0.0, 0.0, 0.0)):

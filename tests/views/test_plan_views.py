@@ -118,24 +118,24 @@ def test_long_plans_are_cut_and_the_page_says_where_the_rest_is(report):
 
 
 def test_the_answer_has_error_interval_rivals_and_efficiency(report):
-    report = part(report, "random_plans", median_mm=0.456, best_tenth_mm=0.321)
+    report = part(report, "random_plans", planned_mm=0.111, median_mm=0.456, best_tenth_mm=0.321)
     report = part(report, "certificate", efficiency=0.8999)  # never rounded up
-    report = part(report, "whole_arm", planned_mm=0.678, joints_alone_mm=0.789)
+    report = replace(report, model="MGCO56", half_width_95_mm=0.678, joints_alone_mm=0.789)
     assert words(report).block("answer") == (
-        "4 poses: expected error at the tasks 0.234 mm (90 %: 0.123 to 0.345). Were every link and "
-        "joint elastic, it would be 0.678 mm; joints alone would leave 0.789 mm. Random poses leave 0.456 "
-        "mm, the best tenth of them 0.321 mm. The plan is at least 89 % efficient."
+        "4 poses: expected error at the tasks 0.234 mm (90 %: 0.123 to 0.345), of a deflection "
+        "along an axis +- 0.678 mm (95 %, median). Joints alone would leave 0.789 mm. Were the arm MGCO56 "
+        "and nothing else: 0.111 mm, from random poses 0.456 mm, from the best tenth of them 0.321 mm. "
+        "The plan is at least 89 % efficient."
     )
     assert words(replace(report, criterion="D")).block("answer").endswith("89 % efficient by criterion D.")
     open_ = part(report, "random_plans", median_mm=None, best_tenth_mm=None)
-    assert "Random poses leave it without a bound." in words(open_).block("answer")
+    assert "nothing else: 0.111 mm, from random poses no bound. The" in words(open_).block("answer")
 
 
-@pytest.mark.parametrize(("joints", "worse"), [(0.789, True), (0.5, False)])
+@pytest.mark.parametrize(("joints", "worse"), [(0.235, True), (0.233, False)])
 def test_joints_alone_stand_beside_the_model_on_an_arm_that_leaves_nothing_out(report, joints, worse):
-    text = said(part(report, "whole_arm", within_percent=30.0, planned_mm=0.678, joints_alone_mm=joints))
-    assert "within 30 % of the folder, the same runs would leave 0.678 mm; with joint compliances" in text
-    assert f"links rigid, {joints:.3f} mm" in text
+    text = said(replace(report, within_percent=30.0, joints_alone_mm=joints))
+    assert "of which every link and joint gives, within 30 % of the folder" in text
     assert ("Joints alone are no worse here" in text) != worse
 
 
@@ -208,9 +208,15 @@ def test_what_it_rests_on_is_told_with_and_without_a_prior(report):
     assert "White noise of 43 um" in text
     bare = replace(report, prior=None, uncertainty_percent=None, error_if_prior_twice_as_uncertain_mm=None)
     assert "No prior: the other 19 stay unknown" in said(bare, "assumptions")
-    assert "--prior" not in said(bare, "afterwards")
-    asked = replace(report, uncertainty_percent=25.5, model="MGCO56")
-    assert "--model MGCO56 --prior --uncertainty-percent 25.5`" in said(asked, "afterwards")
+    assert "--model MGCO56 --no-prior`" in said(replace(bare, model="MGCO56"), "afterwards")
+    assert "--model MGCO56`" in said(replace(report, model="MGCO56"), "afterwards")
+
+
+def test_where_intervals_were_tried_is_said_and_where_not(report):
+    whole = replace(report, model="ALL153")
+    assert "intervals were tried on arms that bend" in said(whole)
+    for other in (replace(report, model="MGCO68"), replace(whole, prior=None)):
+        assert "intervals were tried for ALL153 with the prior." in said(other)
 
 
 def test_where_it_was_judged_and_what_it_observes(report):
@@ -240,7 +246,7 @@ def test_the_curve_of_the_figure_is_that_of_the_report(report):
             "random poses: median, 10 to 90 %",
             *zip(*((r.poses, r.random_median_mm) for r in report.curve), strict=True),
         ),
-        ("this plan, with its 90 % interval", [POSES], [0.234]),
+        ("this plan on the whole arm, with its 90 % interval", [POSES], [0.234]),
     ):
         np.testing.assert_array_equal(lines[label], [list(x), list(y)])
     [band] = bands(axes)

@@ -43,7 +43,7 @@ def _poses(axes: Axes, report: PlanReport) -> None:
     axes.plot(*np.transpose(line), color=OURS, linewidth=2, label="each pose the best next one")
     error, poses = report.error_mm, report.poses
     axes.plot([poses] * 2, [error.p05, error.p95], "_-", color=OURS, linewidth=2, markersize=9, zorder=4)
-    label = "this plan, with its 90 % interval"
+    label = "this plan on the whole arm, with its 90 % interval"
     axes.plot(
         poses, error.expected, "D", color=OURS, markersize=9, markeredgecolor="white", zorder=4, label=label
     )
