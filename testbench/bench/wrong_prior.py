@@ -45,6 +45,11 @@ def prior_of(cell: Cell, name: str, seed: int) -> Prior:
     return Prior(f"{wrong.name}; {name}", C)
 
 
+def wrong_link(cell: Cell, seed: int) -> int:
+    """Which link `prior_of` has FAR wrong in the prior "link", from 0."""
+    return _drawn(len(cell.arm.links), stream(seed, 9))
+
+
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
     """Models without a prior, then those of these names with one that is wrong; the seed is of its errors."""
     prior, believed = wrong_prior(cell, seed), Strength(UNCERTAINTY)
@@ -62,9 +67,13 @@ def _as_it_is(C: Array, *_: object) -> Array:
 
 def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:
     """One link FAR too soft or too stiff."""
-    k = 6 * int(rng.integers(links))
+    k = 6 * _drawn(links, rng)
     C[k : k + 6, k : k + 6] *= _far(rng)
     return C
+
+
+def _drawn(links: int, rng: np.random.Generator) -> int:
+    return int(rng.integers(links))
 
 
 def _joints(C: Array, links: int, rng: np.random.Generator) -> Array:

@@ -161,7 +161,12 @@ def learn(regression: Regression, metric: Metric) -> Belief:
 
 def doubts(belief: Belief) -> tuple[str, ...]:
     """Sentences about scales of a learnt prior that the readings contradict."""
-    return tuple(_doubt(s) for s in belief.scales if _contradicted(s))
+    return tuple(_doubt(scale) for scale in contradicted(belief))
+
+
+def contradicted(belief: Belief) -> tuple[Scale, ...]:
+    """The scales of a learnt prior that the readings contradict."""
+    return tuple(scale for scale in belief.scales if _contradicted(scale))
 
 
 def _contradicted(scale: Scale) -> bool:

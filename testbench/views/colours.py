@@ -59,6 +59,10 @@ class Look:
         return MARKS[self.place % len(MARKS)]
 
 
+CHOICE = Look((0, 0, 0), 3, prior=True)
+"""What is chosen by default, whatever it is: black."""
+
+
 def look(structure: str, constraint: Constraint, prior: bool = False) -> Look:
     """The look of a model.
 

@@ -1,6 +1,7 @@
 """The study of the default method as a stranger runs it: its files, its contract, its claims."""
 
 import json
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -10,10 +11,15 @@ import pytest
 from run_here import app_of, here
 
 from testbench.bench.campaign import draw_poses, simulate_at
+from testbench.bench.default import choose
 from testbench.bench.truths import TRUTHS, true_cell
-from testbench.bench.wrong_prior import PRIORS
+from testbench.bench.wrong_prior import PRIORS, prior_of, wrong_link
+from testbench.identify.prior import cad_prior
+from testbench.studies.which_model.judge import cover, covers
 from testbench.studies.which_model.trial import POSES, RUNS, Settings, pairs, read, scenario
 
+LINKS = [f"link_{k}" for k in range(7)]
+JOINTS = [f"joint_{k}" for k in range(1, 7)]
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "which_model.py")
 FILES = {
@@ -21,7 +27,7 @@ FILES = {
     "trials.parquet",
 }  # fmt: skip
 SEEDS = range(2, 4)
-METHODS = 10
+METHODS = 11  # one is the default
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +78,56 @@ def test_every_method_is_tried_in_every_case(rows):
     assert cases == {(seed, *pair) for seed in SEEDS for pair in pairs(seed)}
     assert all(r["solved"] and r["conservative"] for r in rows if r["constraint"] == "psd")
     assert {r["filled"] for r in rows if r["method"].endswith(" + prior")} == {True}
+
+
+def test_the_default_is_what_it_chose_with_its_intervals_and_its_doubts(rows):
+    by = {(r["seed"], r["case.truth"], r["poses"], r["method"]): r for r in rows}
+    chosen = [r for r in rows if r["method"] == "default"]
+    assert len(chosen) == len(SEEDS) * len(TRUTHS) * len(POSES)
+    for own in chosen:
+        fixed = by[own["seed"], own["case.truth"], own["poses"], own["chosen"]]
+        for key in ("workspace_mm", "check_mm", "misfit", "cover.covered", "cover.half_mm"):
+            assert own[key] == pytest.approx(fixed[key], rel=1e-6)  # the same program, solved by itself
+        assert (own["doubted.unchecked"] is None) == (own["case.prior"] != "link")
+        assert set(own["doubted.contradicted"]) <= {*LINKS, *JOINTS, "joints"}
+    assert all(r["chosen"] is None and r["doubted.contradicted"] is None for r in rows if r not in chosen)
+
+
+def test_half_widths_cover_what_they_are_made_for(rng):
+    """Of a known distribution: quantiles of errors by the book, and of half widths that are wrong."""
+    error = rng.standard_normal((200, 3, 3)) * 1e-3
+    true = rng.standard_normal(error.shape)
+    right = covers(true + error, np.full(error.shape, 1.96e-3), true)
+    assert right.covered == pytest.approx(0.95, abs=0.02)  # 1800 components: four standard errors
+    assert right.ideal_mm == pytest.approx(np.quantile(np.abs(error), 0.95) * 1e3)
+    assert right.half_mm == pytest.approx(1.96)
+    assert covers(true + error, np.full(error.shape, 0.674e-3), true).covered == pytest.approx(0.5, abs=0.05)
+
+
+def test_intervals_are_judged_against_the_truth_component_by_component(kr500):
+    """Columns of the truth that are exchanged, or moved by ten half widths, are not covered."""
+    asked = Settings("kr500_l480", workspace=40)
+    campaign = simulate_at(kr500, scenario(asked), 2, draw_poses(kr500, scenario(asked), 2))
+    estimate = choose(kr500, read(campaign)[-1], cad_prior(kr500.arm)).estimate
+    right, truth = cover(kr500, estimate, campaign.truth), campaign.truth
+    assert right.covered > 0.9
+    exchanged = replace(truth, before=truth.before[..., [2, 1, 0]], after=truth.after[..., [2, 1, 0]])
+    assert cover(kr500, estimate, exchanged).covered < 0.6
+    moved = replace(truth, after=truth.after + 10e-3 * right.half_mm)
+    assert cover(kr500, estimate, moved).covered < 0.05
+
+
+def test_the_wrong_link_is_the_one_that_the_prior_has_wrong(kr500, rows):
+    for seed in range(20):
+        own, base = (prior_of(kr500, name, seed).C_theta for name in ("link", "scaled"))
+        assert set(np.argwhere(own != base)[:, 0] // 6) == {wrong_link(kr500, seed)}
+    for row in rows:
+        if row["case.prior"] == "link":
+            assert row["case.wrong"] == LINKS[wrong_link(kr500, row["seed"])]
+            assert 0 < row["case.share"] < 1
+        else:
+            assert row["case.wrong"] == ("joints" if row["case.prior"] == "joints" else None)
+            assert row["case.share"] is None
 
 
 def test_fewer_poses_are_the_first_of_the_same_readings(kr500):

@@ -1,15 +1,15 @@
 """The methods that are compared: the incumbent, least squares and GCO, each as it is or with a prior."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from testbench.bench.campaign import MODELS, Cell, Model
-from testbench.identify import completed_least_squares, gco, least_squares, with_prior
-from testbench.identify.prior import Prior
-from testbench.model.structure import all153
+from testbench.bench.default import INCUMBENT
+from testbench.identify import completed_least_squares, least_squares
 
-INCUMBENT = "Joints"
+CHOSEN = "default"  #: What `bench.default` chooses from the readings.
 COMPLETED = "MLS56, PSD of equal fit"
+COVERED = (CHOSEN, INCUMBENT, "MGCO56 + prior", "ALL153 + prior")
+"""Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
 
 def without_prior(cell: Cell) -> list[Model]:
@@ -27,10 +27,5 @@ def to_fill(cell: Cell) -> list[Model]:
         replace(mgco56, name="MLS56", estimator=least_squares),
         mgco56,
         MODELS["MGCO68"](cell),
-        Model("ALL153", all153(cell.arm), gco),
+        MODELS["ALL153"](cell),
     ]
-
-
-def filled(models: Sequence[Model], prior: Prior) -> list[Model]:
-    """Methods with a prior."""
-    return [replace(m, name=f"{m.name} + prior", estimator=with_prior(m.estimator, prior)) for m in models]

@@ -7,10 +7,10 @@ from testbench.bench.campaign import build_cell, draw_poses, simulate_at
 from testbench.bench.truths import true_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.study import Run
+from testbench.studies.which_model.figure import look_of
 from testbench.studies.which_model.report import WhichModelReport
 from testbench.studies.which_model.tables import ACROSS, ERROR, METHOD
 from testbench.studies.which_model.trial import Settings, read, scenario
-from testbench.views.colours import look
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
 from testbench.views.recording.swept import Sweep, points
@@ -35,7 +35,7 @@ def write_recording(run: Run[Settings, WhichModelReport]) -> None:
         ACROSS,
         replace(ERROR, heading=f"{ERROR.heading} over the workspace"),
         points(report.family, METHOD, ACROSS, ERROR),
-        {m.method: look(m.structure, m.constraint, m.filled) for m in report.family},
+        {m.method: look_of(m) for m in report.family},
     )
     header = Header(report.scenario, run.parameters, run.seeds[0])
     words = run.words.summary(run.tables["family_short"])

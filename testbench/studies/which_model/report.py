@@ -26,17 +26,96 @@ class MethodAt:
     solved: float
     over_joints: Spread  #: Error over that of joints alone, case by case.
     loses: float  #: Share of cases in which that exceeds 1 by more than the margin.
-    over_best: Spread  #: Error over that of the method that is best over the family at this number of poses.
-    over_least: Spread  #: Error over the least of any method in the same case.
+    over_best: Spread  #: Error over that of the fixed method that is best at this number of poses.
+    over_least: Spread  #: Error over the least of any fixed method in the same case.
     wins: float  #: Share of cases in which it is that of least error, or as good.
 
 
 @dataclass(frozen=True)
-class Advice:
-    """At one number of poses, over the family, the method of least median error."""
+class ChosenAt:
+    """How often the default chose a method."""
 
     poses: int
-    best: MethodAt
+    method: str
+    cases: int
+    share: float  #: Of the cases at this number of poses.
+
+
+@dataclass(frozen=True)
+class WorstAt:
+    """A case in which the default loses to joints alone."""
+
+    trial: int  #: Its seed.
+    truth: str
+    prior: str
+    poses: int
+    chosen: str  #: What the default chose.
+    workspace_mm: float
+    over_joints: float
+    over_best: float  #: Over the best fixed method at this number of poses.
+
+
+@dataclass(frozen=True)
+class DoubtAt:
+    """What the default says of a prior, over the cases of one prior at one number of poses."""
+
+    prior: str
+    what: str  #: Which of its cases.
+    poses: int | None  #: None for all.
+    cases: int
+    doubted: float  #: Share in which the readings contradict anything.
+    told: float | None  #: Share in which that is what is ten times off; None where nothing is.
+    #: Share in which that is named as what the readings do not check; None but for a link.
+    unchecked: float | None
+    named: float | None  #: How many links and joints are named so, in the mean.
+    either: float | None  #: Share in which one of both is said; None but for a link.
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What was asked for beforehand, and what was found."""
+
+    what: str
+    found: float  #: A ratio, or a share of cases or of components.
+    least: float | None  #: None for no limit.
+    most: float | None
+
+    @property
+    def met(self) -> bool:
+        """Whether it lies between both."""
+        above = self.least is None or self.found >= self.least
+        return above and (self.most is None or self.found <= self.most)
+
+
+@dataclass(frozen=True)
+class CoverAt:
+    """Intervals of 95 % over the cases of a truth or a prior, or at a number of poses."""
+
+    truth: str  #: Of the cases; empty for all.
+    prior: str  #: The same.
+    poses: int | None  #: None for all.
+    method: str
+    cases: int
+    covered: float  #: Share of true components of deflection over the workspace inside their intervals.
+    by_case: Spread  #: The same share, case by case.
+    half_mm: Spread  #: Median half width.
+    ideal_mm: Spread  #: Half width of the narrowest intervals, all alike in a case, that cover 95 %.
+    over_ideal: Spread  #: Half width over that, case by case.
+
+    @property
+    def where(self) -> str:
+        """The cases in words."""
+        poses = "all" if self.poses is None else f"{self.poses} poses"
+        return (self.truth and f"truth {self.truth}") or (self.prior and f"prior {self.prior}") or poses
+
+
+@dataclass(frozen=True)
+class Advice:
+    """At one number of poses, over the family: the default, and the fixed method of least median error."""
+
+    poses: int
+    default: MethodAt
+    best: MethodAt  #: Fixed, as all that follow.
     without_prior: MethodAt  #: Of those that know no prior.
     joints: MethodAt  #: The incumbent.
 
@@ -70,7 +149,12 @@ class WhichModelReport:
     by_truth: list[MethodAt]
     by_prior: list[MethodAt]  #: Of methods that know it.
     cells: list[MethodAt]  #: Every truth with every prior.
-    #: Truths and priors with which the best method of a number of poses loses to joints alone, worst first.
+    #: Truths and priors with which the default loses to joints alone, worst first.
     losses: list[MethodAt]
+    worst: list[WorstAt]  #: The worst cases of the default, over joints alone.
+    chosen: list[ChosenAt]
+    cover: list[CoverAt]
+    doubts: list[DoubtAt]
+    bars: list[Bar]
     truths: list[TruthAt]
     priors: Mapping[str, str]  #: What is wrong with each, in words.

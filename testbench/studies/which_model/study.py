@@ -4,7 +4,7 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.study import Study
-from testbench.studies.which_model import figure, recording, summary, tables, trial
+from testbench.studies.which_model import figure, recording, rows, summary, tables, trial
 
 STUDY = Study(
     name=trial.NAME,
@@ -14,7 +14,7 @@ STUDY = Study(
     settings=trial.settings,
     seeds=(102, 6),
     arms=lambda asked: [find_arm(asked.arm)],
-    row=trial.FitRow,
+    row=rows.FitRow,
     trials=trial.trials,
     summary=summary.summary,
     tables=tables.tables,

@@ -1,21 +1,34 @@
 """The report of all trials: every method over the family of truths and priors, beside joints alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.default import INCUMBENT
 from testbench.bench.rows import UM
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
 from testbench.studies.study import Trials
-from testbench.studies.which_model.methods import INCUMBENT
-from testbench.studies.which_model.report import Advice, MethodAt, TruthAt, WhichModelReport
-from testbench.studies.which_model.trial import NAME, RUNS, Case, FitRow, Settings
+from testbench.studies.which_model.bars import bars
+from testbench.studies.which_model.coverage import coverage
+from testbench.studies.which_model.doubts import doubt_table
+from testbench.studies.which_model.methods import CHOSEN
+from testbench.studies.which_model.report import (
+    Advice,
+    ChosenAt,
+    MethodAt,
+    TruthAt,
+    WhichModelReport,
+    WorstAt,
+)
+from testbench.studies.which_model.rows import Case, FitRow
+from testbench.studies.which_model.trial import NAME, RUNS, Settings
 from testbench.studies.which_model.words import PRIOR_WORDS, TRUTH_WORDS
 from testbench.trials.spread import SAME, grouped, spread
 
+WORST = 10  #: How many of the worst cases are named.
 MARGIN = 0.05  #: Share by which a method's error must exceed that of joints alone for it to lose.
 
 
@@ -23,19 +36,22 @@ MARGIN = 0.05  #: Share by which a method's error must exceed that of joints alo
 class Judged:
     """A fit, and the errors of others in the same case [mm]."""
 
+    seed: int
     row: FitRow
     joints: float
-    best: float  #: Of the method that is best over the family at this number of poses.
-    least: float
+    best: float  #: Of the fixed method that is best over the family at this number of poses.
+    least: float  #: Of any fixed method.
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[FitRow]) -> WhichModelReport:
     """Medians and spreads over the family, by truth, by prior and by both."""
-    by_seed = [rows for _, rows in trials]
+    by_seed = dict(trials)
     rows = sorted(judged(by_seed), key=lambda own: _places(own.row.case))
     family = gathered(rows, lambda _: ("", ""))
     cells = gathered(rows, lambda row: (row.case.truth, row.case.prior))
-    known = [own for own in rows if own.row.filled]
+    known = [own for own in rows if own.row.filled or own.row.method == CHOSEN]
+    every = [own.row for own in rows]
+    cover, doubts = coverage(every), doubt_table(every)
     advice = [_advice(own) for own in grouped(family, lambda m: m.poses).values()]
     return WhichModelReport(
         scenario=NAME,
@@ -53,25 +69,30 @@ def summary(asked: Settings, seeds: range, trials: Trials[FitRow]) -> WhichModel
         by_truth=gathered(rows, lambda row: (row.case.truth, "")),
         by_prior=gathered(known, lambda row: ("", row.case.prior)),
         cells=cells,
-        losses=losses(cells, advice),
-        truths=_truths(by_seed),
+        losses=losses(cells),
+        worst=worst(rows),
+        chosen=_chosen(every),
+        cover=cover,
+        doubts=doubts,
+        bars=bars(advice, cover, doubts),
+        truths=_truths(every),
         priors=PRIOR_WORDS,
     )
 
 
-def judged(by_seed: Sequence[Sequence[FitRow]]) -> list[Judged]:
-    """Every fit beside the others of its case: the same trial, truth and number of poses."""
-    every = [row for rows in by_seed for row in rows]
+def judged(by_seed: Mapping[int, Sequence[FitRow]]) -> list[Judged]:
+    """Every fit beside the fixed methods of its case: the same trial, truth and number of poses."""
+    every = [row for rows in by_seed.values() for row in rows if row.method != CHOSEN]
     best = {
         poses: _least_median({m: [r.workspace_mm for r in same] for m, same in grouped(own, _method).items()})
         for poses, own in grouped(every, lambda row: row.poses).items()
     }
     found = []
-    for rows in by_seed:
+    for seed, rows in by_seed.items():
         for (_, poses), own in grouped(rows, lambda row: (row.case.truth, row.poses)).items():
-            errors = {row.method: row.workspace_mm for row in own}
+            errors = {row.method: row.workspace_mm for row in own if row.method != CHOSEN}
             beside = errors[INCUMBENT], errors[best[poses]], min(errors.values())
-            found += [Judged(row, *beside) for row in own]
+            found += [Judged(seed, row, *beside) for row in own]
     return found
 
 
@@ -94,7 +115,7 @@ def _method_at(names: tuple[str, str], own: Sequence[Judged]) -> MethodAt:
         *names,
         poses=first.poses,
         method=first.method,
-        structure=first.structure,
+        structure=" or ".join(dict.fromkeys(j.row.structure for j in own)),
         constraint=first.constraint,
         filled=first.filled,
         cases=len(own),
@@ -123,19 +144,47 @@ def _advice(family: Sequence[MethodAt]) -> Advice:
     def best(methods: Sequence[MethodAt]) -> MethodAt:
         return min(methods, key=lambda m: m.workspace_mm.median)
 
-    [joints] = [m for m in family if m.method == INCUMBENT]
-    return Advice(family[0].poses, best(family), best([m for m in family if not m.filled]), joints)
+    fixed = [m for m in family if m.method != CHOSEN]
+    [joints] = [m for m in fixed if m.method == INCUMBENT]
+    [default] = [m for m in family if m.method == CHOSEN]
+    plain = [m for m in fixed if not m.filled]
+    return Advice(family[0].poses, default, best(fixed), best(plain), joints)
 
 
-def losses(cells: Sequence[MethodAt], advice: Sequence[Advice]) -> list[MethodAt]:
-    """Where the best method of a number of poses loses to joints alone, worst first."""
-    best = {(own.poses, own.best.method) for own in advice}
-    lost = [m for m in cells if (m.poses, m.method) in best and m.loses > 0]
+def losses(cells: Sequence[MethodAt]) -> list[MethodAt]:
+    """Where the default loses to joints alone, worst first."""
+    lost = [m for m in cells if m.method == CHOSEN and m.loses > 0]
     return sorted(lost, key=lambda m: (-m.loses, -m.over_joints.median))
 
 
-def _truths(by_seed: Sequence[Sequence[FitRow]]) -> list[TruthAt]:
-    cases = grouped([case for rows in by_seed for case in {row.case: 0 for row in rows}], lambda c: c.truth)
+def worst(rows: Sequence[Judged]) -> list[WorstAt]:
+    """The cases in which the default's error is largest beside that of joints alone."""
+    own = [j for j in rows if j.row.chosen is not None]
+    found = [
+        WorstAt(
+            j.seed,
+            j.row.case.truth,
+            j.row.case.prior,
+            j.row.poses,
+            chosen=str(j.row.chosen),
+            workspace_mm=j.row.workspace_mm,
+            over_joints=j.row.workspace_mm / j.joints,
+            over_best=j.row.workspace_mm / j.best,
+        )
+        for j in own
+    ]
+    return sorted(found, key=lambda case: -case.over_joints)[:WORST]
+
+
+def _chosen(rows: Sequence[FitRow]) -> list[ChosenAt]:
+    own = [row for row in rows if row.chosen is not None]
+    at = grouped(own, lambda row: row.poses)
+    groups = grouped(own, lambda row: (row.poses, str(row.chosen)))
+    return [ChosenAt(*key, len(same), len(same) / len(at[key[0]])) for key, same in sorted(groups.items())]
+
+
+def _truths(rows: Sequence[FitRow]) -> list[TruthAt]:
+    cases = grouped(dict.fromkeys(row.case for row in rows), lambda case: case.truth)
     return [
         TruthAt(
             name,

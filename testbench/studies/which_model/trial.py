@@ -6,10 +6,9 @@ meets every prior once: a Latin square.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
@@ -24,15 +23,16 @@ from testbench.bench.campaign import (
     simulate_at,
     stream,
 )
-from testbench.bench.rows import MM
-from testbench.bench.truths import TRUTHS, distance_from_tubes, true_cell
+from testbench.bench.default import choose, with_priors
+from testbench.bench.truths import TRUTHS, true_cell
 from testbench.bench.wrong_prior import PRIORS, prior_of
 from testbench.data.dataset import Dataset, select
-from testbench.identify import Constraint, Estimate
-from testbench.identify.evaluate import predict_all, score
+from testbench.identify import Estimate
+from testbench.identify.prior import Prior
 from testbench.studies.noise_sensitivity.fits import reread
-from testbench.studies.which_model.methods import filled, to_fill, without_prior
-from testbench.trials.spread import Share
+from testbench.studies.which_model.judge import case_of, cover, doubted, errors_mm
+from testbench.studies.which_model.methods import CHOSEN, COVERED, to_fill, without_prior
+from testbench.studies.which_model.rows import Case, FitRow
 
 NAME = "which_model"
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
@@ -58,31 +58,12 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Case:
-    """A true arm, and a prior that is known of it."""
+class Fit:
+    """A method's estimate in one case."""
 
-    truth: str  #: Its name.
-    prior: str  #: Name of the prior, which not every method knows.
-    off_tubes: float  #: Median distance of the true links from tubes [1].
-    #: RMS error over the workspace of the folder's compliances as they are [mm].
-    cad_mm: float
-
-
-@dataclass(frozen=True)
-class FitRow:
-    """One method in one case."""
-
-    case: Case
-    poses: int  #: From how many was identified.
     method: str
-    structure: str
-    constraint: Constraint
-    filled: bool  #: Whether it knows the prior.
-    workspace_mm: float  #: RMS error over the workspace, against the truth.
-    check_mm: float  #: RMS error at check poses, against the truth.
-    misfit: float  #: F_M over the floor to expect of noise [1].
-    conservative: Share
-    solved: Share  #: Whether the method found what it looks for.
+    estimate: Estimate
+    chosen: str | None = None  #: Of the default: the method that it chose.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -98,11 +79,12 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     for seed in seeds:
         poses = draw_poses(cell, scenario(asked), seed)
         rows: list[FitRow] = []
-        for truth, prior in pairs(seed):
-            true = true_cell(cell, truth, seed)
+        for truth, name in pairs(seed):
+            true, prior = true_cell(cell, truth, seed), prior_of(cell, name, seed)
             campaign = simulate_at(true, scenario(asked), seed, poses)
-            models = [*plain, *filled(bare, prior_of(cell, prior, seed))]
-            rows += _fits(true, models, campaign, (truth, prior))
+            fits = identified(true, [*plain, *with_priors(bare, prior)], read(campaign), prior)
+            case = case_of(true, (truth, name), campaign, fits[0].estimate)
+            rows += _rows(true, case, campaign, fits, prior)
         found.append(rows)
     return found
 
@@ -133,36 +115,34 @@ def read(campaign: Campaign) -> list[Dataset]:
     return [select(every, every.pose <= poses) for poses in POSES]
 
 
-def _fits(
-    cell: Cell, models: Sequence[Model], campaign: Campaign, names: tuple[str, str]
-) -> Iterator[FitRow]:
-    data = read(campaign)
-    fits = [(model, identify_each(cell, model, data)) for model in models]
-    as_it_is = replace(fits[0][1][0], C_theta=cell.arm.C_theta)
-    case = Case(*names, _off_tubes(cell), *_errors_mm(cell, [as_it_is], campaign.truth))
-    for model, found in fits:
-        workspace, check = (_errors_mm(cell, found, own) for own in (campaign.truth, campaign.check))
-        for k, estimate in enumerate(found):
-            yield FitRow(
-                case,
-                poses=POSES[k],
-                method=model.name,
-                structure=estimate.structure.name,
-                constraint=estimate.constraint,
-                filled=estimate.belief is not None,
-                workspace_mm=workspace[k],
-                check_mm=check[k],
-                misfit=estimate.f_m / estimate.f_m_floor,
-                conservative=estimate.conservative,
-                solved=estimate.status == "solved",
-            )
+def identified(cell: Cell, models: Sequence[Model], data: Sequence[Dataset], prior: Prior) -> list[Fit]:
+    """What is chosen by default, then every method, from few and from many poses."""
+    found = []
+    for runs in data:
+        own = choose(cell, runs, prior)
+        found.append(Fit(CHOSEN, own.estimate, own.name))
+    for model in models:
+        found += [Fit(model.name, estimate) for estimate in identify_each(cell, model, data)]
+    return found
 
 
-def _errors_mm(cell: Cell, estimates: Sequence[Estimate], truth: Dataset) -> list[float]:
-    """RMS errors against true deflections [mm]."""
-    moved = predict_all(cell.vjm, estimates, truth)
-    return [MM * score(own, truth.deflection).rms for own in moved]
-
-
-def _off_tubes(cell: Cell) -> float:
-    return float(np.median([distance_from_tubes(link.compliance) for link in cell.plant.arm.links]))
+def _rows(cell: Cell, case: Case, campaign: Campaign, fits: Sequence[Fit], prior: Prior) -> Iterator[FitRow]:
+    estimates = [fit.estimate for fit in fits]
+    workspace, check = (errors_mm(cell, estimates, own) for own in (campaign.truth, campaign.check))
+    for k, (fit, estimate) in enumerate(zip(fits, estimates, strict=True)):
+        yield FitRow(
+            case,
+            poses=POSES[k % len(POSES)],
+            method=fit.method,
+            structure=estimate.structure.name,
+            constraint=estimate.constraint,
+            filled=estimate.belief is not None,
+            workspace_mm=workspace[k],
+            check_mm=check[k],
+            misfit=estimate.f_m / estimate.f_m_floor,
+            conservative=estimate.conservative,
+            solved=estimate.status == "solved",
+            chosen=fit.chosen,
+            cover=cover(cell, estimate, campaign.truth) if fit.method in COVERED else None,
+            doubted=None if fit.chosen is None else doubted(cell, case, estimate, prior),
+        )

@@ -1,0 +1,85 @@
+"""What an estimate is judged by: errors over the workspace, its intervals, what is said of the prior."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.bench.campaign import Campaign, Cell
+from testbench.bench.rows import MM
+from testbench.bench.truths import distance_from_tubes
+from testbench.bench.wrong_prior import wrong_link
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify import Estimate, intervals
+from testbench.identify.evaluate import predict_all, score
+from testbench.identify.hierarchy import KIND, contradicted, unchecked
+from testbench.identify.intervals import CONFIDENCE
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.studies.which_model.rows import Case, Cover, Doubted
+
+
+def case_of(cell: Cell, names: tuple[str, str], campaign: Campaign, estimate: Estimate) -> Case:
+    """A truth and a prior by these names; any estimate lends its structure."""
+    truth = campaign.truth
+    as_it_is = replace(estimate, C_theta=cell.arm.C_theta)
+    link = wrong_link(cell, campaign.seed) if names[1] == "link" else None
+    wrong = cell.arm.links[link].name if link is not None else None
+    return Case(
+        *names,
+        off_tubes=_off_tubes(cell),
+        cad_mm=errors_mm(cell, [as_it_is], truth)[0],
+        wrong=KIND if names[1] == "joints" else wrong,
+        share=None if link is None else _share(cell, link, truth, estimate),
+    )
+
+
+def errors_mm(cell: Cell, estimates: Sequence[Estimate], truth: Dataset) -> list[float]:
+    """RMS errors against true deflections [mm]."""
+    moved = predict_all(cell.vjm, estimates, truth)
+    return [MM * score(own, truth.deflection).rms for own in moved]
+
+
+def cover(cell: Cell, estimate: Estimate, truth: Dataset) -> Cover:
+    """The intervals of an estimate beside true deflections."""
+    found, true = intervals(cell.vjm, estimate, truth), truth.deflection
+    return covers(found.centre, (found.upper - found.lower) / 2, true)
+
+
+def covers(centre: Array, half: Array, true: Array) -> Cover:
+    """How well intervals of these half widths cover what is true, arrays of one shape [m]."""
+    error = np.abs(centre - true)
+    return Cover(
+        covered=float(np.mean(error <= half)),
+        half_mm=MM * float(np.median(half)),
+        ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
+    )
+
+
+def doubted(cell: Cell, case: Case, estimate: Estimate, prior: Prior) -> Doubted:
+    """What the readings contradict of a prior and, if one link of it is wrong, which scales they leave open.
+
+    An estimate without a prior leaves all of it open.
+    """
+    names = [*(part.name for part in cell.arm.links), *(part.name for part in cell.arm.joints)]
+    if estimate.belief is None:
+        return Doubted((), tuple(names))
+    own = metric(prior, cell.vjm, estimate.structure)
+    return Doubted(
+        contradicted=tuple(scale.name for scale in contradicted(estimate.belief)),
+        unchecked=None if case.share is None else unchecked(estimate.regression, own),
+    )
+
+
+def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
+    """RMS of the true deflection that is one link's over that of the whole arm, both linear [1]."""
+    C, at = cell.plant.arm.C_theta, slice(6 * link, 6 * link + 6)
+    own = np.zeros_like(C)
+    own[at, at] = C[at, at]
+    part, whole = predict_all(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
+    return float(np.linalg.norm(part) / np.linalg.norm(whole))
+
+
+def _off_tubes(cell: Cell) -> float:
+    return float(np.median([distance_from_tubes(link.compliance) for link in cell.plant.arm.links]))
