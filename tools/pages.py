@@ -71,8 +71,9 @@ def page(name: str, run: Path) -> None:
 def shown() -> str:
     """What the demo prints, up to its words."""
     with tempfile.TemporaryDirectory() as out:
-        script = [sys.executable, ROOT / "scenarios" / "gravity_calibration.py", "--seed", "1", "--out", out]
-        done = subprocess.run(script, capture_output=True, text=True, check=True)
+        script = [sys.executable, ROOT / "scenarios" / "gravity_calibration.py"]
+        flags = ["--seed", "1", "--true-arm", "cast", "--out", out]
+        done = subprocess.run([*script, *flags], capture_output=True, text=True, check=True)
     lines = done.stdout.partition("\n •")[0].strip("\n").split("\n")
     return "\n".join(f"    {line}".rstrip() for line in lines) + "\n\n"
 

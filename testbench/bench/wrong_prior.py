@@ -1,14 +1,13 @@
 """Priors that are wrong on purpose, and models that are fitted with them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from testbench.arm.stiffness import turned
 from testbench.bench.campaign import Cell, Model, stream
+from testbench.bench.default import with_priors
 from testbench.errors import Array, BenchError
-from testbench.identify import with_prior
 from testbench.identify.prior import Prior, Strength, cad_prior, distorted
 
 SCALE, SHAPE, UNCERTAINTY = 2.0, 0.3, 0.3
@@ -52,13 +51,8 @@ def wrong_link(cell: Cell, seed: int) -> int:
 
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
     """Models without a prior, then those of these names with one that is wrong; the seed is of its errors."""
-    prior, believed = wrong_prior(cell, seed), Strength(UNCERTAINTY)
-    filled = [
-        replace(m, name=f"{m.name} + prior", estimator=with_prior(m.estimator, prior, believed))
-        for m in models
-        if m.name in names
-    ]
-    return [*models, *filled]
+    chosen = [m for m in models if m.name in names]
+    return [*models, *with_priors(chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
 
 
 def _as_it_is(C: Array, *_: object) -> Array:

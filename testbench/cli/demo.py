@@ -1,17 +1,26 @@
-"""testbench demo: the calibration of section 6 with seed 1, into runs/demo."""
+"""testbench demo: the calibration of section 6 with seed 1 and cast links, into runs/demo."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 
 from testbench.shell.options import Common, takes
 from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.gravity_calibration.trial import Options
+from testbench.studies.gravity_calibration.trial import Options, TrueArm
 from testbench.studies.run import run
 
 
-@takes(Common, Options)
-def command(common: Common, options: Options) -> None:
+@dataclass(frozen=True)
+class Demo(Options):
+    """Flags of the study, the true links cast."""
+
+    true_arm: Annotated[TrueArm, typer.Option(help="The true arm.")] = "cast"
+
+
+@takes(Common, Demo)
+def command(common: Common, options: Demo) -> None:
     """Run the study."""
     run(STUDY, replace(common, out=common.out or Path("runs/demo")), options, Console(highlight=False))

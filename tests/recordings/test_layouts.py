@@ -15,6 +15,7 @@ from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario
 from testbench.bench.full_pose import FullPose
+from testbench.bench.truths import true_cell
 from testbench.errors import BenchError
 from testbench.studies.gravity_calibration import trial as gravity
 from testbench.studies.gravity_calibration.study import STUDY as GRAVITY
@@ -293,6 +294,15 @@ def test_errors_of_the_chart_are_those_of_the_report(made):
             text = shown[f"{words}: {model['name']}"]
             assert numbers([text]) == pytest.approx([model[group]["rms_mm"]], abs=5.1e-4)
             assert ("recommended" in text) == (model["name"] == found["recommended"])
+
+
+def test_compliances_of_a_calibration_are_those_of_the_true_arm(made, kr500):
+    """Seed 1 of the family has links 10 % off tubes, the folder has tubes."""
+    text = document(chunks_of(made("gravity")[0]), "/compliance_table")
+    true, folder = (true_cell(kr500, name, 1).plant.arm.links[2].compliance for name in ("off_10", "tubes"))
+    for k in range(6):
+        assert f"{true[k, k]:.3e}" in text
+        assert f"{folder[k, k]:.3e}" not in text
 
 
 def test_sweep_has_the_median_and_spread_of_every_row(made):

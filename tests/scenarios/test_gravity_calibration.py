@@ -7,13 +7,19 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
+from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.bench.truths import FAMILY, TRUTHS, true_cell
+from testbench.cli import program
 from testbench.data.csvfile import read_csv
+from testbench.studies.gravity_calibration.trial import TrueArm
+from testbench.studies.gravity_calibration.words import TITLE_WORDS
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
@@ -56,10 +62,10 @@ def test_report_has_the_contracts_keys(quick):
     assert {"runs", "points", "deflection_min_mm", "deflection_max_mm", "sigma_um"} <= set(report["dataset"])
     names = [m["name"] for m in report["models"]]
     plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
-    filled = ["Joints + prior", "MLS56 + prior", "MGCO47 + prior", "MGCO56 + prior", "MGCO68 + prior"]
+    filled = ["Joints + prior", "MLS56 + prior", "MGCO56 + prior", "MGCO68 + prior", "ALL153 + prior"]
     assert names == plain + filled
     assert [m["prior"] for m in report["models"]] == [False] * len(plain) + [True] * len(filled)
-    unknowns = [6, 32, 56, 56, 47, 56, 68, 6, 56, 47, 56, 68]
+    unknowns = [6, 32, 56, 56, 47, 56, 68, 6, 56, 56, 68, 153]
     assert [m["parameters"] for m in report["models"]] == unknowns
     for model in report["models"]:
         assert set(model) >= KEYS
@@ -75,10 +81,12 @@ def test_report_has_the_contracts_keys(quick):
 def test_reading_noise_is_no_error_of_a_model(quick):
     """Errors against readings hold the noise of both readings in three axes, 122 um; true ones do not."""
     models = json.loads((quick[0] / "report.json").read_text())["models"]
+    variance = 2 * 0.05**2  # of a component [mm^2]; 18 points of three
     for model in models:
-        noise = model["check"]["rms_mm"] ** 2 - model["check_true"]["rms_mm"] ** 2
-        # 54 components of variance 2 (50 um)^2: their mean square is 20 % uncertain; errors are as large
-        assert 0 < noise < 4 * 6 * 0.05**2
+        own, true = model["check"]["rms_mm"], model["check_true"]["rms_mm"]
+        # |e + n|^2 - |e|^2 = |n|^2 + 2 e n, in the mean of the points; 4 standard deviations of both terms
+        deviation = np.sqrt((6 * variance**2 + 4 * variance * true**2) / 18)
+        assert abs(own**2 - true**2 - 3 * variance) < 4 * deviation
     best = min(models, key=lambda m: m["check_true"]["rms_mm"])
     assert best["check"]["rms_mm"] > 1.5 * best["check_true"]["rms_mm"]
 
@@ -96,9 +104,29 @@ def test_campaign_is_that_of_section_6(quick):
     assert 1.5 < size.min() < size.max() < 10
 
 
+def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
+    done = here(program(["demo"]), "demo", "--out", tmp_path, "--quick", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert "cast links that no template holds" in " ".join(done.stdout.split())
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert (report["true_arm"], report["template_is_true"], report["by_arm"]) == ("cast", False, [])
+    cell, scenario = build_cell("kr500_l480"), Scenario(arm="kr500_l480", workspace_poses=40)
+    data = read_csv(tmp_path / "dataset.csv", cell.arm)
+    cast, folder = (simulate(true_cell(cell, name, 1), scenario, 1).measured for name in ("cast", "tubes"))
+    assert data.deflection == pytest.approx(cast.deflection, abs=1e-12)
+    # the noise is the same: what differs is the arm
+    assert np.abs(data.deflection - folder.deflection).max() > 1e-4
+
+
+def test_every_true_arm_is_a_flag_and_has_words_for_the_title():
+    assert get_args(TrueArm) == (FAMILY, *TRUTHS)
+    assert list(TITLE_WORDS) == list(TRUTHS)
+
+
 def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
     manifest = json.loads((quick[0] / "manifest.json").read_text())
     assert manifest["scenario"]["scenario"]["payload"] == 460.3
+    assert manifest["scenario"]["true_arm"] == "family"
     assert manifest["seed"] == 3
     assert set(manifest["versions"]) >= {"testbench", "mujoco", "pin", "clarabel"}
     assert set(manifest["models"]["kr500_l480"]) >= {"rigid.xml", "elastic.toml"}
@@ -127,6 +155,10 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["seed"] == [3, 4]
+    assert report["true_arm"] == "family"
+    assert report["template_is_true"] is False
+    cells = {(row["name"], row["true_arm"]): row["workspace_mm"] for row in report["by_arm"]}
+    assert [arm for name, arm in cells if name == "MGCO56"] == ["off_40", "cast"]
     one = json.loads((quick[0] / "report.json").read_text())
     for several, single in zip(report["models"], one["models"], strict=True):
         f_m = several["f_m"]
@@ -136,6 +168,9 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
         margin = 0.06 * (f_m["p95"] - f_m["p05"])
         assert f_m["p05"] - margin <= single["f_m"] <= f_m["p95"] + margin
         assert several["paper"] == single["paper"]
+        assert cells[several["name"], "off_40"]["median"] == pytest.approx(
+            single["workspace"]["rms_mm"], rel=0.02
+        )
 
 
 def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
@@ -148,6 +183,8 @@ def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
         "--quick",
         "--workers",
         1,
+        "--true-arm",
+        "tubes",
         "--truth",
         "linear",
         "--no-noise",
@@ -156,7 +193,7 @@ def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
     report = json.loads((tmp_path / "report.json").read_text())
     rms = {m["name"]: m["check"]["rms_mm"] for m in report["models"]}
     assert rms == {m["name"]: m["check_true"]["rms_mm"] for m in report["models"]}
-    assert report["template_is_true"]
+    assert report["template_is_true"] is True
     # the templates contain the truth; MGCO47 and MGCO68 leave links out
     assert max(rms["MLS32"], rms["MLS56"], rms["MGCO56"]) < 1e-5
     assert min(rms["MGCO47"], rms["MGCO68"]) > 1e-4
@@ -167,6 +204,7 @@ BAD_FLAGS = [
     (["--seed", "-1"], "--seed"),
     (["--seed", "x"], "--seed"),
     (["--truth", "cubic"], "--truth"),
+    (["--true-arm", "steel"], "--true-arm"),
     (["--payload-kg", "-5"], "payload"),
     (["--payload-kg", "nan"], "payload"),
     (["--sigma-um", "0"], "sigma"),

@@ -12,6 +12,8 @@ from testbench.bench.rows import ErrorRow, error_row
 from testbench.identify.evaluate import Score
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.summary import (
+    Behind,
+    ByArm,
     GravityReport,
     ModelReport,
     recommended,
@@ -19,6 +21,7 @@ from testbench.studies.gravity_calibration.summary import (
     winners,
 )
 from testbench.studies.gravity_calibration.trial import Measured, ModelRow, Settings
+from testbench.trials.spread import middle
 from testbench.views.colours import look
 
 
@@ -37,6 +40,7 @@ MODELS = [
     model("Joints + prior", "Joints", "none", True),
     model("MLS56 + prior", "MLS56", "none", 0.4),
     model("MGCO56 + prior", "MGCO56", "psd", True),
+    model("ALL153 + prior", "ALL153", "psd", True),
 ]
 PAPER = ("identification_rms_mm", "check_rms_mm", "check_max_mm", "check_max_relative_percent")
 ERRORS = {
@@ -97,6 +101,12 @@ def report(rng):
         recommended="MGCO56",
         twins=[],
         duels=[],
+        default=Behind("ALL153 + prior", around(1.5)),
+        by_arm=[
+            ByArm(m.name, arm, 4 + k, around(float(rng.uniform(1, 9))))
+            for m in models
+            for k, arm in enumerate(("tubes", "cast"))
+        ],
         winners=winners(models),
     )
 
@@ -109,6 +119,10 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
     check_table(tables["models"], report.models, MEANS, KNOWN)
     check_table(tables["short"], report.models, short)
     check_table(tables["fits"], report.models, FITS)
+    cells = {(row.name, row.true_arm): f"{middle(row.workspace_mm):.3f}" for row in report.by_arm}
+    columns, rows = tables["by_arm"].columns[1:], tables["by_arm"].rows
+    shown = {(row["name"], c.heading): c.cell(row) for row in rows for c in columns}
+    assert shown == cells
     check_report(STUDY, report)
 
 
@@ -135,7 +149,7 @@ def statements(report):
     return STUDY.words(report).block("statements")
 
 
-@pytest.mark.parametrize("winner", ["Joints", "MLS32", "MGCO56", "MGCO56 + prior"])
+@pytest.mark.parametrize("winner", ["Joints", "MLS32", "MGCO56", "MGCO56 + prior", "ALL153 + prior"])
 def test_the_answer_names_each_method_with_its_own_error(report, winner):
     """Every model has an error of its own; the conservative one of least error is recommended."""
     sizes = {m.name: 20.0 + 10 * k for k, m in enumerate(report.models)} | {winner: 11.0}
@@ -147,9 +161,16 @@ def test_the_answer_names_each_method_with_its_own_error(report, winner):
     assert f"GCO without prior {sizes['MGCO56']:.3f} (" in text
     assert f"least squares {sizes['MLS32']:.3f} (" in text
     assert ("MGCO56 + prior" in text) == (made.recommended == "MGCO56 + prior")
-    assert f"marked with *: {made.recommended}," in statements(made)
-    [marked] = {table.bold for table in STUDY.tables(made).values() if table.bold}
-    assert marked == made.recommended
+    assert f"Recommended: {made.recommended}," in statements(made)
+    behind = "It is the best here." if winner == "ALL153 + prior" else "Its error is 1.50 ("
+    assert (
+        f"Marked with *: ALL153 + prior, the default of `testbench identify --prior`. {behind}"
+        in statements(made)
+    )
+    assert f"ALL153 + prior (default) {sizes['ALL153 + prior']:.3f} (" in text
+    marks = {name: table.bold for name, table in STUDY.tables(made).items() if table.bold}
+    assert marks.pop("errors") == made.recommended  # what a recording calls so
+    assert set(marks.values()) == {"ALL153 + prior"}
 
 
 def test_of_models_alike_the_conservative_one_of_fewest_unknowns_is_recommended(report):
@@ -168,9 +189,11 @@ def test_duels_count_the_seeds_by_true_errors_and_say_where_the_cone_does_nothin
         "MGCO56": ((2.0, 1.0), (4.0, 1.0), (6.0, 9.0)),
         "MLS56 + prior": ((1.0, 1.0), (1.0, 1.0), (1.0, 1.0)),
         "MGCO56 + prior": ((1.0, 1.0), (1.0, 1.0), (1.0, 1.0)),
+        "ALL153 + prior": ((1.5, 1.0), (1.5, 2.0), (2.0, 2.0)),
     }
     kept = [m for m in MODELS if m["name"] in sizes]
-    rows = [[made(rng, m, *sizes[m["name"]][k]) for m in kept] for k in range(3)]
+    arms = ("off_10", "off_10", "cast")
+    rows = [[made(rng, m, sizes[m["name"]][k], arms[k]) for m in kept] for k in range(3)]
     asked = Settings("kr500_l480", Scenario(arm="kr500_l480"), 50.0)
     found = summary(asked, range(1, 4), list(enumerate(rows, 1)))
     duels = {(d.ours, d.theirs): d for d in found.duels}
@@ -184,15 +207,28 @@ def test_duels_count_the_seeds_by_true_errors_and_say_where_the_cone_does_nothin
     text = statements(found)
     assert "MGCO56 beats Joints over the workspace in 1 of 3 seeds, 1.33" in text
     assert "MGCO56 + prior and MLS56 + prior err alike in all 3 seeds: there the cone does nothing" in text
+    assert found.default.ratio.median == pytest.approx(1.5)
+    own = {(row.name, row.true_arm): (row.seeds, row.workspace_mm.median) for row in found.by_arm}
+    assert own["MGCO56", "off_10"] == (2, 3.0)
+    assert own["MGCO56", "cast"] == (1, 6.0)
+    assert found.template_is_true is False
     assert set(found.check_best) == {"MGCO56", "MGCO56 + prior"}  # against readings it would be Joints
 
 
-def made(rng, own, area, check):
+def made(rng, own, sizes, arm):
+    area, check = sizes
     true = {"workspace": errors(rng, area), "check_true": errors(rng, check)}
     errors_of = true | {"check": errors(rng, 1 / check)}
     measured = of_one_trial(Measured, np.random.default_rng(1))  # the same in every seed
     return of_one_trial(
-        ModelRow, rng, **own, **errors_of, measured=measured, parameters=56 if "56" in own["name"] else 6
+        ModelRow,
+        rng,
+        **own,
+        **errors_of,
+        measured=measured,
+        true_arm=arm,
+        template_is_true=arm == "tubes",
+        parameters=56 if "56" in own["name"] else 6,
     )
 
 

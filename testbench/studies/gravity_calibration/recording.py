@@ -2,7 +2,7 @@
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS, distinct
-from testbench.bench.campaign import build_cell, simulate
+from testbench.bench.campaign import build_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.gravity_calibration import figure, trial
 from testbench.studies.gravity_calibration.summary import GravityReport
@@ -15,8 +15,7 @@ from testbench.views.recording.stream import Header
 
 def write(run: Run[Settings, GravityReport]) -> None:
     """dataset.csv, residuals.png and recording.rrd."""
-    cell = build_cell(find_arm(run.settings.arm))
-    campaign = simulate(cell, run.settings.scenario, run.seeds[0])
+    cell, campaign = trial.calibrate(build_cell(find_arm(run.settings.arm)), run.settings, run.seeds[0])
     names = {m.name for m in distinct(run.report.models)}
     results = [result for result in trial.results(cell, campaign) if result.model.name in names]
     write_csv(campaign.measured, cell.arm, run.folder / "dataset.csv")

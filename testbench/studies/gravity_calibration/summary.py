@@ -5,22 +5,26 @@ from dataclasses import dataclass, replace
 
 from testbench.bench.baselines import JOINTS, distinct, duels
 from testbench.bench.campaign import Truth
+from testbench.bench.default import DEFAULT
+from testbench.bench.truths import FAMILY
 from testbench.identify import Constraint
 from testbench.studies.gravity_calibration.trial import NAME, Judged, Measured, ModelRow, Settings
+from testbench.studies.gravity_calibration.words import TITLE_WORDS
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Trials
 from testbench.trials.duel import Duel
-from testbench.trials.spread import Number, grouped, merge, middle
-from testbench.views.schema import Column, Table, best_of
+from testbench.trials.spread import Number, Share, grouped, merge, middle, spread
+from testbench.views.schema import Column, Table, best_of, pivot
 
 PAPERS_ARM = "kr500_l480"
 DUELS = (
+    (DEFAULT, JOINTS),
+    (DEFAULT, f"{JOINTS} + prior"),
     ("MGCO56", JOINTS),
     ("MGCO56", "MLS56"),
     ("MGCO56 + prior", "MLS56 + prior"),
-    ("MGCO56 + prior", f"{JOINTS} + prior"),
 )
-"""What the cone does without a prior and with it, and what links do beside joints."""
+"""What the default does beside joints alone, and the cone without a prior and with it."""
 ALIKE = 1e-6  #: Relative difference of check errors below which two models predict alike.
 
 
@@ -42,6 +46,24 @@ class Winner:
 
 
 @dataclass(frozen=True)
+class Behind:
+    """The default of `identify` beside the best."""
+
+    name: str  #: Of the default.
+    ratio: Number  #: Its error over the workspace over that of the recommended model, seed by seed.
+
+
+@dataclass(frozen=True)
+class ByArm:
+    """A model with one true arm."""
+
+    name: str  #: Of the model.
+    true_arm: str
+    seeds: int  #: With this arm.
+    workspace_mm: Number  #: RMS error over the workspace, against the truth.
+
+
+@dataclass(frozen=True)
 class GravityReport:
     """report.json."""
 
@@ -52,11 +74,15 @@ class GravityReport:
     truth: Truth
     noise: bool
     dataset: Measured
-    template_is_true: bool  #: Whether the beam template holds the true compliances exactly.
+    true_arm: str  #: Name of the true arm, "family" for several in turn.
+    true_arm_is: str  #: The same in few words.
+    template_is_true: Share  #: Whether the beam template holds the true compliances exactly.
     models: list[ModelReport]
     duels: list[Duel]  #: Empty with one seed.
     winners: list[Winner]
     recommended: str
+    default: Behind | None  #: None where it is not among the models, or none is recommended.
+    by_arm: list[ByArm]  #: Empty with one true arm.
     check_best: tuple[str, ...]  #: Conservative models of least true error at the check poses.
     twins: list[tuple[str, str]]
 
@@ -67,6 +93,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
     scenario = asked.scenario
     known = SECTION_6 if scenario.arm == PAPERS_ARM else {}
     models = [_model(rows, known.get(name)) for name, rows in by_name.items()]
+    first, best = next(iter(by_name.values())), recommended(models)
+    arms = sorted({row.true_arm for row in first}, key=list(TITLE_WORDS).index)
     return GravityReport(
         scenario=NAME,
         seed=seeds[0] if len(seeds) == 1 else list(seeds),
@@ -74,12 +102,16 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
         payload_kg=scenario.payload,
         truth=scenario.truth,
         noise=scenario.noise,
-        dataset=merge([row.measured for row in next(iter(by_name.values()))]),
-        template_is_true=next(iter(by_name.values()))[0].template_is_true,
+        dataset=merge([row.measured for row in first]),
+        true_arm=arms[0] if len(arms) == 1 else FAMILY,
+        true_arm_is=TITLE_WORDS[arms[0]] if len(arms) == 1 else f"true arms in turn: {', '.join(arms)}",
+        template_is_true=merge([row.template_is_true for row in first]),
         models=models,
-        duels=duels(by_name, [(recommended(models), JOINTS), *DUELS]),
+        duels=duels(by_name, [(best, JOINTS), *DUELS]),
         winners=winners(models),
-        recommended=recommended(models),
+        recommended=best,
+        default=behind(by_name, best),
+        by_arm=by_arm(by_name, arms),
         check_best=best_of({m.name: m.check_true.rms_mm for m in models if m.conservative is True}).names,
         twins=twins(models),
     )
@@ -87,7 +119,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
 
 def _model(rows: Sequence[ModelRow], paper: Mapping[str, float] | None) -> ModelReport:
     fields = vars(merge(rows))
-    del fields["measured"], fields["template_is_true"]
+    del fields["measured"], fields["true_arm"], fields["template_is_true"]
     solved = sum(row.status == "solved" for row in rows)
     if 0 < solved < len(rows):
         fields["status"] = f"solved in {solved} of {len(rows)} seeds"
@@ -114,6 +146,24 @@ def recommended(models: Sequence[ModelReport]) -> str:
     alike = [held[name] for name in best_of({n: m.workspace.rms_mm for n, m in held.items()}).names]
     order = sorted(alike, key=lambda m: (m.parameters, m.constraint != "psd"))
     return order[0].name if order else ""
+
+
+def behind(by_name: Mapping[str, Sequence[ModelRow]], best: str) -> Behind | None:
+    """The default beside the best over the workspace."""
+    if not {DEFAULT, best} <= by_name.keys():
+        return None
+    ours, theirs = ([middle(row.workspace.rms_mm) for row in by_name[name]] for name in (DEFAULT, best))
+    return Behind(DEFAULT, merge([a / b for a, b in zip(ours, theirs, strict=True)]))
+
+
+def by_arm(by_name: Mapping[str, Sequence[ModelRow]], arms: Sequence[str]) -> list[ByArm]:
+    """Every model with every true arm; nothing with one arm."""
+    return [
+        ByArm(name, arm, len(own), spread([middle(row.workspace.rms_mm) for row in own]))
+        for name, rows in by_name.items()
+        for arm in arms
+        if len(arms) > 1 and (own := [row for row in rows if row.true_arm == arm])
+    ]
 
 
 def twins(models: Sequence[ModelReport]) -> list[tuple[str, str]]:
@@ -152,6 +202,8 @@ SHORT = (
 RECORDED = ("name", "conservative", "check_true.rms_mm", "workspace.rms_mm")
 DRAWN = ("name", "check.rms_mm", "check_true.rms_mm", "workspace.rms_mm")
 """What a terminal of 80 columns has room for, what a recording says first, and what it draws."""
+TRUE_ARM = Column("true_arm", "true arm")
+BY_ARM = Column("workspace_mm", "RMS workspace, true", "mm", exact=True)
 FITS = (
     Column("name", "model"),
     Column("method", "method"),
@@ -178,11 +230,14 @@ def tables(report: GravityReport) -> dict[str, Table]:
     short = tuple(replace(c, paper="") for c in COLUMNS if c.key in SHORT)
     told = distinct(report.models)
     drawn = tuple(c for c in COLUMNS if c.key in DRAWN)
-    marked = report.recommended
+    marked = report.default.name if report.default else report.recommended
+    names = [m.name for m in told]
+    arms = Table((), [row for row in report.by_arm if row.name in names], bold=marked)
     return {
         "models": Table(COLUMNS, report.models, bold=marked),
         "short": Table(short, told, bold=marked),
         "recorded": Table(recorded, told, bold=marked),
-        "errors": Table(drawn, told, bold=marked),
+        "errors": Table(drawn, told, bold=report.recommended),
         "fits": Table(FITS, report.models),
+        "by_arm": pivot(arms, COLUMNS[0], TRUE_ARM, BY_ARM),
     }

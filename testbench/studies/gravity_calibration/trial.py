@@ -16,11 +16,13 @@ from testbench.bench.campaign import (
     Result,
     Scenario,
     build_cell,
+    draw_poses,
     identify,
     named_models,
-    simulate,
+    simulate_at,
     stream,
 )
+from testbench.bench.default import with_priors
 from testbench.bench.rows import (
     DatasetRow,
     JudgedRow,
@@ -30,7 +32,8 @@ from testbench.bench.rows import (
     judged_row,
     normality_row,
 )
-from testbench.bench.wrong_prior import with_wrong_prior
+from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.bench.wrong_prior import wrong_prior
 from testbench.identify.evaluate import Normality, normality
 from testbench.identify.prior import aggregate
 from testbench.model.structure import template56
@@ -40,8 +43,10 @@ QUICK_WORKSPACE = 40
 SAME = 1e-9  #: Entry of a compliance of unit diagonal below which it is zero.
 WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The incumbent and the paper's models; beside MLS56 stands what is conservative and fits as well."""
-WITH_PRIOR = (JOINTS, "MLS56", "MGCO47", "MGCO56", "MGCO68")
-"""Models that are fitted with the prior too; MLS32 is no structure of whole blocks."""
+WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68", "ALL153")
+"""Models that are fitted with a prior, which learns from the readings how wrong it is."""
+TrueArm = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
+"""A name of `TRUTHS`, or all of them in turn."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,9 @@ class Options:
     payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
     truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear"
+    true_arm: Annotated[TrueArm, typer.Option(help="The true arm; in the family the next one each seed.")] = (
+        "family"
+    )
     noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True
     magnification: Annotated[
         float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")
@@ -65,6 +73,7 @@ class Settings:
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign.
     magnification: float  #: Of the drawn deflections [1].
+    true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,7 @@ class ModelRow(Judged):
     """The same with what it was measured from."""
 
     measured: Measured
+    true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
     template_is_true: bool  #: Whether the beam template holds the true compliances exactly.
 
 
@@ -112,7 +122,7 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
         noise=options.noise,
         workspace_poses=QUICK_WORKSPACE if quick else 200,
     )
-    return Settings(options.arm, scenario, options.magnification)
+    return Settings(options.arm, scenario, options.magnification, options.true_arm)
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
@@ -120,24 +130,30 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
     cell = build_cell(find_arm(asked.arm))
     found = []
     for seed in seeds:
-        campaign = simulate(cell, asked.scenario, seed)
-        found.append(rows(cell, campaign, results(cell, campaign)))
+        true, campaign = calibrate(cell, asked, seed)
+        found.append(rows(true, campaign, results(true, campaign), member(asked.true_arm, seed)))
     return found
 
 
+def calibrate(cell: Cell, asked: Settings, seed: int) -> tuple[Cell, Campaign]:
+    """The same model of the true arm of a seed, and its campaign."""
+    true = true_cell(cell, member(asked.true_arm, seed), seed)
+    return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
+
+
 def results(cell: Cell, campaign: Campaign) -> list[Result]:
-    """The baselines and the paper's models, then the same structures with a prior that is wrong."""
+    """The baselines and the paper's models, then structures with a prior that is wrong."""
     plain = named_models(cell, WITHOUT_PRIOR)
     plain.insert(WITHOUT_PRIOR.index("MLS56") + 1, equal_fit(cell))
-    models = with_wrong_prior(cell, plain, WITH_PRIOR, campaign.seed)
-    return identify(cell, campaign, models, time.perf_counter)
+    filled = with_priors(named_models(cell, WITH_PRIOR), wrong_prior(cell, campaign.seed))
+    return identify(cell, campaign, [*plain, *filled], time.perf_counter)
 
 
-def rows(cell: Cell, campaign: Campaign, results: Sequence[Result]) -> list[ModelRow]:
-    """All models of one campaign."""
+def rows(cell: Cell, campaign: Campaign, results: Sequence[Result], arm: str) -> list[ModelRow]:
+    """All models of one campaign of a true arm."""
     pairs, data, exact = normalities(campaign, results), measured(campaign), template_is_true(cell)
     return [
-        ModelRow(**vars(_judged(result, normal)), measured=data, template_is_true=exact)
+        ModelRow(**vars(_judged(result, normal)), measured=data, true_arm=arm, template_is_true=exact)
         for result, normal in zip(results, pairs, strict=True)
     ]
 
@@ -152,7 +168,7 @@ def _judged(result: Result, normal: tuple[Normality, Normality]) -> Judged:
 def template_is_true(cell: Cell) -> bool:
     """Whether MGCO56 holds the true links, joints put into them: then its structure cannot err."""
     structure = template56(cell.arm)
-    C = aggregate(cell.arm.C_theta, cell.vjm, structure)
+    C = aggregate(cell.plant.arm.C_theta, cell.vjm, structure)
     inside = structure.block_of >= 0
     missed = (C - structure.matrix(structure.entries(C)))[np.ix_(inside, inside)]
     scale = np.sqrt(np.diag(C)[inside])

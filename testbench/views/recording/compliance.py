@@ -53,10 +53,10 @@ def heatmap_view(path: str, name: str) -> rrb.TensorView:
 def link_matrices(drawing: Drawing) -> dict[str, list[Array]]:
     """By link: the true compliance, then that of each shown model, (6, 6) [m/N, rad/(N m)]."""
     identified = [drawing.estimates[k].C_theta for k in drawing.about.shown]
-    blocks = [slice(6 * i, 6 * i + 6) for i in range(len(drawing.cell.arm.links))]
+    blocks = [slice(6 * i, 6 * i + 6) for i in range(len(drawing.cell.plant.arm.links))]
     return {
         link.name: [link.compliance, *(C[block, block] for C in identified)]
-        for link, block in zip(drawing.cell.arm.links, blocks, strict=True)
+        for link, block in zip(drawing.cell.plant.arm.links, blocks, strict=True)
     }
 
 
