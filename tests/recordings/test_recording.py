@@ -189,7 +189,7 @@ def test_noise_free_linear_truth_is_drawn_too(kr500, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("MLS56", "No model is conservative in every seed"), ("MGCO56", "Recommended, marked with *: MGCO56")],
+    [("MLS56", "No model is conservative in every seed"), ("MGCO56", "Recommended, marked: MGCO56")],
 )
 def test_one_model_alone_is_a_study_too(name, words, kr500, tmp_path):
     path = tmp_path / "recording.rrd"
