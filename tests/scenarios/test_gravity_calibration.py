@@ -18,7 +18,7 @@ from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.bench.truths import FAMILY, TRUTHS, true_cell
 from testbench.cli import program
 from testbench.data.csvfile import read_csv
-from testbench.studies.gravity_calibration.trial import TrueArm
+from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, TrueArm, calibrate, results
 from testbench.studies.gravity_calibration.words import TITLE_WORDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -116,6 +116,17 @@ def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
     assert data.deflection == pytest.approx(cast.deflection, abs=1e-12)
     # the noise is the same: what differs is the arm
     assert np.abs(data.deflection - folder.deflection).max() > 1e-4
+
+
+def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
+    asked = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
+    true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
+    filled = [r.estimate.belief for r in results(true, campaign) if r.model.name.endswith("prior")]
+    assert len(filled) == len(WITH_PRIOR)
+    assert all(belief.scales for belief in filled)
+    model = true.arm.links[2].compliance
+    assert (model == build_cell("kr500_l480").arm.links[2].compliance).all()
+    assert np.abs(true.plant.arm.links[2].compliance - model).max() > 0
 
 
 def test_every_true_arm_is_a_flag_and_has_words_for_the_title():
