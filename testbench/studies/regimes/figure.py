@@ -1,0 +1,87 @@
+"""Maps of noise by poses: GCO over least squares, and what of it the cone does by itself."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Rectangle
+
+from testbench.studies.regimes.campaigns import Kind
+from testbench.studies.regimes.report import MapCell, RegimesReport
+from testbench.studies.regimes.tables import KINDS, OVER_EQUAL, OVER_LENT, OVER_LS
+from testbench.trials.spread import Spread
+from testbench.views.schema import Column
+
+ROWS: dict[Kind, tuple[Column, ...]] = {
+    "gravity": (OVER_LS, OVER_EQUAL, OVER_LENT),
+    "full_pose": (OVER_LS, OVER_LENT),
+}
+MOST = 10.0  #: Ratio of the darkest colours, and its inverse.
+SCALE = LogNorm(1 / MOST, MOST, clip=True)
+COLOURS = colormaps["BrBG_r"]
+"""Green where GCO is better, brown where least squares is: told apart by people who see no red or green."""
+DARK = 3.0  #: Ratio, or its inverse, beyond which numbers are white.
+TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)
+
+
+def maps(report: RegimesReport) -> Figure:
+    """Under a weight, then under wrenches: a panel a structure and ratio."""
+    figure = Figure(figsize=(15, 15.5), layout="constrained")
+    grid = figure.add_gridspec(len(ROWS), 1, height_ratios=[len(own) for own in ROWS.values()])
+    for k, (kind, columns) in enumerate(ROWS.items()):
+        part = figure.add_subfigure(grid[k])
+        _panels(part, report.cells[kind], columns)
+        part.suptitle(KINDS[kind], fontsize="large")
+    figure.suptitle(
+        f"GCO over least squares, without prior, {report.trials} trials, arms {', '.join(report.truth)}\n"
+        "hatched: 5 to 95 % of the arms hold 1; framed: GCO beats joints alone in most arms",
+        fontsize="large",
+    )
+    return figure
+
+
+def _panels(figure: SubFigure, cells: Sequence[MapCell], columns: Sequence[Column]) -> None:
+    structures = list(dict.fromkeys(cell.structure for cell in cells))
+    panels = figure.subplots(len(columns), len(structures), sharex=True, sharey=True, squeeze=False)
+    for line, column in zip(panels, columns, strict=True):
+        for axes, structure in zip(line, structures, strict=True):
+            heat(axes, [cell for cell in cells if cell.structure == structure], column)
+        line[0].set_ylabel("\n".join([*column.heading.split(", "), "", "poses"]))
+    for axes, structure in zip(panels[0], structures, strict=True):
+        axes.set_title(structure, fontsize="medium")
+    for axes in panels[-1]:
+        axes.set_xlabel("noise of a reading [um]")
+    bar = figure.colorbar(ScalarMappable(SCALE, COLOURS), ax=panels, extend="both", ticks=TICKS)
+    bar.ax.set_yticklabels([f"{tick:g}" for tick in TICKS])
+    bar.ax.minorticks_off()
+    bar.set_label("median ratio, below 1 GCO is better")
+
+
+def heat(axes: Axes, cells: Sequence[MapCell], column: Column) -> None:
+    """The cells of one structure: colour and number are the median."""
+    noise, poses = (sorted({getattr(c, key) for c in cells}) for key in ("noise_um", "poses"))
+    values = np.full((len(poses), len(noise)), np.nan)
+    for cell in cells:
+        y, x = poses.index(cell.poses), noise.index(cell.noise_um)
+        ratio: Spread = column.value(cell)
+        values[y, x] = ratio.median
+        colour = "white" if abs(np.log(ratio.median)) > np.log(DARK) else "black"
+        axes.text(x, y, column.text(ratio.median), color=colour, ha="center", va="center")
+        if ratio.p05 < 1 < ratio.p95:
+            axes.add_patch(_around(x, y, 0.5, hatch="//", edgecolor=(0, 0, 0, 0.13), linewidth=0))
+        if cell.beats_joints:
+            axes.add_patch(_around(x, y, 0.46, edgecolor="black", linewidth=1.2))
+    axes.imshow(values, cmap=COLOURS, norm=SCALE, aspect="auto", origin="lower")
+    axes.set_xticks(range(len(noise)), [f"{level:g}" for level in noise])
+    axes.set_yticks(range(len(poses)), [str(count) for count in poses])
+    axes.tick_params(length=0)
+    for side in axes.spines.values():
+        side.set_visible(False)
+
+
+def _around(x: int, y: int, half: float, **style: object) -> Rectangle:
+    return Rectangle((x - half, y - half), 2 * half, 2 * half, fill=False, **style)  # type: ignore[arg-type]

@@ -1,0 +1,125 @@
+"""What the study of regimes sets apart: the cone's own work, free directions, what noise may do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.bench.campaign import Scenario, draw_poses, simulate_at, stream
+from testbench.bench.full_pose import FullPose
+from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.identify import reduce
+from testbench.identify.certify import total_trace, trace_weight
+from testbench.identify.completion import completed
+from testbench.identify.evaluate import predict
+from testbench.identify.prior import aggregate
+from testbench.identify.regularised import fit_each
+from testbench.model.structure import all153, mgco68, template56
+from testbench.studies.noise_sensitivity.fits import reread
+from testbench.studies.regimes import fits
+from testbench.studies.regimes.campaigns import Clean, Grid
+from testbench.studies.regimes.judged import Judge
+
+SEEDS = (11, 12, 13)
+
+
+def hung(cell, seed, poses):
+    """True deflections under a weight, linear, the structure's tubes: the model can be exact."""
+    scenario = Scenario(
+        arm=cell.arm.name, noise=False, truth="linear", identification_poses=poses,
+        identification_runs=poses, workspace_poses=60,
+    )  # fmt: skip
+    campaign = simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
+    return Clean(campaign.identification, campaign.truth, seed)
+
+
+def pulled(cell, seed, poses):
+    scenario = FullPose(arm=cell.arm.name, noise=False, poses=poses, check_runs=10)
+    campaign = simulate_full_pose(cell, scenario, seed)
+    return Clean(campaign.identification, campaign.truth, seed)
+
+
+def noisy(clean, sigma):
+    return reread(clean.runs, sigma, stream(clean.seed, 1))
+
+
+def rows_of(regression):
+    """Rows and readings as least squares weighs them."""
+    weights = [np.sqrt(term.equations) for term in regression.terms]
+    A = np.vstack([w * term.R for w, term in zip(weights, regression.terms, strict=True)])
+    return A, np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
+
+
+def traces_price(gco, other):
+    """What the trace weight of GCO may take from the angle, in the weights of least squares."""
+    regression = gco.regression
+    norms = [np.sqrt(np.sum((t.R @ gco.pi - t.z) ** 2) + t.rest) for t in regression.terms]
+    size = np.mean([t.equations * norm for t, norm in zip(regression.terms, norms, strict=True)])
+    more = total_trace(gco.structure, other) - total_trace(gco.structure, gco.pi)
+    return size * trace_weight(regression) * abs(more)
+
+
+@pytest.mark.parametrize("make", [template56, all153])
+@pytest.mark.parametrize(
+    ("measure", "arm", "poses", "sigma"), [(hung, "kr500", 20, 150e-6), (pulled, "arm_6r", 6, 400e-6)]
+)
+def test_gco_is_the_projection_of_least_squares_on_the_cone(request, make, measure, arm, poses, sigma):
+    """The angle at GCO between the readings and any conservative model is obtuse: so GCO is nearer to it."""
+    cell = request.getfixturevalue(arm)
+    structure = make(cell.arm)
+    true = structure.entries(aggregate(cell.arm.C_theta, cell.vjm, structure))
+    found = fits.without_prior(
+        [reduce(cell.vjm, structure, noisy(measure(cell, seed, poses), sigma)) for seed in SEEDS]
+    )
+    assert all(found.binds)
+    for ls, gco, taken in zip(found.ls, found.gco, found.taken, strict=True):
+        A, y = rows_of(ls.regression)
+        for other in (true, np.zeros_like(true), 2 * gco.pi, gco.pi + true):
+            slack = traces_price(gco, other) + 1e-9 * np.linalg.norm(y) ** 2
+            assert (A @ gco.pi - y) @ (A @ (other - gco.pi)) >= -slack
+        errors = [np.sum((A @ (own.pi - true)) ** 2) / 3 for own in (ls, gco)]
+        slack = traces_price(gco, true) + 1e-9 * np.linalg.norm(y) ** 2
+        assert errors[0] - errors[1] >= taken * ls.regression.rank - slack
+        assert taken > 0
+
+
+def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_gco(kr500):
+    structure = all153(kr500.arm)
+    clean = hung(kr500, SEEDS[0], 8)
+    found = fits.without_prior([reduce(kr500.vjm, structure, noisy(clean, 50e-6))])
+    [ls], [gco], [lent] = found.ls, found.gco, found.lent
+    A, _ = rows_of(ls.regression)
+    assert ls.regression.rank < structure.n
+    np.testing.assert_allclose(A @ lent.pi, A @ ls.pi, atol=1e-9 * np.abs(A @ ls.pi).max())
+    # here a conservative model fits as well: GCO has the fit of least squares, and the rest from `lent`
+    assert not found.binds[0]
+    moved = [predict(kr500.vjm, own, clean.judge) for own in (ls, gco, lent)]
+    size = np.abs(moved[1]).max()
+    assert np.abs(moved[2] - moved[1]).max() < 1e-3 * size
+    assert np.abs(moved[0] - moved[1]).max() > 0.1 * size
+
+
+def test_where_no_equal_fit_is_sought_there_is_none(kr500):
+    ls, taken = [], []
+    for structure, poses in ((mgco68(kr500.arm), (8, 12)), (all153(kr500.arm), (4, 12, 20))):
+        clean = [hung(kr500, seed, count) for seed in SEEDS for count in poses]
+        found = fits.without_prior([reduce(kr500.vjm, structure, noisy(own, 50e-6)) for own in clean])
+        ls += found.ls
+        taken += found.taken
+    skipped = [own for own, share in zip(ls, taken, strict=True) if share > fits.TAKEN]
+    assert 3 < len(skipped) < len(ls) - 3
+    assert not any(completed(own.regression).conservative for own in skipped)
+
+
+def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):
+    structure, sigma = template56(kr500.arm), 50e-6
+    clean = hung(kr500, SEEDS[0], 12)
+    judge = Judge(kr500.vjm, clean, Grid(kr500.arm.name, (12,), (sigma,)))
+    exact = reduce(kr500.vjm, structure, replace(clean.runs, sigma=sigma))
+    [expected] = judge.expected([exact])
+    rng, draws = stream(SEEDS[0], 1), 300
+    seen = [reduce(kr500.vjm, structure, reread(clean.runs, sigma, rng)) for _ in range(draws)]
+    found = fit_each([exact, *seen], "none", [None] * (draws + 1))
+    moved = np.array([predict(kr500.vjm, own, clean.judge) for own in found])
+    error = 1e6 * np.sqrt(np.square(moved[1:] - moved[0]).sum(axis=3).mean())
+    assert error == pytest.approx(expected, rel=0.2)  # of one direction 300 draws tell it to 4 %
