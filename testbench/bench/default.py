@@ -122,7 +122,7 @@ def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
     if isinstance(method, Method):
 
         def fits(regressions: Sequence[Regression]) -> Array:
-            beliefs = method.beliefs(cell.vjm, regressions)
+            beliefs = method.beliefs(cell.vjm, regressions, widths=False)
             return np.array([e.pi for e in fit_each(regressions, method.constraint, beliefs)])
 
         return held_out_errors(folds, fits)

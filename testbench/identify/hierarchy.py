@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from testbench.errors import Array
 from testbench.identify.cone import triangle
@@ -92,16 +93,42 @@ def evidence(regression: Regression, metric: Metric) -> Evidence:
     )
 
 
+@dataclass(frozen=True)
+class Weighed:
+    """The readings under some hyperparameters."""
+
+    variances: Array  #: Prior variance of the entries of a template, then of the couplings, a block, (2 K,).
+    inverse: Array  #: Of the readings' covariance S, (r, r).
+    log_size: float  #: Logarithm of its determinant.
+    e: Array  #: Readings minus what is expected, (r,).
+    v: Array  #: S^-1 e, (r,).
+
+
+def weigh(seen: Evidence, h: Array) -> Weighed:
+    """Readings over their covariance, S = kappa^2 + A D A^T: at least one, so that it has a root."""
+    s2, kappa2 = np.exp(2 * h[: seen.blocks]), np.exp(2 * h[-1])
+    variances = np.concatenate([np.exp(2 * h[-3]) * s2, np.exp(2 * h[-2]) * s2])
+    S = np.tensordot(variances, seen.scatter, 1)
+    S[np.diag_indices_from(S)] += kappa2
+    root, _ = dpotrf(S, lower=1)
+    half, failed = dpotri(root, lower=1)  # all of the inverse is in the gradient
+    if failed:
+        raise np.linalg.LinAlgError("the covariance of the readings is not positive definite")
+    inverse = np.tril(half) + np.tril(half, -1).T
+    e = seen.y - seen.moved @ np.sqrt(s2)
+    return Weighed(variances, inverse, 2 * float(np.log(np.diag(root)).sum()), e, inverse @ e)
+
+
 def loss(seen: Evidence, h: Array) -> tuple[float, Array]:
     """Minus the logarithm of the evidence and of the hyperparameters' density, and its gradient in h."""
-    K, s = seen.blocks, np.exp(h[: seen.blocks])
-    kappa2, variances = np.exp(2 * h[-1]), _variances(seen, h)
-    S = _covariance(seen, h)
-    inverse = np.linalg.inv(S)  # all of it is in the gradient
-    e = seen.y - seen.moved @ s
-    v = inverse @ e
-    value = (e @ v + np.linalg.slogdet(S)[1] + seen.rest / kappa2) / 2 + seen.equations * h[-1]
-    slope = (inverse - np.outer(v, v)) / 2
+    return _loss(seen, h, weigh(seen, h))
+
+
+def _loss(seen: Evidence, h: Array, own: Weighed) -> tuple[float, Array]:
+    K, s, kappa2 = seen.blocks, np.exp(h[: seen.blocks]), np.exp(2 * h[-1])
+    variances, v = own.variances, own.v
+    value = (own.e @ v + own.log_size + seen.rest / kappa2) / 2 + seen.equations * h[-1]
+    slope = (own.inverse - np.outer(v, v)) / 2
     by_variance = 2 * variances * np.tensordot(seen.scatter, slope, 2)
     g = np.zeros_like(h)
     g[:K] = by_variance[:K] + by_variance[K:] - s * (seen.moved.T @ v)
@@ -131,12 +158,13 @@ def _with_priors(seen: Evidence, h: Array, value: float, g: Array) -> tuple[floa
     return float(value + off @ off / 2), g
 
 
-def learn(regression: Regression, metric: Metric) -> Belief:
+def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Belief:
     """The prior as a dataset corrects it, and what the dataset leaves open of it.
 
     Args:
         regression: The reduced dataset.
         metric: Of the structure and the prior.
+        widths: Whether intervals or doubts are asked for; else what the dataset leaves open stays unknown.
 
     Returns:
         The metric with the scale of every block, how firmly each entry is believed, and by how much the
@@ -147,16 +175,17 @@ def learn(regression: Regression, metric: Metric) -> Belief:
     """
     seen = evidence(regression, metric)
     h = greatest(seen, seen.start)
-    deviations, moves = _left_open(seen, h)
     u, c, kappa = np.exp(h[-3:])
     scale = np.exp(h[: seen.blocks])[seen.block]
-    return Belief(
+    belief = Belief(
         metric=replace(seen.metric, L=seen.metric.L * scale),
         strength=Strength(float(u / kappa), 0.0, coupling=float(c / kappa)),
         misfit=float(kappa),
-        moves=moves @ seen.metric.L.T,
-        scales=_scales(seen, h, deviations),
     )
+    if not widths:
+        return belief
+    covariance, moves = _left_open(seen, h)
+    return replace(belief, moves=moves @ seen.metric.L.T, scales=_scales(seen, h, covariance))
 
 
 def doubts(belief: Belief) -> tuple[str, ...]:
@@ -233,25 +262,11 @@ def greatest(seen: Evidence, start: Array, held: int | None = None) -> Array:
     return np.asarray(found.x)
 
 
-def _variances(seen: Evidence, h: Array) -> Array:
-    """Prior variance of the entries of a template, then of the couplings, of every block, (2 K,)."""
-    s2 = np.exp(2 * h[: seen.blocks])
-    return np.concatenate([np.exp(2 * h[-3]) * s2, np.exp(2 * h[-2]) * s2])
-
-
-def _covariance(seen: Evidence, h: Array) -> Array:
-    """Of the readings, (r, r)."""
-    S = np.tensordot(_variances(seen, h), seen.scatter, 1)
-    S[np.diag_indices_from(S)] += np.exp(2 * h[-1])
-    return np.asarray(S)
-
-
-def _mean(seen: Evidence, h: Array) -> Array:
+def _mean(seen: Evidence, h: Array, own: Weighed) -> Array:
     """The expectation of x after the readings, (n,)."""
     expected = np.exp(h[: seen.blocks])[seen.block] * seen.metric.expected
-    variances = _variances(seen, h)[seen.block + seen.blocks * seen.metric.couplings]
-    v = np.linalg.solve(_covariance(seen, h), seen.y - seen.A @ expected)
-    return np.asarray(expected + variances * (seen.A.T @ v))
+    variances = own.variances[seen.block + seen.blocks * seen.metric.couplings]
+    return np.asarray(expected + variances * (seen.A.T @ own.v))
 
 
 def _left_open(seen: Evidence, h: Array) -> tuple[Array, Array]:
@@ -264,9 +279,11 @@ def _left_open(seen: Evidence, h: Array) -> tuple[Array, Array]:
     H, J = np.empty((m, m)), np.empty((m, len(seen.block)))
     for i in range(m):
         ends = [h + sign * STEP * np.eye(m + 1)[i] for sign in (1, -1)]
-        (_, up), (_, down) = (loss(seen, end) for end in ends)
+        own = [weigh(seen, end) for end in ends]
+        (_, up), (_, down) = (_loss(seen, end, one) for end, one in zip(ends, own, strict=True))
         H[i] = (up - down)[:m] / (2 * STEP)
-        J[i] = (_mean(seen, ends[0]) - _mean(seen, ends[1])) / (2 * STEP)
+        further, nearer = (_mean(seen, end, one) for end, one in zip(ends, own, strict=True))
+        J[i] = (further - nearer) / (2 * STEP)
     values, Q = np.linalg.eigh((H + H.T) / 2)
     root = Q / np.sqrt(np.maximum(values, WIDEST**-2))
     return root @ root.T, root.T @ J

@@ -67,8 +67,12 @@ class Method:
             return [without_outliers(vjm, data, r, self.constraint, own) for data, r, own in runs]
         return fit_each(regressions, self.constraint, beliefs)
 
-    def beliefs(self, vjm: Vjm, regressions: Sequence[Regression]) -> Sequence[Belief | None]:
+    def beliefs(
+        self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True
+    ) -> Sequence[Belief | None]:
         """The prior in the scale of each dataset, and how firmly it is believed; None without a prior.
+
+        A prior that is learnt is so with what intervals and doubts need, unless `widths` are not wanted.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
@@ -79,7 +83,7 @@ class Method:
         strength = Strength(ROBUST_UNCERTAINTY) if self.loss == "robust" else None
         strength = self.strength or strength
         if strength is None:
-            return [learn(regression, own) for regression in regressions]
+            return [learn(regression, own, widths=widths) for regression in regressions]
         return [Belief(rescaled(own, regression), strength) for regression in regressions]
 
 

@@ -65,6 +65,14 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
 
 
+def test_a_fit_without_intervals_is_the_same_fit(kr500, campaign):
+    regression, own = seen_by(kr500, campaign, all153(kr500.arm))
+    whole, bare = learn(regression, own), learn(regression, own, widths=False)
+    assert (bare.strength, bare.misfit) == (whole.strength, whole.misfit)
+    np.testing.assert_array_equal(bare.metric.L, whole.metric.L)
+    assert (bare.moves, bare.scales) == (None, ())
+
+
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
     regression, own = seen_by(kr500, campaign, all153(kr500.arm))
     belief = learn(regression, own)

@@ -76,8 +76,8 @@ DOUBTS = {
     "any doubt": "doubted",
     "what is wrong is contradicted": "told",
     "is named as unchecked": "unchecked",
-    "one of both": "either",
-    "named as unchecked in the mean": "named",
+    "where another one is wrong": "otherwise",
+    "contradicted or unchecked": "either",
 }
 BARS = {"what": "what", "found": "found", "at least": "least", "at most": "most", "met": "met"}
 
@@ -268,7 +268,7 @@ def test_doubts_are_counted_as_said_and_as_right(made, report):
         told = [row.case.wrong in row.doubted.contradicted for row in own]
         assert every.told == (pytest.approx(np.mean(told)) if prior in ("link", "joints") else None)
         if prior != "link":
-            assert every.unchecked is every.either is every.named is None
+            assert every.unchecked is every.either is every.otherwise is None
     own = [row for row in rows if row.case.prior == "link"]
     parts = {
         "all": own,
@@ -285,7 +285,15 @@ def test_doubts_are_counted_as_said_and_as_right(made, report):
         assert (d.cases, d.told) == (len(part), pytest.approx(told.mean()))
         assert d.unchecked == pytest.approx(open_.mean())
         assert d.either == pytest.approx((told | open_).mean())
-        assert d.named == pytest.approx(np.mean([len(row.doubted.unchecked) for row in part]))
+        others = {
+            name: np.mean([name in row.doubted.unchecked for row in own if row.case.wrong != name])
+            for name in LINKS
+        }
+        assert d.otherwise == pytest.approx(np.mean([others[row.case.wrong] for row in part]))
+    tubes = [row for row in rows if (row.case.prior, row.case.truth) == ("right", "tubes")]
+    [alarm] = [d for d in report.doubts if (d.prior, d.what, d.poses) == ("right", "truth tubes", None)]
+    assert (alarm.cases, alarm.told) == (len(tubes), None)
+    assert alarm.doubted == pytest.approx(np.mean([len(row.doubted.contradicted) > 0 for row in tubes]))
 
 
 def test_bars_are_those_of_the_default_and_the_missed_ones_are_said(made, report):

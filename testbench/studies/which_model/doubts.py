@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from testbench.bench.wrong_prior import PRIORS
+from testbench.bench.truths import TRUTHS
+from testbench.bench.wrong_prior import PRIORS, RIGHT
 from testbench.studies.which_model.report import DoubtAt
 from testbench.studies.which_model.rows import Case, Doubted, FitRow
 from testbench.trials.spread import grouped
@@ -14,18 +15,29 @@ Found = tuple[FitRow, Doubted]
 
 
 def doubt_table(rows: Sequence[FitRow]) -> list[DoubtAt]:
-    """By prior, a wrong link also by its deflection and by its name; by number of poses, and over all."""
+    """By prior, the right one by truth too, a wrong link by its deflection and name; by poses, and all."""
     found = [(row, row.doubted) for row in rows if row.doubted is not None]
-    ways: list[Callable[[Case], str]] = [lambda _: "all", _moving, _link]
+    otherwise = named_otherwise(found)
+    ways: list[Callable[[Case], str]] = [lambda _: "all", _true, _moving, _link]
     table = []
     for way in ways:
         groups = grouped(found, lambda own: (own[0].case.prior, way(own[0].case)))  # noqa: B023 - used at once
         for (prior, what), own in groups.items():
             if what:
-                table += _by_poses(prior, what, own)
-    return sorted(
-        table, key=lambda own: (list(PRIORS).index(own.prior), own.what.startswith("link_"), own.what)
-    )
+                table += _by_poses((prior, what), own, otherwise)
+    return sorted(table, key=_place)
+
+
+def named_otherwise(found: Sequence[Found]) -> dict[str, float]:
+    """By link how often it is named as unchecked where the prior has another link wrong."""
+    asked = [(row.case.wrong, doubted.unchecked) for row, doubted in found if doubted.unchecked is not None]
+    links = sorted({wrong for wrong, _ in asked if wrong})
+    named = {link: [link in names for wrong, names in asked if wrong != link] for link in links}
+    return {link: float(np.mean(own)) for link, own in named.items() if own}
+
+
+def _true(case: Case) -> str:
+    return f"truth {case.truth}" if case.prior == RIGHT else ""
 
 
 def _moving(case: Case) -> str:
@@ -38,23 +50,31 @@ def _link(case: Case) -> str:
     return "" if case.share is None or case.wrong is None else case.wrong
 
 
-def _by_poses(prior: str, what: str, own: Sequence[Found]) -> list[DoubtAt]:
+def _place(own: DoubtAt) -> tuple[int, bool, int, str]:
+    truths = [f"truth {name}" for name in TRUTHS]
+    truth = truths.index(own.what) if own.what in truths else -1
+    return list(PRIORS).index(own.prior), own.what.startswith("link_"), truth, own.what
+
+
+def _by_poses(names: tuple[str, str], own: Sequence[Found], otherwise: dict[str, float]) -> list[DoubtAt]:
     groups = grouped(own, lambda found: found[0].poses)
-    return [_doubt_at(prior, what, poses, cases) for poses, cases in [(None, own), *sorted(groups.items())]]
+    every = [(None, own), *sorted(groups.items())]
+    return [_doubt_at((*names, poses), cases, otherwise) for poses, cases in every]
 
 
-def _doubt_at(prior: str, what: str, poses: int | None, own: Sequence[Found]) -> DoubtAt:
+def _doubt_at(key: tuple[str, str, int | None], own: Sequence[Found], otherwise: dict[str, float]) -> DoubtAt:
     told = [row.case.wrong in doubted.contradicted for row, doubted in own if row.case.wrong]
-    open_ = [row.case.wrong in doubted.unchecked for row, doubted in own if doubted.unchecked is not None]
-    linked = prior == "link"
+    linked = [
+        (row.case.wrong or "", doubted.unchecked) for row, doubted in own if doubted.unchecked is not None
+    ]
+    named = [link in names for link, names in linked]
+    others = [otherwise[link] for link, _ in linked if link in otherwise]
     return DoubtAt(
-        prior,
-        what,
-        poses,
+        *key,
         cases=len(own),
         doubted=float(np.mean([bool(doubted.contradicted) for _, doubted in own])),
         told=float(np.mean(told)) if told else None,
-        unchecked=float(np.mean(open_)) if linked else None,
-        named=float(np.mean([len(doubted.unchecked or ()) for _, doubted in own])) if linked else None,
-        either=float(np.mean([a or b for a, b in zip(told, open_, strict=True)])) if linked else None,
+        unchecked=float(np.mean(named)) if linked else None,
+        otherwise=float(np.mean(others)) if others else None,
+        either=float(np.mean([a or b for a, b in zip(told, named, strict=True)])) if linked else None,
     )

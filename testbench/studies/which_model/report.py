@@ -67,7 +67,8 @@ class DoubtAt:
     told: float | None  #: Share in which that is what is ten times off; None where nothing is.
     #: Share in which that is named as what the readings do not check; None but for a link.
     unchecked: float | None
-    named: float | None  #: How many links and joints are named so, in the mean.
+    #: The same share of these links where the prior has another link wrong; None where that is never so.
+    otherwise: float | None
     either: float | None  #: Share in which one of both is said; None but for a link.
 
 

@@ -65,8 +65,8 @@ DOUBTS = (
     Column("doubted", "any doubt", form="yes"),
     Column("told", "what is wrong is contradicted", form="yes"),
     Column("unchecked", "is named as unchecked", form="yes"),
-    Column("either", "one of both", form="yes"),
-    Column("named", "named as unchecked in the mean", form=".1f"),
+    Column("otherwise", "where another one is wrong", form="yes"),
+    Column("either", "contradicted or unchecked", form="yes"),
 )
 BARS = (
     Column("what", "what"),
