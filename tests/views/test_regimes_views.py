@@ -165,7 +165,7 @@ def test_the_answer_counts_what_the_cone_does_by_itself(rng):
     assert (f.cone_pays, f.cone_pays_and_beats_joints, f.cost) == (4, 2, 0)
     words = STUDY.words(found)
     assert "the cone by itself pays in 0 of 8 cells, and in 0 of these GCO" in words.block("answer")
-    assert "read in full pose, in 4 of 8, and in 2." in words.block("answer")
+    assert "read in full pose, in 4 of 8, and in 2 of these." in words.block("answer")
     assert "joints alone are better" not in words.block("statements")
     assert "At worst, MGCO56 with 12 poses and 15 um: 3.00." in words.block("statements")
 
