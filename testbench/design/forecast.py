@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +80,7 @@ def without_bound(forecast: Forecast, where: npt.NDArray[np.bool_]) -> Forecast:
 def forecast_of(bias: Array, spread: Array) -> Forecast:
     """Errors of predictions that are bias + spread @ N(0, 1): (poses, 3 m) and (poses, 3 m, k) [m]."""
     targets = bias.shape[1] / 3
-    draws = np.random.Generator(np.random.Philox(0)).standard_normal((spread.shape[2], DRAWS))
+    draws = _draws(spread.shape[2])
     each = zip(bias, spread, strict=True)
     square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in each])  # (poses, draws)
     square /= targets
@@ -88,3 +89,9 @@ def forecast_of(bias: Array, spread: Array) -> Forecast:
     low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
     over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
     return Forecast(np.sqrt(mean), low, high, np.sqrt(variance), *map(math.sqrt, (mean.mean(), *over)))
+
+
+@lru_cache(maxsize=4)
+def _draws(k: int) -> Array:
+    """The same normal numbers for every forecast, (k, DRAWS); drawing them takes as long as using them."""
+    return np.random.Generator(np.random.Philox(0)).standard_normal((k, DRAWS))

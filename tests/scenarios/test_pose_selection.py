@@ -65,6 +65,15 @@ def test_planned_poses_beat_random_ones_where_they_were_planned_for(report):
         assert errors["test"][k]["tasks_mm"] < errors["random"][k]["tasks_mm"]
 
 
+def test_what_was_promised_is_tried_on_both_grounds_and_joints_alone_beside(report):
+    first = report["kept"][0]
+    assert (first["cases"], first["count"], report["kept_joints"]["count"]) == ("all", 4, 4)
+    # seed 2: links 20 % off tubes, a prior that is right but for its scale
+    assert {own["cases"] for own in report["kept"]} > {"truth: off_20", "poses: planned", "poses: random"}
+    assert first["inside_95"] > 0.9
+    assert 0.3 < first["ratio"]["median"] < 1.5
+
+
 def test_candidates_are_accounted_for(report):
     own = report["candidates"]
     assert own["found"] + sum(own["rejected"].values()) == own["drawn"]

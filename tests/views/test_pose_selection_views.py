@@ -13,7 +13,7 @@ from testbench.model.vjm import chain
 from testbench.studies.pose_selection import recording, summary
 from testbench.studies.pose_selection.measure import build_bench
 from testbench.studies.pose_selection.report import Level
-from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, Row, Scene, Where
+from testbench.studies.pose_selection.rows import Certificate, Kept, Model, PlanRow, Row, Scene, Where
 from testbench.studies.pose_selection.settings import (
     AWAY,
     BARE,
@@ -22,6 +22,7 @@ from testbench.studies.pose_selection.settings import (
     INCUMBENT,
     ON_ARMS,
     PLANNED,
+    WHOLE,
     Scope,
     Settings,
 )
@@ -64,6 +65,15 @@ FORECASTS = {
     "simulated LS, mm": "ls_mm",
     "GCO over forecast": "gco_over_expected",
     "inside 90 % interval, %": "inside_90_percent",
+}
+KEPT = {
+    "promises": "cases",
+    "cases": "count",
+    "inside 90 % interval, %": "inside_90",
+    "below, %": "below",
+    "above, %": "above",
+    "deflections inside 95 % interval, %": "inside_95",
+    "simulated over promised": "ratio",
 }
 GROUNDS = {
     "tasks": "ground",
@@ -142,7 +152,25 @@ def rows_of(rng, tasks=None, workspace=None):
         for fit in FITS
         for name in ("test", "random")
     ]
+    on = rng.choice(["tubes", "cast"]), rng.choice(["right", "link"])
+    found += [
+        row(
+            "promise",
+            name,
+            12,
+            fit,
+            ground=HOME.name,
+            expected=Expected(30, 25, 36),
+            kept=kept(rng, *on),
+        )
+        for fit in (WHOLE, INCUMBENT)
+        for name in ("test", "random")
+    ]
     return found + [row("variant", way, 12, PLANNED) for way in OTHERS]
+
+
+def kept(rng, truth, prior):
+    return Kept(str(truth), str(prior), rng.uniform(0.5, 1))
 
 
 @pytest.fixture
@@ -244,6 +272,34 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
     every = [level for own in report.errors[PLANNED.name].values() for level in own]
     check_pivot(tables["medians"], every, ("poses", "plan", "tasks_mm"))
     assert report.criteria == [own[1] for own in report.errors[PLANNED.name].values()]
+
+
+def test_promises_are_counted_case_by_case_and_the_least_kept_is_named(report, trials):
+    rows = [row for _, own in trials for row in own if row.part == "promise" and row.fit == WHOLE.name]
+    keys = {
+        "poses": lambda row: {"test": "planned", "random": "random"}[row.plan],
+        "tasks": lambda row: row.ground,
+        "truth": lambda row: row.kept.truth,
+        "prior": lambda row: row.kept.prior,
+    }
+    first, *others = report.kept
+    assert {own.cases for own in others} == {f"{k}: {key(row)}" for row in rows for k, key in keys.items()}
+    for own in report.kept:
+        what, _, name = own.cases.partition(": ")
+        meant = [row for row in rows if what == "all" or keys[what](row) == name]
+        errors = np.array([row.tasks_mm for row in meant])
+        shares = np.mean(errors < 25), np.mean(errors > 36), np.mean((errors >= 25) & (errors <= 36))
+        assert (own.count, own.below, own.above) == (len(meant), *shares[:2])
+        assert own.inside_90 == pytest.approx(shares[2])
+        assert own.inside_95 == pytest.approx(np.mean([row.kept.inside for row in meant]))
+        assert own.ratio == spread(errors / 30)
+    joints = pick(trials, part="promise", fit="Joints")
+    assert (report.kept_joints.count, report.kept_joints.ratio) == (6, spread(np.array(joints) / 30))
+    text = STUDY.words(report).block("statements")
+    least = min(others, key=lambda own: own.inside_95)
+    assert f"holds in {100 * first.inside_90:.0f} % of 6 cases" in text
+    assert f"Least often with {least.cases}: {100 * least.inside_90:.0f} % and" in text
+    check_table(STUDY.tables(report)["kept"], [*report.kept, report.kept_joints], KEPT)
 
 
 def made(rng, asked, **factors):

@@ -144,6 +144,23 @@ class ForecastReport:
 
 
 @dataclass(frozen=True)
+class KeptReport:
+    """Promises of some cases, with the intervals of `testbench plan`, and what came of them.
+
+    Shares of 90 % intervals of the RMS error at the tasks that hold it, of errors below and above them, and
+    of 95 % intervals of a deflection along an axis that hold it; simulated over promised error.
+    """
+
+    cases: str
+    count: int
+    inside_90: float
+    below: float
+    above: float
+    inside_95: float
+    ratio: Number
+
+
+@dataclass(frozen=True)
 class VariantReport:
     """Another way to measure: its plan, the forecast error at the tasks, simulated errors."""
 
@@ -194,6 +211,8 @@ class PoseReport:
     recommendation: Recommendation
     replanned: Anew
     promises: list[ForecastReport]
+    kept: list[KeptReport]  #: Of all links and joints with a learnt prior: all, then by what they share.
+    kept_joints: KeptReport  #: Joints alone.
     worth: list[VariantReport]
     grounds: list[GroundReport]
     truths: list[str]  #: Names of the true arms of `grounds`, seed by seed in turn.

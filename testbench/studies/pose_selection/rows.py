@@ -7,10 +7,10 @@ from testbench.bench.plan_report import Expected
 from testbench.bench.rows import DatasetRow, ErrorRow, FitRow
 from testbench.trials.spread import Number
 
-Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant", "ground"]
+Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant", "ground", "promise"]
 """What was measured: the true arm with noise or without, with a plan and a prior of the trial's own, an arm
 that the prior could have drawn (linear truth), the true arm in another way, or on one of two grounds with
-plans that are made for the very fit."""
+plans that are made for the very fit; there too, what came of a promise."""
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 
@@ -93,6 +93,15 @@ class Where:
 
 
 @dataclass(frozen=True)
+class Kept:
+    """What a promise was tried on, and the share of deflections along an axis inside their half widths."""
+
+    truth: str  #: One of truths.TRUTHS.
+    prior: str  #: One of wrong_prior.PRIORS.
+    inside: float
+
+
+@dataclass(frozen=True)
 class Row:
     """RMS errors of one fit against the true deflection."""
 
@@ -103,7 +112,9 @@ class Row:
     tasks_mm: float  #: At the tasks.
     workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
     ground: str = ""  #: Name of the ground, of that part.
-    expected: Expected | None = None  #: Forecast of random poses, and of all poses on a drawn arm.
+    #: Forecast of random poses, and of all poses on a drawn arm; the promise that was tried.
+    expected: Expected | None = None
+    kept: Kept | None = None  #: Of a promise.
     certificate: Certificate | None = None  #: Of a plan made anew.
     model: Model | None = None  #: Of the featured number of poses.
     where: Where | None = None  #: Errors of the featured plan for the tasks, pose by pose.

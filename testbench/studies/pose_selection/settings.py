@@ -16,7 +16,7 @@ from testbench.identify import Estimate
 from testbench.identify.method import Method, gco, least_squares, with_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.model.poses import WorkArea
-from testbench.model.structure import Structure, joints_only, mgco68, template56
+from testbench.model.structure import Structure, all153, joints_only, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.studies.pose_selection.rows import Scene
 
@@ -32,14 +32,16 @@ class Fit:
     structure: Callable[[Arm], Structure]
     prior: bool
     method: Method = gco
+    learnt: bool = False  #: Whether the readings say how wrong the prior is.
 
     def identify(self, vjm: Vjm, prior: Prior, data: Dataset) -> Estimate:
-        """Compliances from runs; the prior's common scale is left to them."""
+        """Compliances from runs; the prior's common scale, or more where it is learnt, is left to them."""
         return self.each(vjm, prior, [data])[0]
 
     def each(self, vjm: Vjm, prior: Prior, datasets: Sequence[Dataset]) -> list[Estimate]:
         """The same of several datasets, solved together."""
-        method = with_prior(self.method, prior, Strength(UNCERTAINTY)) if self.prior else self.method
+        strength = None if self.learnt else Strength(UNCERTAINTY)
+        method = with_prior(self.method, prior, strength) if self.prior else self.method
         return method.each(vjm, self.structure(vjm.arm), datasets)
 
 
@@ -55,6 +57,7 @@ PLANNED, BARE = FITS[0], FITS[3]  #: The fit that plans are made for, and the sa
 INCUMBENT = FITS[-1]  #: Six joint compliances by plain least squares.
 ON_ARMS = (PLANNED, Fit("MLS68 + prior", mgco68, True, least_squares))
 """On arms drawn from the prior, GCO and LS."""
+WHOLE = Fit("ALL153 + prior", all153, True, learnt=True)  #: What `identify` does by default.
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The study of pose selection as a report: every number with its spread, the recommendation, the verdict."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +22,13 @@ ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
 STEP, LITTLE = 4, 0.10
 """So many more poses that take less than this share off the error are not worth a hoist."""
 
+KEPT_BY: Mapping[str, Callable[[Row], str]] = {
+    "poses": lambda row: "planned" if row.plan == "test" else row.plan,
+    "tasks": lambda row: row.ground,
+    "truth": lambda row: row.kept.truth if row.kept else "",
+    "prior": lambda row: row.kept.prior if row.kept else "",
+}
+"""What promises are told by."""
 Groups = Mapping[tuple[Part, str, int, str], Sequence[Row]]
 """Rows of all trials by part, plan, number of poses and fit."""
 Levels = Mapping[str, list[r.Level]]  #: Errors by plan, then by number of poses.
@@ -39,6 +46,10 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
     first = models["test"][0]
     criteria, forecasts = [at(own, n) for own in ours.values()], _forecasts(groups)
     variants = [_variant(plan, groups) for plan in own_plans if plan.variant]
+    whole, joints = (
+        [row for name in ("test", RANDOM) for row in groups["promise", name, n, fit.name]]
+        for fit in (s.WHOLE, s.INCUMBENT)
+    )
     grounds = [
         row for there in (asked, s.elsewhere(asked)) for row in _ground(groups, there.scope, there.scene)
     ]
@@ -62,6 +73,8 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         recommendation=recommend(ours),
         replanned=_anew(groups, n),
         promises=forecasts,
+        kept=_all_kept(whole),
+        kept_joints=_kept(s.INCUMBENT.name, joints),
         worth=variants,
         grounds=grounds,
         truths=list(TRUTHS),
@@ -216,6 +229,28 @@ def _forecasts(groups: Groups) -> list[r.ForecastReport]:
             )
         )
     return found
+
+
+def _all_kept(rows: Sequence[Row]) -> list[r.KeptReport]:
+    """All promises, then those of each plan, ground, truth and prior."""
+    found = [_kept("all", rows)]
+    for what, key in KEPT_BY.items():
+        found += [_kept(f"{what}: {name}", own) for name, own in sorted(grouped(rows, key).items())]
+    return found
+
+
+def _kept(cases: str, rows: Sequence[Row]) -> r.KeptReport:
+    known = [(row.tasks_mm, row.expected, row.kept) for row in rows if row.expected and row.kept]
+    below, above = ([e < p.p05 for e, p, _ in known], [e > p.p95 for e, p, _ in known])
+    return r.KeptReport(
+        cases=cases,
+        count=len(known),
+        inside_90=float(1 - np.mean(below) - np.mean(above)),
+        below=float(np.mean(below)),
+        above=float(np.mean(above)),
+        inside_95=float(np.mean([kept.inside for *_, kept in known])),
+        ratio=merge(list[Number]([e / p.expected for e, p, _ in known])),
+    )
 
 
 def _rms(values: Sequence[float]) -> float:

@@ -38,6 +38,15 @@ FORECASTS = (
     Column("gco_over_expected", "GCO over forecast"),
     Column("inside_90_percent", "inside 90 % interval", "%", ".0f", scale=100),
 )
+KEPT = (
+    Column("cases", "promises"),
+    Column("count", "cases", form="d"),
+    Column("inside_90", "inside 90 % interval", "%", ".0f", scale=100),
+    Column("below", "below", "%", ".0f", scale=100),
+    Column("above", "above", "%", ".0f", scale=100),
+    Column("inside_95", "deflections inside 95 % interval", "%", ".1f", scale=100),
+    Column("ratio", "simulated over promised", form=".2f"),
+)
 VARIANTS = (
     VARIANT,
     POSES,
@@ -83,6 +92,7 @@ def tables(report: PoseReport) -> dict[str, Table]:
         "medians": pivot(medians, POSES, PLAN, replace(TASKS, exact=True)),
         "plans": Table(PLANS, report.plans),
         "forecasts": Table(FORECASTS, report.promises),
+        "kept": Table(KEPT, [*report.kept, report.kept_joints]),
         "variants": Table(VARIANTS, report.worth),
         "grounds": Table(GROUNDS, report.grounds),
     }

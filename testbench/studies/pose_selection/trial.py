@@ -10,11 +10,12 @@ from dataclasses import replace
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.plan_summary import overall
-from testbench.bench.truths import TRUTHS, true_cell
+from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.design.specification import promise_of, task_rows
 from testbench.studies.pose_selection.arms import of_drawn_arm
+from testbench.studies.pose_selection.kept import of_promise
 from testbench.studies.pose_selection.measure import Bench, build_bench, measure, model_row, pose_by_pose
 from testbench.studies.pose_selection.plans import candidates, certificate, plan
 from testbench.studies.pose_selection.rows import Row
@@ -74,13 +75,16 @@ def _noise_free(bench: Bench, asked: Settings, seed: int) -> list[Row]:
 
 def of_ground(cell: Cell, asked: Settings, seed: int) -> list[Row]:
     """Plans for the very fit against random poses, on one ground, the true arm one of the family."""
-    n, prior, rows = asked.scope.featured, wrong_prior(cell, seed), []
-    names = list(TRUTHS)
-    bench = build_bench(true_cell(cell, names[seed % len(names)], seed), asked)
-    chance = measure(bench, bench.spec, poses_of(asked, RANDOM, n, seed), stream(seed, NOISE + n))
+    n, prior = asked.scope.featured, wrong_prior(cell, seed)
+    bench = build_bench(true_cell(cell, member(FAMILY, seed), seed), asked)
+    drawn = poses_of(asked, RANDOM, n, seed)
+    chance = measure(bench, bench.spec, drawn, stream(seed, NOISE + n))
+    rows = of_promise(bench, asked, seed, (RANDOM, drawn, chance))
     for fit in FITS:
         chosen = planned(asked.scene.plan("test", n, fit.name))
         runs = (measure(bench, bench.spec, chosen, stream(seed, NOISE + n)), chance)
+        if fit == PLANNED:
+            rows += of_promise(bench, asked, seed, ("test", chosen, runs[0]))
         errors = bench.errors_mm([fit.identify(bench.cell.vjm, prior, data) for data in runs])
         for name, (tasks, workspace) in zip(("test", RANDOM), errors, strict=True):
             rows.append(Row("ground", name, n, fit.name, tasks, workspace, asked.scope.ground.name))
