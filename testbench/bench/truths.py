@@ -6,6 +6,7 @@ The model, and the prior from CAD, stay those of the arm's folder; only what MuJ
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from testbench.model.structure import TEMPLATE
 TrueArm = Callable[[Arm, np.random.Generator], Arm]
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
-FAMILY = "family"  #: All of TRUTHS, a seed each in turn.
+TrueArmName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
+FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
 HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
 
 

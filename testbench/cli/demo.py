@@ -7,9 +7,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from testbench.bench.truths import TrueArmName
 from testbench.shell.options import Common, takes
 from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.gravity_calibration.trial import Options, TrueArm
+from testbench.studies.gravity_calibration.trial import Options
 from testbench.studies.run import run
 
 
@@ -17,7 +18,7 @@ from testbench.studies.run import run
 class Demo(Options):
     """Flags of the study, the true links cast."""
 
-    true_arm: Annotated[TrueArm, typer.Option(help="The true arm.")] = "cast"
+    true_arm: Annotated[TrueArmName, typer.Option(help="The true arm.")] = "cast"
 
 
 @takes(Common, Demo)

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from run_here import app_of, here
 
+from testbench.studies.model_error.trial import Settings, trials
+
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "model_error.py")
 FILES = {
@@ -31,7 +33,7 @@ def report(quick):
     return json.loads((quick[0] / "report.json").read_text())
 
 
-def cell(report, case, model="MGCO56 + prior", noise=0.0):
+def cell(report, case, model="ALL153 + prior", noise=0.0):
     return next(c for c in report["cells"] if (c["case"], c["model"], c["noise_um"]) == (case, model, noise))
 
 
@@ -58,6 +60,16 @@ def test_payload_errors_spoil_the_model_and_not_the_arm(report):
     assert cell(report, "payload centre")["added_um"]["median"] != 0
 
 
+def test_the_plant_of_the_true_arm_is_disturbed():
+    """What weighs is the same: how far it bends the arm is that arm's alone."""
+    moved = {}
+    for arm in ("tubes", "joints", "off_40"):
+        [rows] = trials(Settings("kr500_l480", workspace=5, only=("own weight",), true_arm=arm), [2])
+        assert {row.true_arm for row in rows} == {arm}
+        [moved[arm]] = {row.moved_um for row in rows if row.case == "own weight"}
+    assert len(set(moved.values())) == 3
+
+
 def test_the_stiff_compensator_costs_more_than_the_plain_one(report):
     plain, stiff = (
         cell(report, case)["rms_um"]["median"] for case in ("gravity compensator", "stiff compensator")
@@ -81,7 +93,13 @@ def test_gco_stays_conservative_whatever_the_arm_does(report):
 def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(report):
     names = {c["model"] for c in report["cells"]}
     plain = {"Joints", "MLS56", "MLS56, PSD of equal fit", "MGCO56"}
-    assert names == plain | {"Joints + prior", "MLS56 + prior", "MGCO56 + prior", "MGCO68 + prior"}
+    assert names == plain | {
+        "Joints + prior",
+        "MLS56 + prior",
+        "MGCO56 + prior",
+        "MGCO68 + prior",
+        "ALL153 + prior",
+    }
     for c in report["cells"]:  # what links give is no part of joints alone
         if c["structure"] == "Joints":
             assert c["rms_um"]["median"] > 150

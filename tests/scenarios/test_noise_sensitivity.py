@@ -22,7 +22,7 @@ def run(*args):
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
     out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
+    done = run("--seed", 6, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
     assert done.returncode == 0, done.stderr
     return out, done
 
@@ -47,29 +47,45 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 
 def test_every_trial_is_in_the_parquet_file(quick):
     table = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
-    assert {row["seed"] for row in table} == {3, 4}
-    assert sum(row["part"] == "six_dof" for row in table) == 2 * 11 * 6
+    assert {row["seed"] for row in table} == {6, 7}
+    assert sum(row["part"] == "six_dof" for row in table) == 2 * 12 * 6
     assert sum(row["part"].startswith("instrument") for row in table) == 2 * 8
+    assert sum(row["part"].startswith("default") for row in table) == 2 * 2
+    assert {(row["seed"], row["true_arm"]) for row in table} == {(6, "tubes"), (7, "off_10")}
     assert all(row["solved"] for row in table if row["constraint"] != "free")
-    names = [row["model"] for row in table if (row["seed"], row["part"], row["x"]) == (3, "gravity", 50e-6)]
+    names = [row["model"] for row in table if (row["seed"], row["part"], row["x"]) == (6, "gravity", 50e-6)]
     plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
-    assert names == [*plain, "Joints + prior", "MLS56 + prior", "MGCO56 + prior", "MGCO68 + prior"]
+    assert names == [
+        *plain,
+        "Joints + prior",
+        "MLS56 + prior",
+        "MGCO56 + prior",
+        "MGCO68 + prior",
+        "ALL153 + prior",
+    ]
 
 
-def test_error_grows_in_proportion_to_noise_where_the_model_is_linear(report):
-    errors = rms(report, "six_dof", "MLS32")
+@pytest.fixture(scope="module")
+def six_dof(quick):
+    """Fits of section 5.2 by true arm, model and noise."""
+    rows = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+    return {(row["true_arm"], row["model"], row["x"]): row for row in rows if row["part"] == "six_dof"}
+
+
+def test_error_grows_in_proportion_to_noise_where_the_template_holds_the_truth(six_dof, report):
+    errors = [six_dof["tubes", "MLS32", x / 1e6]["rms_um"] for x in report["sigmas_um"]]
     assert errors[0] < 1e-3  # um: no noise, no error
+    assert six_dof["off_10", "MLS32", 0.0]["rms_um"] > 100  # um: what no tube can be
     for value, level in zip(errors[1:], report["sigmas_um"][1:], strict=True):
         # orientation readings turn one after the other: not quite linear
         assert value / level == pytest.approx(errors[-1] / report["sigmas_um"][-1], rel=1e-3)
 
 
-def test_least_squares_of_equal_fit_errs_as_least_squares_does_in_full_poses(report):
+def test_least_squares_of_equal_fit_errs_as_least_squares_does_in_full_poses(six_dof, report):
     """Readings of full poses see all predictions: the free directions change nothing but the cone."""
-    rows = {(r["model"], r["sigma_um"]): r for r in report["sweeps"]["six_dof"]}
     for sigma in report["sigmas_um"][1:]:
-        plain, filled = (rows[name, sigma] for name in ("MLS56", "MLS56, PSD of equal fit"))
-        assert filled["rms_um"]["median"] == pytest.approx(plain["rms_um"]["median"], rel=1e-6)
+        plain, filled = (six_dof["tubes", name, sigma / 1e6] for name in ("MLS56", "MLS56, PSD of equal fit"))
+        assert filled["rms_um"] == pytest.approx(plain["rms_um"], rel=1e-6)
         assert plain["conservative"] == 0
         assert filled["conservative"] == 1 or sigma > 25  # more noise pulls what is seen out of the cone
 
@@ -91,12 +107,12 @@ def test_gco_is_conservative_and_never_worse_than_least_squares_under_gravity(re
 def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick):
     out, _ = quick
     before = parquet.read_table(out / "trials.parquet").to_pylist()
-    done = run("--seed", 3, "--seeds", 3, "--out", out, "--quick", "--workers", 1, "--resume")
+    done = run("--seed", 6, "--seeds", 3, "--out", out, "--quick", "--workers", 1, "--resume")
     assert done.returncode == 0, done.stderr
     after = parquet.read_table(out / "trials.parquet").to_pylist()
-    old = [row for row in after if row["seed"] < 5]
+    old = [row for row in after if row["seed"] < 8]
     assert sorted(map(repr, before)) == sorted(map(repr, old))
-    assert {row["seed"] for row in after} == {3, 4, 5}
+    assert {row["seed"] for row in after} == {6, 7, 8}
 
 
 @pytest.mark.parametrize(
@@ -117,7 +133,7 @@ def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
 
 def test_resume_into_the_folder_of_other_settings_is_refused(quick):
     out, _ = quick
-    done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
+    done = run("--seed", 6, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
     assert done.returncode == 2
     assert "trials" in done.stderr
     assert "Traceback" not in done.stderr

@@ -1,11 +1,14 @@
 """What people see of the study of model error equals its report, for trials that are made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from checks import check_pivot, check_report, check_table, curves, looks_differ, tables_of, unit_in
 from made_up import of_one_trial
 from read_back import chunks_of, columns, document
 
+from testbench.bench.truths import member
 from testbench.studies.model_error import figure, recording
 from testbench.studies.model_error.cases import ALL, NONE, STIFF, cases
 from testbench.studies.model_error.study import STUDY
@@ -23,8 +26,9 @@ MODELS = {
     "MLS56 + prior": ("MLS56", "none", True),
     "MGCO56 + prior": ("MGCO56", "psd", True),
     "MGCO68 + prior": ("MGCO68", "psd", True),
+    "ALL153 + prior": ("ALL153", "psd", True),
 }
-FEATURED = "MGCO56 + prior"
+FEATURED = "ALL153 + prior"
 CHART = "/rms_error_over_the_workspace_with_noise_of_40_um_um"
 MEANS = {"disturbance": "case", "moves deflections by, um": "moved_um", "adds to the error, um": "added_um"}
 CLAIM = {
@@ -51,6 +55,7 @@ def trials(rng, errors=None):
                     fixed = {"structure": structure, "constraint": constraint, "prior": prior}
                     if (case, name, noise) in (errors or {}):
                         fixed["rms_um"] = errors[case, name, noise]
+                    fixed["true_arm"] = member("family", seed)
                     rows.append(of_one_trial(CaseRow, rng, case=case, model=name, noise_um=noise, **fixed))
         found.append((seed, rows))
     return found
@@ -143,15 +148,16 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
 def test_the_answer_names_the_best_model_with_all_disturbances(rng, best):
     errors = {(ALL, name, 40.0): 60.0 + 10 * k for k, name in enumerate(MODELS)} | {(ALL, best, 40.0): 31.0}
     answer = STUDY.words(summed(trials(rng, errors))).block("answer")
+    default = "" if best == FEATURED else f"; the default, {FEATURED}, {errors[ALL, FEATURED, 40.0]:.0f} um"
     joints = f"; joints alone (what most calibrations use) {errors[ALL, 'Joints', 40.0]:.0f} um."
-    said = "." if best == "Joints" else joints
+    said = default + ("." if best == "Joints" else joints)
     assert answer.endswith(f"With noise and all together the best model is {best}: 31 um{said}")
 
 
 def test_models_that_bear_disturbances_as_well_are_alike(rng):
     errors = {(ALL, name, 40.0): 50.0 for name in MODELS} | {(ALL, "MGCO56", 40.0): 70.0}
     answer = STUDY.words(summed(trials(rng, errors))).block("answer")
-    assert "MLS56 + prior, MGCO56 + prior and MGCO68 + prior (alike): 50 um" in answer
+    assert "MLS56 + prior, MGCO56 + prior, MGCO68 + prior and ALL153 + prior (alike): 50 um" in answer
 
 
 @pytest.mark.parametrize("worst", [c for c in CASES if c not in (NONE, ALL)])
@@ -172,7 +178,7 @@ def test_the_claim_holds_for_the_models_for_which_it_does(rng):
     errors |= {("gravity compensator", "MLS56", 40.0): 500.0}
     errors |= {(STIFF, m, 40.0): 500.0 for m in MODELS}
     text = STUDY.words(summed(trials(rng, errors))).block("statements")
-    held = "Joints, MGCO56, MLS56 + prior, MGCO56 + prior and MGCO68 + prior"
+    held = "Joints, MGCO56, MLS56 + prior, MGCO56 + prior, MGCO68 + prior and ALL153 + prior"
     assert (
         f'"gravity compensator": within 4.8 % in at least 95 % of the trials are {held} against the' in text
     )
@@ -203,6 +209,33 @@ def test_trials_are_counted_in_which_a_model_beats_another(rng):
     text = STUDY.words(made).block("statements")
     assert "MGCO56 beats Joints in 0 of 5 trials, 1.50 times its error." in text
     assert "MGCO56 + prior and MLS56 + prior err alike in all 5 trials: there the cone does nothing." in text
+
+
+def test_errors_and_changes_that_differ_by_true_arm_have_tables(rng):
+    """Joints alone err alike with both arms; the default 10 and 11 um with one, 40 and 41 with the other."""
+    arms, errors = ["cast", "tubes"] * 2, [40.0, 10.0, 41.0, 11.0]
+    made = []
+    for k, (seed, rows) in enumerate(trials(rng)[:4]):
+        rows = [replace(r, true_arm=arms[k], rms_um=60.0 + k) for r in rows]
+        made.append((seed, [replace(r, rms_um=errors[k]) if with_all(r) else r for r in rows]))
+    report = STUDY.summary(SETTINGS, SEEDS[:4], made)
+    assert [(b.headline, b.true_arm, b.trials) for b in report.together_by_arm] == [
+        (FEATURED, "tubes", 2),
+        (FEATURED, "cast", 2),
+    ]
+    same(report.together_by_arm[1].value, [40, 41])
+    assert {b.headline for b in report.claim_by_arm} == {STIFF}
+    same(report.claim_by_arm[1].value, [40 / 60 - 1, 41 / 62 - 1])
+    tables, text = STUDY.tables(report), STUDY.words(report).whole()
+    check_pivot(tables["together_by_arm"], report.together_by_arm, ("headline", "true_arm", "value"))
+    assert grid(tables["together_by_arm"]) in text.split("By true arm, RMS error, um:")[1]
+    assert grid(tables["claim_by_arm"]) in text.split("against the truth, by true arm, %:")[1]
+    assert "-33.6" in grid(tables["claim_by_arm"])
+    assert f"by true arm differ by more than their spread the errors of {FEATURED}." in text
+
+
+def with_all(row):
+    return row.model == FEATURED and row.case in (ALL, STIFF)
 
 
 def test_the_sizes_of_disturbances_are_told_in_their_units(report):

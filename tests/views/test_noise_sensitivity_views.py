@@ -8,6 +8,7 @@ from checks import bands, check_pivot, check_report, check_table, curves, looks_
 from made_up import of_one_trial
 from read_back import chunks_of, document, series
 
+from testbench.bench.truths import TRUTHS, member
 from testbench.studies.noise_sensitivity import figure, recording
 from testbench.studies.noise_sensitivity.study import STUDY
 from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
@@ -23,14 +24,19 @@ FILLED = ("MLS56", "MGCO56", "MGCO69")
 MODELS = {name: (name, c, False) for name, c in PLAIN.items()} | {
     f"{name} + prior": (name, PLAIN[name], True) for name in FILLED
 }
+DEFAULT = "ALL153 + prior"
+MODELS[DEFAULT] = ("ALL153", "psd", True)
 PAIRS = {
     ("MGCO56", "MLS56"): True,
     ("MGCO56 + prior", "MLS56 + prior"): True,
     ("MGCO56", "Joints"): False,
     ("MGCO56 + prior", "Joints"): False,
+    (DEFAULT, "Joints"): False,
 }
 """Who is compared with whom, and whether the cone is all in which they differ."""
 INSTRUMENTS = ("weighted", "flat weights", "weighted, maximum errors", "weighted, frame drifts")
+WEIGHED_BY = {"instrument": "MGCO56 + prior", "default": DEFAULT}
+"""The model by which instruments are read, by part."""
 
 
 def trials(rng, cost=None):
@@ -51,10 +57,13 @@ def trials(rng, cost=None):
                         fixed["rms_um"] = 0.0
                     rows.append(of_one_trial(NoiseRow, rng, part=part, model=name, x=sigma, **fixed))
         for truth in ("linear", "nonlinear"):
-            for name, x in [("flat 50 um", 0.0), *((n, x) for x in DISTANCES for n in INSTRUMENTS)]:
-                fixed = {"rms_um": cost[truth, name]} if (truth, name) in (cost or {}) else {}
-                rows.append(of_one_trial(NoiseRow, rng, part=f"instrument_{truth}", model=name, x=x, **fixed))
-        found.append((seed, rows))
+            read = [("instrument", n, x) for x in DISTANCES for n in INSTRUMENTS]
+            read += [("instrument", "flat 50 um", 0.0), *(("default", n, 4.0) for n in INSTRUMENTS[:2])]
+            for kind, name, x in read:
+                part = f"{kind}_{truth}"
+                fixed = {"rms_um": cost[part, name]} if (part, name) in (cost or {}) else {}
+                rows.append(of_one_trial(NoiseRow, rng, part=part, model=name, x=x, **fixed))
+        found.append((seed, [replace(row, true_arm=member("family", seed)) for row in rows]))
     return found
 
 
@@ -110,9 +119,15 @@ def test_the_report_is_medians_and_spreads_by_part_model_and_level(made, report)
             assert (pair.better_in, pair.alike_in) == (np.mean(ours < theirs), 0)
         assert {(c.ours, c.theirs): c.cone for c in report.compared[part]} == PAIRS
     for truth, rows in report.weighted_over_flat.items():
+        assert [(r.model, r.distance_m) for r in rows] == [
+            ("MGCO56 + prior", 2),
+            ("MGCO56 + prior", 4),
+            (DEFAULT, 4),
+        ]
         for row in rows:
+            kind = next(k for k, model in WEIGHED_BY.items() if model == row.model)
             full, flat = (
-                numbers(made, f"instrument_{truth}", name, row.distance_m)
+                numbers(made, f"{kind}_{truth}", name, row.distance_m)
                 for name in ("weighted", "flat weights")
             )
             same(row.ratio, full / flat)
@@ -145,7 +160,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
         means |= {"error over its": "ratio", "better": "better_in", "alike": "alike_in"}
         check_table(tables[f"{part}_paired"], pairs, means)
     weighted = [row for rows in report.weighted_over_flat.values() for row in rows]
-    means = {"truth": "truth", "distance, m": "distance_m", "full over flat": "ratio"}
+    means = {"truth": "truth", "model": "model", "distance, m": "distance_m", "full over flat": "ratio"}
     means["full better"] = "better_in"
     check_table(tables["weighted"], weighted, means)
     means = {"truth": "truth", "instrument": "model", "distance, m": "x"}
@@ -169,8 +184,9 @@ def test_the_answer_names_the_best_and_joints_alone_at_the_noise_of_the_papers_t
 
     said = STUDY.words(summed(changed(trials(rng), fixed))).block("answer").split(WORDS[part])[1]
     plain = min((n for n in PLAIN if n != "Joints"), key=errors.get)
+    default = "" if best == DEFAULT else f"the default, {DEFAULT}, {errors[DEFAULT]:.0f} um; "
     assert said.startswith(
-        f", {1e6 * sigma:g} um of noise: {best} 10 um; joints alone (what most calibrations use) "
+        f", {1e6 * sigma:g} um of noise: {best} 10 um; {default}joints alone (what most calibrations use) "
         f"{errors['Joints']:.0f} um; best without a prior {plain} {errors[plain]:.0f} um."
     )
 
@@ -193,7 +209,7 @@ def test_models_to_which_noise_costs_the_same_are_alike(rng):
     cost = {("gravity", name): 500.0 for name in MODELS} | {("gravity", "MGCO69"): 900.0}
     text = STUDY.words(summed(trials(rng, cost))).block("statements")
     assert "2.50 um of error with Joints, MLS56 and MGCO56 (alike), 4.50 um with MGCO69, and 2.50" in text
-    assert "with MLS56 + prior, MGCO56 + prior and MGCO69 + prior (alike)." in text
+    assert "with MLS56 + prior, MGCO56 + prior, MGCO69 + prior and ALL153 + prior (alike)." in text
 
 
 def test_a_prior_is_said_to_lower_the_errors_that_it_lowers(rng):
@@ -234,6 +250,7 @@ def test_the_cone_does_nothing_where_two_methods_err_alike_in_all_trials(rng):
     assert text.count("the cone does nothing") == len(WORDS)
 
 
+@pytest.mark.parametrize("kind", WEIGHED_BY)
 @pytest.mark.parametrize(
     ("full", "flat", "said"),
     [
@@ -242,20 +259,65 @@ def test_the_cone_does_nothing_where_two_methods_err_alike_in_all_trials(rng):
         (20.0, 20.0, ("full covariances and flat weights are alike", "1.00")),
     ],
 )
-def test_the_better_weights_are_called_better(rng, full, flat, said):
-    cost = {("nonlinear", "weighted"): full, ("nonlinear", "flat weights"): flat}
+def test_the_better_weights_are_called_better(rng, full, flat, said, kind):
+    cost = {(f"{kind}_nonlinear", "weighted"): full, (f"{kind}_nonlinear", "flat weights"): flat}
     text = STUDY.words(summed(trials(rng, cost))).block("statements")
     below = "below 1 in 100 %" if full < flat else "below 1 in 0 %"
     ratio = f"error with full covariances over error with flat weights {said[1]} in 5 trials, {below}."
-    assert f"Laser tracker at 4 m, nonlinear truth: {said[0]}; {ratio}" in text
+    assert f"Laser tracker at 4 m, nonlinear truth, {WEIGHED_BY[kind]}: {said[0]}; {ratio}" in text
 
 
 @pytest.mark.parametrize("best", INSTRUMENTS)
 def test_the_best_and_the_worst_instrument_are_named(rng, best):
-    cost = {("linear", name): 60.0 + 10 * k for k, name in enumerate((*INSTRUMENTS, "flat 50 um"))}
-    cost["linear", best] = 17.0
+    cost = {("instrument_linear", name): 60.0 + 10 * k for k, name in enumerate((*INSTRUMENTS, "flat 50 um"))}
+    cost["instrument_linear", best] = 17.0
     text = STUDY.words(summed(trials(rng, cost))).block("statements")
-    assert f'linear truth: least error 17 um ("{best}"), largest 100 um ("flat 50 um").' in text
+    assert (
+        f'linear truth, MGCO56 + prior: least error 17 um ("{best}"), largest 100 um ("flat 50 um").' in text
+    )
+
+
+def test_a_headline_that_differs_by_true_arm_has_a_table_and_no_other_has(rng):
+    """Two trials of each of two arms: the default errs 10 and 11 um with one, 40 and 41 with the other."""
+    arms = ["cast", "tubes", "cast", "tubes"]
+    errors = dict(zip(SEEDS[:4], (40.0, 10.0, 41.0, 11.0), strict=True))
+
+    def fixed(seed, row):
+        arm = {"true_arm": arms[seed - SEEDS[0]]}
+        if row.part == "gravity" and row.model == DEFAULT:
+            return arm | {"rms_um": errors[seed]}
+        if row.part == "default_nonlinear" and row.model == "weighted":
+            return arm | {"rms_um": errors[seed] / 20}
+        return arm | {"rms_um": 1.0 if row.part.startswith(("default", "instr")) else 50.0 + seed}
+
+    made = [(seed, [replace(r, **fixed(seed, r)) for r in rows]) for seed, rows in trials(rng)[:4]]
+    report = STUDY.summary(SETTINGS, SEEDS[:4], made)
+    assert report.by_arm["six_dof"] == []
+    assert [(b.headline, b.true_arm, b.trials) for b in report.by_arm["gravity"]] == [
+        (DEFAULT, "tubes", 2),
+        (DEFAULT, "cast", 2),
+    ]
+    same(report.by_arm["gravity"][0].value, [10, 11])
+    same(report.by_arm["gravity"][1].value, [40, 41])
+    assert {b.headline for b in report.weighted_by_arm} == {f"nonlinear, {DEFAULT}"}
+    same(report.weighted_by_arm[1].value, [2, 2.05])
+    tables = STUDY.tables(report)
+    check_pivot(tables["gravity_by_arm"], report.by_arm["gravity"], ("headline", "true_arm", "value"))
+    check_pivot(tables["weighted_by_arm"], report.weighted_by_arm, ("headline", "true_arm", "value"))
+    text = STUDY.words(report).whole()
+    assert grid(tables["gravity_by_arm"]) in text.split("KR 500, 8 poses: RMS error, um, by true arm")[1]
+    assert "section 5.2: RMS error, um, by true arm" not in text
+    said = "by true arm differ by more than their spread the errors of"
+    assert f"KR 500, 8 poses, 50 um of noise: {said} {DEFAULT}." in text
+    assert f"{said} no model that is named above." in text
+
+
+def test_the_title_counts_the_trials_of_every_true_arm(report):
+    counts = [[member("family", seed) for seed in SEEDS].count(arm) for arm in TRUTHS]
+    said = ", ".join(f"{arm} ({n})" for arm, n in zip(TRUTHS, counts, strict=True) if n)
+    assert f"True arms in turn: {said}." in STUDY.words(report).block("title")
+    one = STUDY.summary(replace(SETTINGS, true_arm="cast"), SEEDS, trials(np.random.default_rng(1)))
+    assert "True arm: cast." in STUDY.words(one).block("title")
 
 
 def test_the_figure_draws_the_reports_numbers(report):

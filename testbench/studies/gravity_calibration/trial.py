@@ -32,7 +32,7 @@ from testbench.bench.rows import (
     judged_row,
     normality_row,
 )
-from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.bench.truths import FAMILY, TrueArmName, member, true_cell
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.identify.evaluate import Normality, normality
 from testbench.identify.prior import aggregate
@@ -45,8 +45,6 @@ WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The incumbent and the paper's models; beside MLS56 stands what is conservative and fits as well."""
 WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68", "ALL153")
 """Models that are fitted with a prior, which learns from the readings how wrong it is."""
-TrueArm = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
-"""A name of `TRUTHS`, or all of them in turn."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +55,9 @@ class Options:
     payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
     truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear"
-    true_arm: Annotated[TrueArm, typer.Option(help="The true arm; in the family the next one each seed.")] = (
-        "family"
-    )
+    true_arm: Annotated[
+        TrueArmName, typer.Option(help="The true arm; in the family the next one each seed.")
+    ] = "family"
     noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True
     magnification: Annotated[
         float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")

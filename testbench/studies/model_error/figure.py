@@ -12,7 +12,7 @@ from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
 from testbench.views.figure import log_ticks, quiet
 
-STEP = 0.11  #: Between the models of one case [cases].
+STEP = 0.09  #: Between the models of one case [cases].
 
 
 def disturbances(report: ModelErrorReport) -> Figure:

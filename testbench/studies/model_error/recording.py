@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
+from testbench.bench.truths import member, true_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.model_error.cases import ALL, cases
 from testbench.studies.model_error.report import ModelErrorReport
@@ -21,7 +22,7 @@ from testbench.views.recording.swept import Point, Sweep
 def write(run: Run[Settings, ModelErrorReport]) -> None:
     """dataset.csv and recording.rrd."""
     asked, seed = run.settings, run.seeds[0]
-    cell = build_cell(find_arm(asked.arm))
+    cell = true_cell(build_cell(find_arm(asked.arm)), member(asked.true_arm, seed), seed)
     campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)
     clean, _ = disturbed(cell, campaign, cases(asked.scale, asked.only)[ALL], seed)
     write_csv(reread(clean, asked.sigma, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")

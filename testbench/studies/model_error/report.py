@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.bench.rows import DatasetRow
+from testbench.studies.noise_sensitivity.by_arm import ByArm
 from testbench.studies.noise_sensitivity.fits import FitRow
 from testbench.studies.noise_sensitivity.report import ModelAt
 from testbench.trials.spread import Number, Spread
@@ -71,6 +72,8 @@ class ModelErrorReport:
     arm: str
     noise: bool
     truth: str
+    true_arm: str  #: Its name, or "family".
+    true_arms: Mapping[str, int]  #: Trials of each.
     sigma_um: float
     scale: float
     trials: int
@@ -88,5 +91,7 @@ class ModelErrorReport:
     best_together: tuple[str, ...]  #: Several where they are alike.
     joints_together_um: Number  #: Of joints alone.
     beats: list[Beats]
+    together_by_arm: list[ByArm]  #: Errors with all together that differ by true arm [um].
+    claim_by_arm: list[ByArm]  #: True changes of the featured model that do [1].
     models: list[ModelAt]
     dataset: DatasetRow

@@ -1,6 +1,6 @@
 """The report of the study of model error: what every disturbance costs, beside the noise."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from testbench.bench.rows import UM
 from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, sizes
 from testbench.studies.model_error.report import Beats, CaseErrors, Claim, Held, ModelErrorReport, Together
 from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
-from testbench.studies.noise_sensitivity.summary import model_at, summed
+from testbench.studies.noise_sensitivity.by_arm import ByArm, by_arm, true_arms
+from testbench.studies.noise_sensitivity.fits import summed
+from testbench.studies.noise_sensitivity.summary import model_at
 from testbench.studies.noise_sensitivity.verdict import BY_CONE, PAIRS
 from testbench.studies.paper import MOST
 from testbench.studies.study import Trials
@@ -31,6 +33,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
     noisy = [cell for cell in cells if cell.noise_um > 0]
     claim = _claims(groups, UM * asked.sigma)
     pairs = together(distinct(noisy))
+    best = best_of({p.model: p.all_um for p in pairs}).names
     order = ranking(cells)
     adds = noise_adds(cells)
     return ModelErrorReport(
@@ -39,6 +42,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
         arm=find_arm(asked.arm).resolve().name,
         noise=True,
         truth="nonlinear",
+        true_arm=asked.true_arm,
+        true_arms=true_arms(asked.true_arm, seeds),
         sigma_um=UM * asked.sigma,
         scale=asked.scale,
         trials=len(seeds),
@@ -53,9 +58,11 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
         noise_adds_um=adds,
         above_noise=tuple(cell.case for cell in order if cell.added_um.median > adds),
         together=pairs,
-        best_together=best_of({p.model: p.all_um for p in pairs}).names,
+        best_together=best,
         joints_together_um=next(p.all_um for p in pairs if p.model == JOINTS),
         beats=[_beats(groups, *names, UM * asked.sigma) for names in PAIRS],
+        together_by_arm=together_by_arm(groups, (*best, FEATURED, JOINTS), UM * asked.sigma),
+        claim_by_arm=claim_by_arm(groups, UM * asked.sigma),
         models=[
             model_at(cell, case, "workspace")
             for case in (NONE, ALL)
@@ -69,7 +76,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
 def _errors(rows: Sequence[CaseRow], groups: Groups) -> CaseErrors:
     """One case, model and noise; what the case adds is counted trial by trial."""
     fields = vars(summed(rows))
-    del fields["measured"]
+    del fields["measured"], fields["true_arm"]
     fields["moved_um"] = spread([middle(row.moved_um) for row in rows])
     base = groups[NONE, rows[0].model, rows[0].noise_um]
     pairs = zip(rows, base, strict=True)
@@ -112,6 +119,26 @@ def held(claims: Sequence[Claim]) -> list[Held]:
         )
         for case, own in grouped(claims, lambda claim: claim.case).items()
     ]
+
+
+def together_by_arm(groups: Groups, names: Iterable[str], noise_um: float) -> list[ByArm]:
+    """The errors of these models, all disturbances together, that differ by true arm [um]."""
+    own = {name: groups[ALL, name, noise_um] for name in names}
+    return [
+        row
+        for name, rows in own.items()
+        for row in by_arm(name, ((r.true_arm, middle(r.rms_um)) for r in rows))
+    ]
+
+
+def claim_by_arm(groups: Groups, noise_um: float) -> list[ByArm]:
+    """What a compensator truly changes of the featured model's error, where that differs by true arm [1]."""
+    found = []
+    for (case, *rest), rows in groups.items():
+        if case in (PLAIN_COMPENSATOR, STIFF) and rest == [FEATURED, noise_um]:
+            pairs = zip(rows, groups[NONE, FEATURED, noise_um], strict=True)
+            found += by_arm(case, ((a.true_arm, middle(a.rms_um) / middle(b.rms_um) - 1) for a, b in pairs))
+    return found
 
 
 def _beats(groups: Groups, ours: str, theirs: str, noise_um: float) -> Beats:

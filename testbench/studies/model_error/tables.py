@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from testbench.studies.model_error.report import ModelErrorReport
 from testbench.studies.model_error.summary import distinct
+from testbench.studies.noise_sensitivity.tables import HEADLINE, by_arm_table
 from testbench.views.schema import Column, Table, pivot
 
 CASE = Column("case", "disturbance")
@@ -50,5 +51,11 @@ def tables(report: ModelErrorReport) -> dict[str, Table]:
     found["ranking"] = Table(RANKING, report.ranking)
     found["beats"] = Table(BEATS, report.beats)
     found["claim"] = Table(CLAIM, report.claim)
+    found["together_by_arm"] = by_arm_table(report.together_by_arm, HEADLINE, Column("value", "", form=".0f"))
+    found["claim_by_arm"] = by_arm_table(
+        report.claim_by_arm,
+        replace(HEADLINE, heading="disturbance"),
+        Column("value", "change of the error", form="+.1f", scale=100),
+    )
     found["together"] = Table(TOGETHER, report.together)
     return found

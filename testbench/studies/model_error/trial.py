@@ -2,7 +2,8 @@
 
 The KR 500 under its payload, the poses of section 6; the links weigh only where a case says so. The arm is
 identified while it is disturbed; it is judged all over the workspace by deflections of the same disturbed arm
-under exactly the recorded loads: a payload that was weighed wrongly spoils the model, not the arm.
+under exactly the recorded loads: a payload that was weighed wrongly spoils the model, not the arm. Every
+trial disturbs a true arm of the family, the next one in turn; the model and the prior stay the folder's.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,7 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, equal_fit
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import (
     Campaign,
     Cell,
@@ -21,22 +22,29 @@ from testbench.bench.campaign import (
     Scenario,
     build_cell,
     identify_each,
-    named_models,
     simulate,
     stream,
 )
-from testbench.bench.rows import UM, DatasetRow, dataset_row
-from testbench.bench.wrong_prior import with_wrong_prior
+from testbench.bench.default import DEFAULT
+from testbench.bench.rows import UM, dataset_row
+from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.plant import Disturbances, disturb, settle_pair
 from testbench.studies.model_error.cases import ALL, cases
-from testbench.studies.noise_sensitivity.fits import FitRow, judged, reread
+from testbench.studies.noise_sensitivity.by_arm import TrueArmFlag
+from testbench.studies.noise_sensitivity.fits import (
+    TrialRow,
+    judged,
+    plain_models,
+    reread,
+    with_wrong_priors,
+)
 from testbench.trials.spread import Number
 
 NAME = "model_error"
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
-"""All are fitted with a prior too; beside MLS56 stands what is conservative and fits as well."""
-FEATURED = "MGCO56 + prior"  #: The model by which disturbances are ranked.
+"""All are fitted with a prior too."""
+FEATURED = DEFAULT  #: The model by which disturbances are ranked.
 QUICK_WORKSPACE = 20
 
 
@@ -52,6 +60,7 @@ class Options:
     ] = None
     sigma_um: Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading.")] = 50.0
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    true_arm: TrueArmFlag = FAMILY
 
 
 @dataclass(frozen=True)
@@ -63,34 +72,35 @@ class Settings:
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 100  #: Poses in which the models are judged.
     only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
+    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
 @dataclass(frozen=True)
-class CaseRow(FitRow):
+class CaseRow(TrialRow):
     """One fit of one trial."""
 
     case: str  #: What the true arm does.
     noise_um: float  #: Of a reading along an axis.
     moved_um: Number  #: How far the disturbance moves the deflections to be predicted, RMS.
-    measured: DatasetRow | None  #: The dataset of all disturbances together, with noise.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for; raises BenchError for a disturbance that does not exist."""
     cases(options.scale, options.only or ())
     workspace = QUICK_WORKSPACE if quick else Settings.workspace
-    return Settings(options.arm, options.scale, options.sigma_um / 1e6, workspace, tuple(options.only or ()))
+    only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
+    return Settings(options.arm, options.scale, sigma, workspace, only, options.true_arm)
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CaseRow]]:
     """Rows of some seeds, one a fit."""
     cell = build_cell(find_arm(asked.arm))
-    plain = named_models(cell, MODELS)
-    plain.insert(MODELS.index("MLS56") + 1, equal_fit(cell))
+    plain = plain_models(cell, MODELS)
     found = []
     for seed in seeds:
-        models = with_wrong_prior(cell, plain, MODELS, seed)
-        found.append(list(_trial(cell, [m for m in models if m.name != ONLY_WITH_PRIOR], asked, seed)))
+        models = with_wrong_priors(cell, plain, MODELS, seed)
+        true = true_cell(cell, member(asked.true_arm, seed), seed)
+        found.append(list(_trial(true, [m for m in models if m.name != ONLY_WITH_PRIOR], asked, seed)))
     return found
 
 
@@ -103,7 +113,7 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
         case: disturbed(cell, campaign, disturbances, seed)
         for case, disturbances in cases(asked.scale, asked.only).items()
     }
-    noises = (0.0, asked.sigma)
+    noises, true_arm = (0.0, asked.sigma), member(asked.true_arm, seed)
     read = [reread(clean, noise, stream(seed, 1)) for clean, _ in arms.values() for noise in noises]
     fits = [identify_each(cell, model, read) for model in models]
     quiet = next(iter(arms.values()))[1].deflection
@@ -114,7 +124,14 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
         for noise, data, found in zip(noises, read[own], zip(*rows, strict=True), strict=True):
             measured = dataset_row(data) if case == ALL and noise > 0 else None
             for row in found:
-                yield CaseRow(**vars(row), case=case, noise_um=UM * noise, moved_um=moved, measured=measured)
+                yield CaseRow(
+                    **vars(row),
+                    true_arm=true_arm,
+                    measured=measured,
+                    case=case,
+                    noise_um=UM * noise,
+                    moved_um=moved,
+                )
 
 
 def disturbed(

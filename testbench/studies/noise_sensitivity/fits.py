@@ -1,22 +1,28 @@
-"""Fits of clean readings read again with noise, judged by true deflections."""
+"""Models and their fits of clean readings read again with noise, judged by true deflections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import Cell, Model
-from testbench.bench.rows import UM
+from testbench.bench.baselines import equal_fit
+from testbench.bench.campaign import Cell, Model, named_models
+from testbench.bench.default import with_priors
+from testbench.bench.rows import UM, DatasetRow
+from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import predict_all, score
-from testbench.trials.spread import Number, Share
+from testbench.trials.spread import Number, Share, middle, spread
 
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
 WEIGHT = 25e-6  #: Sigma by which noise-free readings are weighted [m]: any will do.
+LEARNS = ("ALL153",)
+"""What `DEFAULT` fits: it alone learns its prior, which takes longer than the fit."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,49 @@ class FitRow:
     p95_um: Number
     conservative: Share
     solved: Share
+
+
+@dataclass(frozen=True)
+class TrialRow(FitRow):
+    """One fit of one trial."""
+
+    true_arm: str  #: One of TRUTHS.
+    measured: DatasetRow | None  #: The dataset, of one case of the trial alone.
+
+
+F = TypeVar("F", bound=FitRow)
+
+
+def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
+    """Models without a prior; beside MLS56 stands what is conservative and fits as well."""
+    models = named_models(cell, names)
+    models.insert(names.index("MLS56") + 1, equal_fit(cell))
+    return models
+
+
+def with_wrong_priors(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
+    """Models, those of these names with a prior that is wrong and believed as firmly for each, the default.
+
+    Args:
+        cell: The arm of the model: the prior is wrong about its folder.
+        models: Without a prior.
+        names: Of those that are fitted with it too.
+        seed: Of the prior's errors.
+    """
+    default = with_priors(named_models(cell, LEARNS), wrong_prior(cell, seed))
+    return [*with_wrong_prior(cell, models, names, seed), *default]
+
+
+def summed(rows: Sequence[F]) -> F:
+    """A fit over all trials: errors with their spread, truth values as shares."""
+    first = rows[0]
+    return replace(
+        first,
+        rms_um=spread([middle(row.rms_um) for row in rows]),
+        p95_um=spread([middle(row.p95_um) for row in rows]),
+        conservative=float(np.mean([row.conservative for row in rows])),
+        solved=float(np.mean([row.solved for row in rows])),
+    )
 
 
 def judged(cell: Cell, model: Model, estimates: Sequence[Estimate], truth: Dataset) -> list[FitRow]:

@@ -12,6 +12,7 @@ from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read
 
 FLAT_SIGMA = 50e-6  #: Noise of the instrument that reads all axes alike, wherever it stands [m].
 FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"
+NEAR = 4.0  #: Distance at which instruments are compared [m].
 CENTRE = (2.2, 0.0, 1.6)  #: Middle of the work area, section 6 [m].
 LOST, MISREAD, BY = 0.1, 0.05, 1e-3
 """Share of targets that are lost, share that are misread, and by how much [m]."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
+from testbench.bench.truths import member, true_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.noise_sensitivity.fits import reread
 from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA
@@ -20,7 +21,7 @@ from testbench.views.recording.swept import Sweep, points
 def write(run: Run[Settings, NoiseReport]) -> None:
     """dataset.csv and recording.rrd."""
     seed = run.seeds[0]
-    cell = build_cell(find_arm(HEAVY))
+    cell = true_cell(build_cell(find_arm(HEAVY)), member(run.settings.true_arm, seed), seed)
     clean = simulate(cell, Scenario(arm=HEAVY, noise=False), seed).identification
     write_csv(reread(clean, FLAT_SIGMA, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")
     write_recording(run)

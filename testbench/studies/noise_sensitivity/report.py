@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from testbench.bench.campaign import Truth
 from testbench.bench.rows import DatasetRow
 from testbench.identify import Constraint
+from testbench.studies.noise_sensitivity.by_arm import ByArm
 from testbench.studies.noise_sensitivity.fits import FitRow
 from testbench.studies.noise_sensitivity.trial import Part
 from testbench.trials.spread import Number, Share, Spread
@@ -62,6 +63,7 @@ class Leaders:
     noise_um: float
     best: tuple[str, ...]  #: Of all models; several where they are alike.
     best_um: Number
+    default_um: Number  #: Of what `identify` takes by default with a prior.
     plain: tuple[str, ...]  #: Of those without a prior, joints alone left out.
     plain_um: Number
     joints_um: Number  #: Of joints alone.
@@ -72,6 +74,7 @@ class Weighted:
     """Trial by trial: error with full covariances over that with flat weights; which has the less median."""
 
     truth: Truth
+    model: str  #: By which the readings are identified.
     distance_m: float
     ratio: Spread
     better_in: float  #: Share of trials in which full covariances have the smaller error.
@@ -143,16 +146,22 @@ class NoiseReport:
     seed: int | list[int]
     noise: bool
     truth: Mapping[str, str]
+    true_arm: str  #: Its name, or "family".
+    true_arms: Mapping[str, int]  #: Trials of each.
+    default: str  #: The model that `identify` takes by default with a prior.
     trials: Mapping[Part, int]
     sigmas_um: list[float]
     sweeps: Mapping[Part, list[Level]]
     slopes: Mapping[Part, Mapping[str, Slope]]
     costs: Mapping[Part, Costs]
     instruments: list[Level]
+    instruments_by: str  #: The model by which instruments are compared.
     near_m: float
     near: Extremes  #: Errors of instruments there, linear truth [um].
     weighted_over_flat: Mapping[Truth, list[Weighted]]
     leaders: Mapping[Part, Leaders]
+    by_arm: Mapping[Part, list[ByArm]]  #: Of the leaders, those whose errors differ by true arm [um].
+    weighted_by_arm: list[ByArm]  #: Ratios at `near_m` that do.
     paired: list[Paired]
     compared: Mapping[Part, list[Compared]]
     conservative: Mapping[str, Shares]  #: Of all noisy fits, by method in words.

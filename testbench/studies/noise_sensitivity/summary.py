@@ -1,20 +1,29 @@
 """The report of the study of noise: every error with its spread, and what they say."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Literal, TypeVar
-
-import numpy as np
+from typing import Literal
 
 from testbench.bench.baselines import JOINTS
+from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
 from testbench.identify import Constraint
-from testbench.studies.noise_sensitivity.fits import FitRow
+from testbench.studies.noise_sensitivity.by_arm import true_arms
+from testbench.studies.noise_sensitivity.fits import FitRow, summed
+from testbench.studies.noise_sensitivity.instruments import NEAR
 from testbench.studies.noise_sensitivity.report import Level, ModelAt, NoiseReport, Scores
-from testbench.studies.noise_sensitivity.trial import NAME, TRUTHS, NoiseRow, Part, Settings
+from testbench.studies.noise_sensitivity.trial import (
+    INSTRUMENT,
+    INSTRUMENT_PARTS,
+    NAME,
+    TRUTHS,
+    NoiseRow,
+    Part,
+    Settings,
+)
 from testbench.studies.noise_sensitivity.verdict import (
     compared,
     costs,
+    errors_by_arm,
     extremes,
     leaders,
     nearest,
@@ -22,21 +31,17 @@ from testbench.studies.noise_sensitivity.verdict import (
     shares,
     slopes,
     weighted,
+    weighted_by_arm,
 )
 from testbench.studies.study import Trials
-from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
+from testbench.trials.spread import Number, Spread, ends, grouped, middle
 
 PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
-NEAR = 4.0  #: Distance at which instruments are compared [m].
 METHODS: dict[Constraint, str] = {
     "none": "least squares",
     "psd": "GCO",
     "free": "least squares, conservative of equal fit",
 }
-
-INSTRUMENT: Part = "instrument_linear"  #: Where instruments are compared: there their noise is alone.
-
-F = TypeVar("F", bound=FitRow)
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseReport:
@@ -45,26 +50,37 @@ def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseRep
     groups = grouped(rows, lambda row: (row.part, row.model, row.x))
     by_part = grouped([_level(own) for own in groups.values()], lambda level: level.part)
     sweeps = {part: by_part[part] for part in PARTS}
-    instruments = [c for part, own in by_part.items() if part not in PARTS for c in own]
+    instruments = [level for part in INSTRUMENT_PARTS.values() for level in by_part[part]]
     cost = {part: slopes(groups, part) for part in PARTS}
     pairs = {part: paired(groups, part) for part in PARTS}
+    led = {part: leaders(part, levels) for part, levels in sweeps.items()}
     noisy = [level for levels in sweeps.values() for level in levels if level.x > 0]
-    near = {name: own for (part, name, x), own in groups.items() if part == INSTRUMENT and x in (0, NEAR)}
+    near = {
+        name: own
+        for (part, name, x), own in groups.items()
+        if part == INSTRUMENT_PARTS["linear"] and x in (0, NEAR)
+    }
     return NoiseReport(
         scenario=NAME,
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         noise=True,
         truth={"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
+        true_arm=asked.true_arm,
+        true_arms=true_arms(asked.true_arm, seeds),
+        default=DEFAULT,
         trials={part: own[0].trials for part, own in by_part.items()},
         sigmas_um=[UM * s for s in asked.sigmas],
         sweeps=sweeps,
         slopes=cost,
         costs={part: costs(list(own.values())) for part, own in cost.items()},
         instruments=instruments,
+        instruments_by=INSTRUMENT,
         near_m=NEAR,
         near=extremes({name: summed(own).rms_um for name, own in near.items()}),
         weighted_over_flat=grouped(weighted(groups), lambda row: row.truth),
-        leaders={part: leaders(part, levels) for part, levels in sweeps.items()},
+        leaders=led,
+        by_arm={part: errors_by_arm(groups, part, own) for part, own in led.items()},
+        weighted_by_arm=weighted_by_arm(groups, NEAR),
         paired=[row for own in pairs.values() for row in own],
         compared={part: compared(own) for part, own in pairs.items()},
         conservative={
@@ -75,21 +91,9 @@ def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseRep
     )
 
 
-def summed(rows: Sequence[F]) -> F:
-    """A fit over all trials: errors with their spread, truth values as shares."""
-    first = rows[0]
-    return replace(
-        first,
-        rms_um=spread([middle(row.rms_um) for row in rows]),
-        p95_um=spread([middle(row.p95_um) for row in rows]),
-        conservative=float(np.mean([row.conservative for row in rows])),
-        solved=float(np.mean([row.solved for row in rows])),
-    )
-
-
 def _level(rows: Sequence[NoiseRow]) -> Level:
     fields = vars(summed(rows))
-    del fields["measured"]
+    del fields["measured"], fields["true_arm"]
     part, x = rows[0].part, rows[0].x
     return Level(**fields, trials=len(rows), truth=TRUTHS[part], sigma_um=UM * x if part in PARTS else None)
 

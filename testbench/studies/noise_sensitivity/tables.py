@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from testbench.studies.noise_sensitivity.by_arm import ByArm
 from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.views.schema import Column, Table, pivot
@@ -27,10 +28,12 @@ PAIRED = (
 )
 WEIGHTED = (
     Column("truth", "truth"),
+    MODEL,
     Column("distance_m", "distance", "m", "g"),
     Column("ratio", "full over flat", form=".2f"),
     Column("better_in", "full better", form="yes"),
 )
+TRUE_ARM, HEADLINE = Column("true_arm", "true arm"), Column("headline", "model")
 INSTRUMENTS = (
     Column("truth", "truth"),
     Column("model", "instrument"),
@@ -45,6 +48,11 @@ def distinct(levels: Sequence[Level]) -> list[Level]:
     return [level for level in levels if level.constraint != "free" or level.model in there]
 
 
+def by_arm_table(rows: Sequence[ByArm], headline: Column, value: Column) -> Table:
+    """Headlines that differ by true arm: a row each, a column a true arm."""
+    return pivot(Table((), rows), headline, TRUE_ARM, value)
+
+
 def tables(report: NoiseReport) -> dict[str, Table]:
     """Errors by model and noise, for people who read and for 80 columns; what they say; instruments."""
     found = {}
@@ -55,7 +63,15 @@ def tables(report: NoiseReport) -> dict[str, Table]:
         told = replace(levels, rows=distinct(report.sweeps[part]))
         found[f"{part}_short"] = pivot(told, MODEL, SIGMA, replace(RMS, form=".0f", exact=True))
         found[f"{part}_slopes"] = Table(SLOPES, list(report.slopes[part].values()))
+        found[f"{part}_by_arm"] = by_arm_table(
+            report.by_arm[part], HEADLINE, Column("value", "RMS error", form=".0f")
+        )
         found[f"{part}_paired"] = Table(PAIRED, [row for row in report.paired if row.part == part])
     found["weighted"] = Table(WEIGHTED, [row for own in report.weighted_over_flat.values() for row in own])
+    found["weighted_by_arm"] = by_arm_table(
+        report.weighted_by_arm,
+        replace(HEADLINE, heading="truth, model"),
+        Column("value", "full over flat", form=".2f"),
+    )
     found["instruments"] = Table(INSTRUMENTS, report.instruments)
     return found

@@ -1,8 +1,10 @@
 """What noise costs: tracker noise from none to 200 um by method and structure, and better instruments.
 
+Every trial has a true arm of the family, the next one in turn; the model and the prior stay the folder's.
 Three parts. `six_dof`: the 108 runs of section 5.2, both positions and orientations, linear truth. `gravity`:
 the KR 500 under its payload, 8 poses, non-linear truth, judged all over the workspace. `instrument`: the same
-poses read by laser trackers near and far, weighted or not. All levels of a trial share their random numbers,
+poses read by laser trackers near and far, weighted or not, all identified by one model; `default`: weighted
+or not by the model that `identify` takes. All levels of a trial share their random numbers,
 so that differences between levels and methods are theirs alone.
 """
 
@@ -13,7 +15,7 @@ from typing import Annotated, Literal
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, equal_fit
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import (
     Campaign,
     Cell,
@@ -23,17 +25,25 @@ from testbench.bench.campaign import (
     build_cell,
     draw_poses,
     identify_each,
-    named_models,
     simulate_at,
     stream,
 )
+from testbench.bench.default import DEFAULT
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.rows import DatasetRow, dataset_row
-from testbench.bench.wrong_prior import with_wrong_prior
+from testbench.bench.rows import dataset_row
+from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.errors import BenchError
-from testbench.studies.noise_sensitivity.fits import FitRow, judged, reread
-from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA, readings
+from testbench.studies.noise_sensitivity.by_arm import TrueArmFlag
+from testbench.studies.noise_sensitivity.fits import (
+    FitRow,
+    TrialRow,
+    judged,
+    plain_models,
+    reread,
+    with_wrong_priors,
+)
+from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA, NEAR, UNWEIGHTED, WEIGHTED, readings
 
 NAME = "noise_sensitivity"
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
@@ -41,18 +51,23 @@ SIX_DOF = (JOINTS, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
 GRAVITY = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """Without a prior: the incumbent, and the models of sections 5.2 and 6."""
 SIX_DOF_PRIOR, GRAVITY_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO69"), (JOINTS, "MLS56", "MGCO56", "MGCO68")
-INSTRUMENT = ("MGCO56",)
-"""Those that are fitted with a prior too; instruments are compared by the last one alone."""
+"""Those that are fitted with a prior too."""
+INSTRUMENT = "MGCO56 + prior"  #: Instruments are compared by this model alone.
 MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
 
-Part = Literal["six_dof", "gravity", "instrument_linear", "instrument_nonlinear"]
+Part = Literal[
+    "six_dof", "gravity", "instrument_linear", "instrument_nonlinear", "default_linear", "default_nonlinear"
+]
 TRUTHS: dict[Part, Truth] = {
     "six_dof": "linear",
     "gravity": "nonlinear",
     "instrument_linear": "linear",
     "instrument_nonlinear": "nonlinear",
+    "default_linear": "linear",
+    "default_nonlinear": "nonlinear",
 }
-INSTRUMENT_PARTS: tuple[Part, ...] = ("instrument_linear", "instrument_nonlinear")
+INSTRUMENT_PARTS: dict[Truth, Part] = {"linear": "instrument_linear", "nonlinear": "instrument_nonlinear"}
+DEFAULT_PARTS: dict[Truth, Part] = {"linear": "default_linear", "nonlinear": "default_nonlinear"}
 
 
 @dataclass(frozen=True)
@@ -62,6 +77,7 @@ class Options:
     sigma_um: Annotated[
         list[float] | None, typer.Option(help="Noise of a reading along an axis, beside 0; again for more.")
     ] = None
+    true_arm: TrueArmFlag = FAMILY
 
 
 @dataclass(frozen=True)
@@ -73,15 +89,15 @@ class Settings:
     gravity_trials: int = 200  #: So many of the trials have the gravity part too.
     instrument_trials: int = 100  #: So many have the part of the instruments.
     distances: tuple[float, ...] = (2.0, 4.0, 8.0, 15.0)  #: Of the tracker from the work area [m].
+    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
 @dataclass(frozen=True)
-class NoiseRow(FitRow):
+class NoiseRow(TrialRow):
     """One fit of one trial."""
 
     part: Part
     x: float  #: Noise of a reading along an axis, or distance of the instrument [m].
-    measured: DatasetRow | None = None  #: The dataset of the gravity part at 50 um.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -90,7 +106,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     Raises:
         BenchError: When a level is out of range or there twice, or none is above 0.
     """
-    found = Settings(seeds[0])
+    found = Settings(seeds[0], true_arm=options.true_arm)
     if quick:
         found = replace(found, gravity_trials=2, instrument_trials=1, distances=(4.0,))
     levels = options.sigma_um
@@ -106,52 +122,48 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[NoiseRow]]:
     """Rows of some seeds, one a fit."""
-    light, cell = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
-    light_models, models = _plain(light, SIX_DOF), _plain(cell, GRAVITY)
+    light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
+    light_plain, heavy_plain = plain_models(light, SIX_DOF), plain_models(heavy, GRAVITY)
     found = []
     for seed in seeds:
-        rows = list(_six_dof(light, with_wrong_prior(light, light_models, SIX_DOF_PRIOR, seed), asked, seed))
+        true_arm = member(asked.true_arm, seed)
+        models = with_wrong_priors(light, light_plain, SIX_DOF_PRIOR, seed)
+        rows = list(_six_dof(true_cell(light, true_arm, seed), models, asked, seed))
         gravity = seed - asked.first < asked.gravity_trials
         instruments = seed - asked.first < asked.instrument_trials
         if gravity or instruments:
+            models = with_wrong_priors(heavy, heavy_plain, GRAVITY_PRIOR, seed)
+            cell = true_cell(heavy, true_arm, seed)
             clean = _campaigns(cell, seed)
         if gravity:
-            rows += _gravity(
-                cell, with_wrong_prior(cell, models, GRAVITY_PRIOR, seed), asked, clean["gravity"]
-            )
+            rows += _gravity(cell, models, asked, clean["nonlinear"])
         if instruments:
-            rows += _instruments(cell, with_wrong_prior(cell, models, INSTRUMENT, seed)[-1], asked, clean)
+            rows += _instruments(cell, {m.name: m for m in models}, asked, clean)
         found.append(rows)
     return found
 
 
-def _plain(cell: Cell, names: Sequence[str]) -> list[Model]:
-    """Models without a prior; beside MLS56 stands what is conservative and fits as well."""
-    models = named_models(cell, names)
-    models.insert(names.index("MLS56") + 1, equal_fit(cell))
-    return models
-
-
-def _campaigns(cell: Cell, seed: int) -> dict[Part, Campaign]:
+def _campaigns(cell: Cell, seed: int) -> dict[Truth, Campaign]:
     """Campaigns under gravity without noise, in the same poses."""
     scenario = Scenario(arm=cell.arm.name, noise=False)
     poses = draw_poses(cell, scenario, seed)
     bent = simulate_at(cell, scenario, seed, poses)
     linear = simulate_at(cell, scenario.model_copy(update={"truth": "linear"}), seed, poses)
-    return {"gravity": bent, "instrument_nonlinear": bent, "instrument_linear": linear}
+    return {"linear": linear, "nonlinear": bent}
 
 
 def _six_dof(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
     scenario = FullPose(arm=cell.arm.name, least=9e-3, most=41e-3, noise=False)
-    campaign = simulate_full_pose(cell, scenario, seed)
+    campaign, true_arm = simulate_full_pose(cell, scenario, seed), member(asked.true_arm, seed)
     for sigma, found in _levels(cell, models, asked, campaign):
-        yield NoiseRow(**vars(found), part="six_dof", x=sigma)
+        yield NoiseRow(**vars(found), true_arm=true_arm, measured=None, part="six_dof", x=sigma)
 
 
 def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign) -> Iterator[NoiseRow]:
     measured = dataset_row(reread(campaign.identification, FLAT_SIGMA, stream(campaign.seed, 1)))
+    true_arm = member(asked.true_arm, campaign.seed)
     for sigma, found in _levels(cell, models, asked, campaign):
-        yield NoiseRow(**vars(found), part="gravity", x=sigma, measured=measured)
+        yield NoiseRow(**vars(found), true_arm=true_arm, measured=measured, part="gravity", x=sigma)
 
 
 def _levels(
@@ -165,13 +177,20 @@ def _levels(
 
 
 def _instruments(
-    cell: Cell, model: Model, asked: Settings, clean: Mapping[Part, Campaign]
+    cell: Cell, models: Mapping[str, Model], asked: Settings, clean: Mapping[Truth, Campaign]
 ) -> Iterator[NoiseRow]:
-    """The same poses read by several instruments, MGCO56 with prior; linear truth tells their noise alone."""
-    for part in INSTRUMENT_PARTS:
-        data, seed = clean[part].identification, clean[part].seed
-        flat = reread(data, FLAT_SIGMA, stream(seed, 1))
-        names, distances, read = zip(*readings(data, flat, asked.distances, seed), strict=True)
-        fits = judged(cell, model, identify_each(cell, model, read), clean[part].truth)
-        for name, distance, found in zip(names, distances, fits, strict=True):
-            yield NoiseRow(**vars(replace(found, model=name)), part=part, x=distance)
+    """The same poses read by several instruments; by the default model, the two ways of weighting alone."""
+    for truth, campaign in clean.items():
+        data, seed = campaign.identification, campaign.seed
+        read = list(readings(data, reread(data, FLAT_SIGMA, stream(seed, 1)), asked.distances, seed))
+        weights = [own for own in read if own[0] in (WEIGHTED, UNWEIGHTED) and own[1] == NEAR]
+        true_arm = member(asked.true_arm, seed)
+        for part, by, some in (
+            (INSTRUMENT_PARTS[truth], INSTRUMENT, read),
+            (DEFAULT_PARTS[truth], DEFAULT, weights),
+        ):
+            names, distances, sets = zip(*some, strict=True)
+            fits = judged(cell, models[by], identify_each(cell, models[by], sets), campaign.truth)
+            for name, x, found in zip(names, distances, fits, strict=True):
+                fields = vars(replace(found, model=name))
+                yield NoiseRow(**fields, true_arm=true_arm, measured=None, part=part, x=x)

@@ -5,8 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from testbench.bench.baselines import JOINTS
+from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
 from testbench.errors import Array
+from testbench.studies.noise_sensitivity.by_arm import ByArm, by_arm
 from testbench.studies.noise_sensitivity.instruments import UNWEIGHTED, WEIGHTED
 from testbench.studies.noise_sensitivity.report import (
     Compared,
@@ -19,15 +21,15 @@ from testbench.studies.noise_sensitivity.report import (
     Slope,
     Weighted,
 )
-from testbench.studies.noise_sensitivity.trial import TRUTHS, NoiseRow, Part
+from testbench.studies.noise_sensitivity.trial import DEFAULT_PARTS, INSTRUMENT, TRUTHS, NoiseRow, Part
 from testbench.trials.spread import Number, Spread, grouped, middle, spread, triple, wins
 from testbench.views.schema import ALIKE, best_of
 
 NEAREST: dict[Part, float] = {"six_dof": 25.0, "gravity": 50.0}
 """Noise of the paper's trackers [um], sections 5.2 and 6."""
 BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
-PAIRS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS))
-"""What the cone does without a prior and with it, then both against the incumbent."""
+PAIRS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
+"""What the cone does without a prior and with it, then both and the default against the incumbent."""
 
 Groups = Mapping[tuple[Part, str, float], Sequence[NoiseRow]]
 """Rows of all trials by part, model and level."""
@@ -67,8 +69,9 @@ def costs(slopes: Sequence[Slope]) -> Costs:
     plain = {s.structure: s for s in slopes if not s.prior and s.constraint != "free"}
     filled = {s.structure: s for s in slopes if s.prior}
     less, more = 1 - ALIKE, 1 + ALIKE
-    lowered = [n for n, s in filled.items() if s.um_per_um.median < less * plain[n].um_per_um.median]
-    raised = [n for n, s in filled.items() if s.noise_free_um.median > more * plain[n].noise_free_um.median]
+    both = {n: (filled[n], own) for n, own in plain.items() if n in filled}
+    lowered = [n for n, (a, b) in both.items() if a.um_per_um.median < less * b.um_per_um.median]
+    raised = [n for n, (a, b) in both.items() if a.noise_free_um.median > more * b.noise_free_um.median]
     return Costs(
         plain=extremes({s.model: s.um_per_um for s in plain.values()}),
         with_prior=extremes({s.model: s.um_per_um for s in filled.values()}),
@@ -99,10 +102,36 @@ def leaders(part: Part, levels: Sequence[Level]) -> Leaders:
         noise_um=UM * own[JOINTS].x,
         best=best,
         best_um=own[best[0]].rms_um,
+        default_um=own[DEFAULT].rms_um,
         plain=first,
         plain_um=plain[first[0]],
         joints_um=own[JOINTS].rms_um,
     )
+
+
+def errors_by_arm(groups: Groups, part: Part, led: Leaders) -> list[ByArm]:
+    """The errors of the leaders, of the default and of joints alone that differ by true arm [um]."""
+    names = dict.fromkeys((*led.best, DEFAULT, *led.plain, JOINTS))
+    own = {name: rows for (where, name, x), rows in groups.items() if (where, UM * x) == (part, led.noise_um)}
+    return [
+        row for name in names for row in by_arm(name, ((r.true_arm, middle(r.rms_um)) for r in own[name]))
+    ]
+
+
+def weighted_by_arm(groups: Groups, near: float) -> list[ByArm]:
+    """Ratios of full covariances over flat weights at a distance [m] that differ by true arm."""
+    found = []
+    for part, model, x in groups:
+        if (model, x) == (WEIGHTED, near):
+            pairs = zip(groups[part, WEIGHTED, x], groups[part, UNWEIGHTED, x], strict=True)
+            ratios = [(a.true_arm, middle(a.rms_um) / middle(b.rms_um)) for a, b in pairs]
+            found += by_arm(f"{TRUTHS[part]}, {_identified_by(part)}", ratios)
+    return found
+
+
+def _identified_by(part: Part) -> str:
+    """The model to which instruments are given."""
+    return DEFAULT if part in DEFAULT_PARTS.values() else INSTRUMENT
 
 
 def nearest(part: Part, levels: Sequence[Level]) -> list[Level]:
@@ -121,6 +150,7 @@ def weighted(groups: Groups) -> list[Weighted]:
             found.append(
                 Weighted(
                     truth=TRUTHS[part],
+                    model=_identified_by(part),
                     distance_m=x,
                     ratio=spread((full / flat).tolist()),
                     better_in=wins(full, flat) / len(full),
