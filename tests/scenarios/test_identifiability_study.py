@@ -54,10 +54,10 @@ def test_every_row_is_stored_and_the_report_counts_them(quick, report):
     assert list(linear) == [m["name"] for m in report["models"]]
     for m in report["models"]:
         assert m["workspace"]["rms_mm"] == linear[m["name"]]["campaign.fit.workspace.rms_mm"]
-    for name, found in (report["coverage"] | report["bent_coverage"]).items():
+    for name, found in (report["coverage"] | report["family_coverage"]).items():
         own = [row["intervals.inside"] for row in rows if row["intervals.name"] == name]
-        # of set-based bounds and of one and the same arm there are two datasets
-        assert found["datasets"] == len(own) == (2 if found["kind"] in ("set", "same arm") else SEEDS)
+        # of set-based bounds and of the family there are two datasets
+        assert found["datasets"] == len(own) == (2 if found["kind"] in ("set", "family") else SEEDS)
         assert found["covered"] == pytest.approx(sum(map(sum, own)) / found["intervals"], rel=1e-12)
 
 

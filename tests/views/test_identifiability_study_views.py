@@ -116,7 +116,7 @@ def report(rng):
         choice=choice,
         never_worse={name: fill(Ratio, rng) for name in ("MGCO56", "MGCO68")},
         coverage=intervals(rng, ["linearised", "bootstrap", "posterior", "set", "set"]),
-        bent_coverage=intervals(rng, ["same arm", "same arm"]),
+        family_coverage=intervals(rng, ["family", "family"]),
         **vars(verdict(linear, nonlinear)),
     )
 
@@ -162,7 +162,7 @@ def test_tables_of_choice_and_coverage_show_the_reports_numbers(report):
         assert shows(held_out, choice.held_out_f_m[name])
         assert shows(error, choice.workspace_mm[name])
     [head] = [head for head in found if head[0] == "interval"]
-    both = {**report.coverage, **report.bent_coverage}
+    both = {**report.coverage, **report.family_coverage}
     assert [row[0] for row in found[head]] == list(both)
     for cells in found[head]:
         row = dict(zip(head, cells, strict=True))
@@ -237,7 +237,7 @@ def test_statements_carry_the_reports_numbers_under_the_right_names(report):
     sets = [100 * row.covered for row in report.coverage.values() if row.kind == "set"]
     assert f"in {min(exact):.1f} to {max(exact):.1f} % of the cases" in text
     assert f"bounds in at least {min(sets):.1f} %" in text
-    for row in report.bent_coverage.values():
+    for row in report.family_coverage.values():
         assert f"{100 * row.covered:.1f} % ({row.name})" in text
 
 

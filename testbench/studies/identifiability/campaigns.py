@@ -70,7 +70,7 @@ class CampaignRow:
     fit: ModelRow  #: The model.
     x: float | None = None  #: Scale of the prior or number of poses, where that is varied.
     held_out_f_m: float | None = None  #: Of a choice: F_M on poses held out.
-    chosen: bool | None = None  #: Whether cross-validation recommends it.
+    chosen: bool | None = None  #: Whether it is recommended: by what is held out.
     spoiled: int | None = None  #: Readings that are outliers.
     rejected: int | None = None  #: Readings that the fit did without.
 

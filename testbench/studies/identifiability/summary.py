@@ -162,7 +162,7 @@ class IdentifiabilityReport(Verdict):
     never_worse: Mapping[str, Ratio]
     seen: Seen
     coverage: Mapping[str, Coverage]
-    bent_coverage: Mapping[str, Coverage]
+    family_coverage: Mapping[str, Coverage]
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> IdentifiabilityReport:
@@ -195,8 +195,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         choice=_choice(part["choice"]),
         outliers=_outliers(part),
         never_worse=_never_worse(part["linear"]),
-        coverage={name: row for name, row in shares.items() if row.kind != "same arm"},
-        bent_coverage={name: row for name, row in shares.items() if row.kind == "same arm"},
+        coverage={name: row for name, row in shares.items() if row.kind != "family"},
+        family_coverage={name: row for name, row in shares.items() if row.kind == "family"},
         **vars(verdict(models, nonlinear)),
     )
 

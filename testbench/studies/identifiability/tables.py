@@ -84,7 +84,7 @@ def tables(report: IdentifiabilityReport) -> dict[str, Table]:
                 for name, share in choice.chosen.items()
             ],
         ),
-        "coverage": Table(COVERAGE, [*report.coverage.values(), *report.bent_coverage.values()]),
+        "coverage": Table(COVERAGE, [*report.coverage.values(), *report.family_coverage.values()]),
     }
 
 

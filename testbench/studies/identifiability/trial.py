@@ -46,7 +46,7 @@ class Settings:
     campaigns: int  #: Trials with a campaign.
     bootstraps: int  #: Those with bootstrap intervals.
     bounds: int  #: Those with set-based bounds.
-    bent: int  #: Those with datasets of one and the same arm.
+    family: int  #: Those with an arm of the family.
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
         campaigns=min(options.campaigns, len(seeds), 2 if quick else len(seeds)),
         bootstraps=100,
         bounds=2 if quick else 100,
-        bent=2 if quick else 200,
+        family=2 if quick else 200,
     )
 
 
@@ -83,9 +83,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
             yield from coverage.posterior(case, k)
             if k < asked.bounds:
                 yield coverage.bounded(case, k)
-        if k < asked.bent:
-            yield coverage.bent(cell, "linear", k)
-            yield coverage.bent(cell, "nonlinear", k)
+        if k < asked.family:
+            yield from coverage.of_family(cell, asked.first + k)
 
     found = []
     for seed in seeds:
