@@ -15,10 +15,10 @@ from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.bench.truths import FAMILY, TRUTHS, true_cell
+from testbench.bench.truths import FAMILY, TRUTHS, TrueArmName, true_cell
 from testbench.cli import program
 from testbench.data.csvfile import read_csv
-from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, TrueArm, calibrate, results
+from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
 from testbench.studies.gravity_calibration.words import TITLE_WORDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -130,7 +130,7 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
 
 
 def test_every_true_arm_is_a_flag_and_has_words_for_the_title():
-    assert get_args(TrueArm) == (FAMILY, *TRUTHS)
+    assert get_args(TrueArmName) == (FAMILY, *TRUTHS)
     assert list(TITLE_WORDS) == list(TRUTHS)
 
 
