@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.bench.campaign import MODELS, Cell, Model, named_models
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, check_array
+from testbench.errors import Array, BenchError, check_array
 from testbench.identify import Estimate, Method, with_prior
 from testbench.identify.crossval import Candidate, Duel, every_fold, held_out_errors, unless_beaten
 from testbench.identify.prior import Prior, Strength
@@ -25,7 +25,7 @@ DEFAULT = f"ALL153{FILLED}"
 PLAIN = (INCUMBENT, "MLS56", "MGCO56", "MGCO68")
 WITH_PRIOR = (INCUMBENT, "MGCO56", "MGCO68", "ALL153")
 """What is fitted to a user's runs where no model is named, without and with a prior."""
-LEAST_POSES = 2
+LEAST_POSES = 4  #: Below it what is held out in turn is too little to overthrow a default.
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,22 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
         strength: How firmly they are believed; None to learn it.
     """
     if prior is None:
-        return named_models(cell, tuple(MODELS))
-    return [*named_models(cell, PLAIN), *with_priors(named_models(cell, WITH_PRIOR), prior, strength)]
+        return named_models(cell, _possible(cell, tuple(MODELS)))
+    plain, filled = (named_models(cell, _possible(cell, names)) for names in (PLAIN, WITH_PRIOR))
+    return [*plain, *with_priors(filled, prior, strength)]
+
+
+def _possible(cell: Cell, names: Sequence[str]) -> list[str]:
+    """Those models whose links and joints the arm has."""
+
+    def there(name: str) -> bool:
+        try:
+            MODELS[name](cell)
+        except BenchError:
+            return False
+        return True
+
+    return [name for name in names if there(name)]
 
 
 def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
@@ -97,7 +111,8 @@ def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendat
     poses = len(np.unique(data.pose))
     first = min(models, key=lambda m: (m.name != DEFAULT, m.structure.n))
     if poses < LEAST_POSES or len(models) == 1:
-        why = "with one pose nothing can be held out" if poses < LEAST_POSES else "no other model was fitted"
+        few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
+        why = few if poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, m.structure.n, _errors(cell, m, data)) for m in models)
     rivals = [c for c in every if first.name != DEFAULT or c.name in (DEFAULT, INCUMBENT)]

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.campaign import Cell, Model
-from testbench.bench.default import recommend
+from testbench.bench.default import DEFAULT, recommend
 from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
+from testbench.identify.contradiction import Unchecked, unchecked
+from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import predict, score
-from testbench.identify.hierarchy import doubts as contradictions
-from testbench.identify.hierarchy import unchecked
 from testbench.identify.metric import metric
 from testbench.identify.plausibility import doubts
 
@@ -56,6 +56,7 @@ class Fitted(FitRow):
     #: Of the deflections predicted where it is checked, or was fitted; None if not asked for, or where other
     #: models have a prior and this one has none.
     intervals: IntervalsRow | None
+    learnt: bool  #: Whether the readings taught its prior: then its intervals count how wrong that may be.
     links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
     joints: Mapping[str, float]  #: Compliance of every joint.
     units: str  #: Of both.
@@ -84,8 +85,8 @@ class Fits:
     why: str  #: Why this one.
     held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
     doubts: tuple[str, ...]  #: What looks wrong with the runs, or with the prior of the model to take.
-    #: Links and joints that may be ten times off in its prior without the readings telling.
-    unchecked: tuple[str, ...]
+    #: What the readings do not check of its prior.
+    unchecked: Unchecked
 
 
 @dataclass(frozen=True)
@@ -113,14 +114,21 @@ def fit(
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
     """
-    found = [_timed(cell, model, runs.used, clock) for model in models]
+    looks = doubts(cell.vjm, runs.every)
+    try:
+        found = [_timed(cell, model, runs.used, clock) for model in models]
+    except BenchError as err:
+        raise BenchError("; ".join([str(err), *looks])) from err
     # beside a prior, intervals that count noise alone would look the surest.
     plain = all(estimate.belief is None for estimate, _ in found)
-    wanted = [widths and (plain or estimate.belief is not None) for estimate, _ in found]
+    taken = recommend(cell, models, runs.used)
+    wanted = [
+        widths and (plain or estimate.belief is not None or model.name == taken.name)
+        for model, (estimate, _) in zip(models, found, strict=True)
+    ]
     fitted = [
         _fit(cell, m, runs, timed, widths=own) for m, timed, own in zip(models, found, wanted, strict=True)
     ]
-    taken = recommend(cell, models, runs.used)
     [(model, best)] = [(m, e) for m, (e, _) in zip(models, found, strict=True) if m.name == taken.name]
     return Fits(
         dataset=runs.name,
@@ -131,16 +139,26 @@ def fit(
         recommended=taken.name,
         why=taken.why,
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
-        doubts=(*doubts(cell.vjm, runs.every), *(contradictions(best.belief) if best.belief else ())),
+        doubts=(*looks, *_of_prior(models, found, taken.name)),
         unchecked=_unchecked(cell, model, best),
     )
 
 
-def _unchecked(cell: Cell, model: Model, estimate: Estimate) -> tuple[str, ...]:
+def _of_prior(models: Sequence[Model], found: Sequence[tuple[Estimate, float]], taken: str) -> list[str]:
+    """What the readings say against the prior of the default, or of the model that is taken."""
+    by_name = {m.name: e for m, (e, _) in zip(models, found, strict=True)}
+    belief = by_name[DEFAULT if DEFAULT in by_name else taken].belief
+    said = list(contradictions(belief)) if belief else []
+    if DEFAULT in by_name and taken != DEFAULT:
+        said.append(f"{taken} predicts better than {DEFAULT}: is the arm's folder that of this arm?")
+    return said
+
+
+def _unchecked(cell: Cell, model: Model, estimate: Estimate) -> Unchecked:
     """What the readings do not check of a model's prior; nothing where it has none."""
     method = model.estimator
     if not isinstance(method, Method) or method.prior is None:
-        return ()
+        return Unchecked()
     return unchecked(estimate.regression, metric(method.prior, cell.vjm, model.structure))
 
 
@@ -162,6 +180,7 @@ def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *,
         identification=judge(runs.used),
         check=None if runs.check is None else judge(runs.check),
         intervals=_intervals(cell, estimate, runs.check or runs.used) if widths else None,
+        learnt=estimate.belief is not None and estimate.belief.moves is not None,
         links={
             link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist()
             for i, link in enumerate(cell.arm.links)

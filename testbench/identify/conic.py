@@ -121,16 +121,19 @@ def optima(regressions: Sequence[Regression]) -> Array:
 
 def answers(regressions: Sequence[Regression], programs: Sequence[Program]) -> list[Answer]:
     """The answers to the programs of some datasets of one structure, those of one shape together."""
-    found: dict[int, Answer | None] = {}
+    still = [k for k, r in enumerate(regressions) if f_m(r, np.zeros(r.structure.n)) == 0]
+    found: dict[int, Answer | None] = {
+        k: Answer(np.zeros(regressions[k].structure.n), 0.0, "") for k in still
+    }
     shapes = [
         (len(p.columns), (id(r.structure), len(r.terms), p.columns.tobytes()))
         for r, p in zip(regressions, programs, strict=True)
     ]
     for share in shares(shapes):
-        some = [(regressions[k], programs[k]) for k in share]
-        first = some[0][1]
-        if len(first.columns) and first.structure.whole:
-            found |= zip(share, _dense(some), strict=True)
+        moved = [k for k in share if k not in found]  # nothing that moves: a rigid arm, and no unit
+        some = [(regressions[k], programs[k]) for k in moved]
+        if some and len(some[0][1].columns) and some[0][1].structure.whole:
+            found |= zip(moved, _dense(some), strict=True)
     return [found.get(k) or by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
 
 

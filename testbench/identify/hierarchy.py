@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri
 
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.identify.cone import triangle
 from testbench.identify.metric import Belief, Metric, Scale, rescaled, whitened
 from testbench.identify.prior import Strength
@@ -30,12 +30,9 @@ SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
 COUPLING = 0.15, 0.7  #: The same of c.
 MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
 KIND = "joints"  #: Name of the scale of all joints beside the links.
-FURTHEST = 6.0  #: Largest logarithm of a scale: a factor of 400.
+FURTHEST, NOISIEST = 6.0, 30.0
+"""Largest logarithm of a scale, a factor of 400, and of kappa: misfits have no end."""
 STEP = 1e-4  #: Of a hyperparameter, for second derivatives: rounding and curvature cost 1e-7 both.
-TOLD, FAR = 2.5, 2.0
-"""Standard deviations, and factor, from which a scale that the readings want is a doubt about the prior."""
-TENFOLD, OPEN = math.log(10), 2.0
-"""Logarithm of a scale that the readings would have to refuse, and loss of evidence at which they do."""
 WIDEST = 1.5  #: Largest standard deviation of a hyperparameter that intervals count with: linear no more.
 
 
@@ -69,12 +66,14 @@ def evidence(regression: Regression, metric: Metric) -> Evidence:
     """What a dataset says of a prior.
 
     Raises:
-        BenchError: When the data want a common scale of the prior that is not above 0.
+        BenchError: When the data want a common scale of the prior that is not above 0, or no load moves it.
     """
     metric = rescaled(metric, regression)
     rows, y = whitened(regression, metric)
     U, s, Vt = np.linalg.svd(rows, full_matrices=False)
     r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
+    if r == 0:
+        raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
     A, own = s[:r, None] * Vt[:r], U[:, :r].T @ y
     block = np.repeat(np.arange(len(metric.sizes)), [triangle(n) for n in metric.sizes])
     places = [block == k for k in range(len(metric.sizes))]
@@ -144,7 +143,7 @@ def _with_priors(seen: Evidence, h: Array, value: float, g: Array) -> tuple[floa
     """Adds minus the logarithm of the hyperparameters' density, and its gradient, in place."""
     K = seen.blocks
     z = (h[:K] - h[K:-3][seen.kind]) / SCATTER
-    value += _scatter(z)
+    value += scatter(z)
     pull = (TAIL + 1) * z / (TAIL + z**2) / SCATTER
     g[:K] += pull
     g[K:-3] -= np.bincount(seen.kind, weights=pull)
@@ -188,61 +187,7 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
     return replace(belief, moves=moves @ seen.metric.L.T, scales=_scales(seen, h, covariance))
 
 
-def doubts(belief: Belief) -> tuple[str, ...]:
-    """Sentences about scales of a learnt prior that the readings contradict."""
-    return tuple(_doubt(scale) for scale in contradicted(belief))
-
-
-def contradicted(belief: Belief) -> tuple[Scale, ...]:
-    """The scales of a learnt prior that the readings contradict."""
-    return tuple(scale for scale in belief.scales if _contradicted(scale))
-
-
-def _contradicted(scale: Scale) -> bool:
-    size = abs(math.log(scale.factor))
-    return size > math.log(FAR) and size > TOLD * scale.deviation
-
-
-def _doubt(scale: Scale) -> str:
-    low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
-    beside = "the links" if scale.name == KIND else "the others of its kind"
-    factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
-    return (
-        f"{scale.name}: the readings want {factor} the prior's compliance, beside {beside}: check the folder"
-    )
-
-
-def unchecked(regression: Regression, metric: Metric) -> tuple[str, ...]:
-    """Blocks that may be ten times softer or stiffer than the prior without the readings telling.
-
-    Args:
-        regression: The reduced dataset.
-        metric: Of the structure and the prior.
-
-    Returns:
-        Names of links and joints, no parts of a link: with a tenfold scale, and all others as they suit it
-        best, the evidence falls by less than `OPEN`.
-    """
-    seen = evidence(regression, metric)
-    best = greatest(seen, seen.start)
-    whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.joints[k]]
-    return tuple(metric.names[k] for k in whole if _open(seen, best, k))
-
-
-def _open(seen: Evidence, best: Array, k: int) -> bool:
-    """Whether block k may have a tenfold scale either way."""
-    level = best[seen.blocks + seen.kind[k]]
-    least = math.inf
-    for sign in (-1, 1):
-        start = best.copy()
-        start[k] = level + sign * TENFOLD
-        h = greatest(seen, start, held=k)
-        own = [_scatter((x[k] - x[seen.blocks + seen.kind[k]]) / SCATTER) for x in (h, best)]
-        least = min(least, loss(seen, h)[0] - loss(seen, best)[0] - own[0] + own[1])
-    return least < OPEN
-
-
-def _scatter(z: Array) -> float:
+def scatter(z: Array) -> float:
     """Minus the logarithm of Student's density, but for a constant."""
     return float((TAIL + 1) / 2 * np.log1p(np.square(z) / TAIL).sum())
 
@@ -251,7 +196,7 @@ def greatest(seen: Evidence, start: Array, held: int | None = None) -> Array:
     """The hyperparameters of greatest evidence from a start on; the scale of one block may be held."""
     from scipy.optimize import minimize  # here: importing it takes longer than most fits
 
-    ends = [(-FURTHEST, FURTHEST)] * (len(start) - 1) + [(0.0, FURTHEST)]
+    ends = [(-FURTHEST, FURTHEST)] * (len(start) - 1) + [(0.0, NOISIEST)]
     if held is not None:
         ends[held] = (start[held], start[held])
 

@@ -14,7 +14,8 @@ def doubts(vjm: Vjm, data: Dataset) -> tuple[str, ...]:
     """Sentences about what looks wrong; none if all is plausible."""
     where = chain(vjm, data.q)
     nominal = where.position[:, None] + marker_points(vjm, data.markers) @ where.rotation.transpose(0, 2, 1)
-    away = float(np.median(np.linalg.norm(data.before - nominal, axis=-1)[data.seen]))
+    with np.errstate(over="ignore"):  # an absurd reading is far away, however far
+        away = float(np.median(np.linalg.norm(data.before - nominal, axis=-1)[data.seen]))
     found = []
     if away > FRAME:
         found.append(

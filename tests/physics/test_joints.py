@@ -49,7 +49,7 @@ def test_a_prior_speaks_of_the_joints_alone_and_fills_joint_1(kr500, model, runs
     """In the prior's metric the links left out are rigid: no joint takes their compliance."""
     prior = tb.cad_prior(kr500.arm)
     for plain in (tb.least_squares, tb.gco):
-        found = tb.with_prior(plain, prior)(kr500.vjm, model.structure, runs)
+        found = tb.with_prior(plain, prior, Strength(10.0))(kr500.vjm, model.structure, runs)
         own = np.diag(prior.C_theta)[42:]
         np.testing.assert_allclose(found.pi[1:], TRUE[1:], rtol=1e-3)  # the data have no noise
         assert 0.1 * own[0] < found.pi[0] < 10 * own[0]

@@ -88,7 +88,7 @@ def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, fl
         m in FILLED or bool(flags) for m in wanted
     ]
     assert written["recommended"] in wanted
-    assert bool(written["unchecked"]) == (written["recommended"] in FILLED)
+    assert bool(written["unchecked"]["stiffer"]) == (written["recommended"] in FILLED)
 
 
 def test_unknown_model_lists_the_known_ones(simulated, tmp_path):
@@ -245,6 +245,15 @@ def test_identifiability_is_said_before_any_fit(simulated, tmp_path):
 def test_bad_wishes_for_a_prior_are_refused(simulated, tmp_path, flags, text):
     done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "out")
     assert text in refused(done)
+    assert not (tmp_path / "out").exists()
+
+
+def test_exchanged_readings_are_told_although_no_prior_fits_them(simulated, tmp_path):
+    head, *lines = (simulated / "data.csv").read_text().splitlines()
+    swapped = head.replace("before_", "later_").replace("after_", "before_").replace("later_", "after_")
+    (tmp_path / "swapped.csv").write_text("\n".join([swapped, *lines]) + "\n")
+    said = refused(run("identify", ARM, tmp_path / "swapped.csv", "--out", tmp_path / "out"))
+    assert "before and after exchanged" in said
     assert not (tmp_path / "out").exists()
 
 

@@ -8,6 +8,7 @@ from checks import check_report, check_table, tables_of
 from made_up import fill, filled, single
 
 from testbench.bench.fits import Fits, Fitted, HeldOut
+from testbench.identify.contradiction import Unchecked
 from testbench.views import fits as views
 from testbench.views import markdown
 
@@ -101,10 +102,18 @@ def _without(fits, field):
 
 
 def test_what_the_readings_do_not_check_is_said_and_noise_alone_too(fits):
-    assert "do not check the folder's link_1 and joint_1:" in printed(
-        replace(fits, unchecked=("link_1", "joint_1"))
+    def said(stiffer, softer, **changes):
+        models = tuple(replace(m, **changes) for m in fits.models)
+        return printed(replace(fits, models=models, unchecked=Unchecked(stiffer, softer)))
+
+    both = said(("link_1",), ("joint_1", "joint_2"), learnt=True)
+    assert (
+        "not show: ten times stiffer than in the folder link_1; ten times softer joint_1 and joint_2." in both
     )
-    assert "do not check" not in printed(replace(fits, unchecked=()))
+    assert "The intervals count on it." in both
+    assert "count on it" not in said(("link_1",), (), learnt=False)
+    assert "softer" not in said(("link_1",), ())
+    assert "would not show" not in said((), ())
     plain = replace(fits, models=tuple(replace(m, prior=False) for m in fits.models))
     assert "count noise alone" in printed(plain)
     known = replace(fits, models=tuple(replace(m, prior=True) for m in fits.models))

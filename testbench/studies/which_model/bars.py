@@ -34,9 +34,4 @@ def bars(advice: Sequence[Advice], cover: Sequence[CoverAt], doubts: Sequence[Do
         *(Bar(f"covered, {c.where}", c.covered, AT_LEAST, None) for c in far),
         Bar("half width over the ideal, median", every.over_ideal.median, None, WIDTH),
         *(Bar(f"a doubt, prior {d.prior}", d.doubted, TOLD, None) for d in wrong),
-        *(
-            Bar("the wrong link is contradicted or named as unchecked", d.either, TOLD, None)
-            for d in wrong
-            if d.either is not None
-        ),
     ]

@@ -12,8 +12,9 @@ from testbench.bench.wrong_prior import wrong_link
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals
+from testbench.identify.contradiction import Unchecked, contradicted, unchecked
 from testbench.identify.evaluate import predict_all, score
-from testbench.identify.hierarchy import KIND, contradicted, unchecked
+from testbench.identify.hierarchy import KIND
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
@@ -60,6 +61,8 @@ def covers(centre: Array, half: Array, true: Array) -> Cover:
 def doubted(cell: Cell, case: Case, estimate: Estimate, prior: Prior) -> Doubted:
     """What the readings contradict of a prior and, if one link of it is wrong, which scales they leave open.
 
+    Open in the direction in which that link is wrong: stiffer than a prior that is ten times too soft.
+
     An estimate without a prior leaves all of it open.
     """
     names = [*(part.name for part in cell.arm.links), *(part.name for part in cell.arm.joints)]
@@ -68,8 +71,21 @@ def doubted(cell: Cell, case: Case, estimate: Estimate, prior: Prior) -> Doubted
     own = metric(prior, cell.vjm, estimate.structure)
     return Doubted(
         contradicted=tuple(scale.name for scale in contradicted(estimate.belief)),
-        unchecked=None if case.share is None else unchecked(estimate.regression, own),
+        unchecked=None
+        if case.share is None
+        else _open(cell, case, prior, unchecked(estimate.regression, own)),
     )
+
+
+def _open(cell: Cell, case: Case, prior: Prior, found: Unchecked) -> tuple[str, ...]:
+    """What is left open in the direction in which the wrong link is wrong."""
+    folder = cell.arm.C_theta
+    sizes = [
+        np.trace(prior.C_theta[k : k + 6, k : k + 6]) / np.trace(folder[k : k + 6, k : k + 6])
+        for k in range(0, 6 * len(cell.arm.links), 6)
+    ]
+    [wrong] = [k for k, link in enumerate(cell.arm.links) if link.name == case.wrong]
+    return found.stiffer if sizes[wrong] > np.median(sizes) else found.softer
 
 
 def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:

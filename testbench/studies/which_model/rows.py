@@ -34,7 +34,7 @@ class Doubted:
     """What the readings are said to tell of the prior."""
 
     contradicted: tuple[str, ...]  #: Links and joints, or "joints", whose scales they contradict.
-    #: Links and joints whose scale they do not check; None where nobody asked: the prior has no wrong link.
+    #: Links and joints that may be off as the wrong link is; None where no link of the prior is wrong.
     unchecked: tuple[str, ...] | None
 
 
