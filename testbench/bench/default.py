@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import MODELS, Cell, Model, named_models
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, check_array
@@ -20,10 +21,10 @@ from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, f_m
 from testbench.identify.regularised import fit_each
 
-INCUMBENT, FILLED = "Joints", " + prior"
+FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"
-PLAIN = (INCUMBENT, "MLS56", "MGCO56", "MGCO68")
-WITH_PRIOR = (INCUMBENT, "MGCO56", "MGCO68", "ALL153")
+PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+WITH_PRIOR = (JOINTS, "MGCO56", "MGCO68", "ALL153")
 """What is fitted to a user's runs where no model is named, without and with a prior."""
 LEAST_POSES = 4  #: Below it what is held out in turn is too little to overthrow a default.
 
@@ -92,7 +93,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     Returns:
         `DEFAULT`, or joints alone where these predict what is held out clearly better.
     """
-    models = [*named_models(cell, (INCUMBENT,)), *with_priors(named_models(cell, ("ALL153",)), prior)]
+    models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, ("ALL153",)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
     return Choice(model.name, model.estimator(cell.vjm, model.structure, data), found.why)
@@ -115,7 +116,7 @@ def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendat
         why = few if poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, m.structure.n, _errors(cell, m, data)) for m in models)
-    rivals = [c for c in every if first.name != DEFAULT or c.name in (DEFAULT, INCUMBENT)]
+    rivals = [c for c in every if first.name != DEFAULT or c.name in (DEFAULT, JOINTS)]
     duel = unless_beaten(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name), every)
 

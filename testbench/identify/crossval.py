@@ -1,7 +1,8 @@
-"""Cross-validation over poses and load levels: how firmly to believe a prior, and which model to use.
+"""Cross-validation over poses and load levels: which model to use.
 
 Runs of one pose share its geometry, so that a pose is held out whole: what counts is the error at poses that
-were never fitted. So it is with the runs of one load, where the data have several.
+were never fitted. So it is with the runs of one load, where the data have several. How firmly to believe a
+prior can be chosen so too (`choose_strength`); where nothing else is said it is learnt (`hierarchy`).
 """
 
 from collections.abc import Callable, Sequence

@@ -3,12 +3,21 @@
 import contextlib
 import importlib.util
 import io
+import json
 import subprocess
 import sys
+from pathlib import Path
 from unittest import mock
+
+import pytest
+from pyarrow import parquet
 
 from testbench.shell import command
 from testbench.studies import run
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "recording.rrd", "trials.parquet"}
+"""What every study leaves beside its figures."""
 
 
 def here(app, *args):
@@ -26,3 +35,48 @@ def app_of(script):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return run.app(module.STUDY) if hasattr(module, "STUDY") else module.app
+
+
+def app_of_study(name):
+    """The typer app of a study's scenario."""
+    return app_of(ROOT / "scenarios" / f"{name}.py")
+
+
+def quick_study(app, *flags):
+    """Fixtures of a study's tests: the folder of a quick run and what it said, its report, its rows."""
+
+    @pytest.fixture(scope="module")
+    def quick(tmp_path_factory):
+        out = tmp_path_factory.mktemp("quick")
+        done = here(app, *flags, "--out", out, "--quick", "--workers", 1)
+        assert done.returncode == 0, done.stderr
+        return out, done
+
+    @pytest.fixture(scope="module")
+    def report(quick):
+        return json.loads((quick[0] / "report.json").read_text())
+
+    @pytest.fixture(scope="module")
+    def rows(quick):
+        return parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+
+    return quick, report, rows
+
+
+def check_files(quick, *figures):
+    """A quick run leaves the files of the contract and these figures, says where, and no word of trouble."""
+    out, done = quick
+    files = FILES | set(figures)
+    assert {p.name for p in out.iterdir()} == files
+    assert done.stderr == ""
+    for name in files - {"manifest.json"}:
+        assert str(out / name) in done.stdout
+
+
+def check_refused(app, out, flags, said):
+    """Flags that are wrong end with words and exit code 2, without a folder."""
+    done = here(app, "--quick", "--out", out, *flags)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not out.exists()

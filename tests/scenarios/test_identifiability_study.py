@@ -1,12 +1,9 @@
 """The study of identifiability as a stranger runs it: its files, its contract, its claims."""
 
-import json
 from itertools import product
-from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
-from run_here import app_of, here
+from run_here import ROOT, app_of_study, check_files, here, quick_study
 
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.wrong_prior import wrong_prior
@@ -14,39 +11,17 @@ from testbench.identify import gco, least_squares, with_prior
 from testbench.identify.evaluate import predict, score
 from testbench.studies.identifiability.methods import STRUCTURES, Asked, fit_each
 
-ROOT = Path(__file__).resolve().parents[2]
-APP = app_of(ROOT / "scenarios" / "identifiability.py")
-FILES = {
-    "dataset.csv", "report.json", "report.md", "manifest.json", "identifiability.png", "shares.png",
-    "recording.rrd", "trials.parquet",
-}  # fmt: skip
+APP = app_of_study("identifiability")
 SEEDS = 3
 """One more than have a campaign."""
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = here(APP, "--seed", 2, "--seeds", SEEDS, "--campaigns", 1, "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def report(quick):
-    return json.loads((quick[0] / "report.json").read_text())
+quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", SEEDS, "--campaigns", 1)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "identifiability.png", "shares.png")
 
 
-def test_every_row_is_stored_and_the_report_counts_them(quick, report):
-    rows = pq.read_table(quick[0] / "trials.parquet").to_pylist()
+def test_every_row_is_stored_and_the_report_counts_them(rows, report):
     fits = [row for row in rows if row["campaign.part"]]
     assert {row["seed"] for row in fits} == {report["seed"]} == {2}
     assert {row["seed"] for row in rows} == {2, 3, 4}

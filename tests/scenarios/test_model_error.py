@@ -1,36 +1,12 @@
 """The study of model error as a stranger runs it: files, contract, claims."""
 
-import json
-from pathlib import Path
-
 import pytest
-from run_here import app_of, here
+from run_here import app_of_study, check_files, check_refused, quick_study
 
 from testbench.studies.model_error.trial import Settings, trials
 
-ROOT = Path(__file__).resolve().parents[2]
-APP = app_of(ROOT / "scenarios" / "model_error.py")
-FILES = {
-    "dataset.csv", "report.json", "report.md", "manifest.json", "model_error.png", "recording.rrd",
-    "trials.parquet",
-}  # fmt: skip
-
-
-def run(*args):
-    return here(APP, *args)
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 2, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def report(quick):
-    return json.loads((quick[0] / "report.json").read_text())
+APP = app_of_study("model_error")
+quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", 2)
 
 
 def cell(report, case, model="ALL153 + prior", noise=0.0):
@@ -38,11 +14,7 @@ def cell(report, case, model="ALL153 + prior", noise=0.0):
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "model_error.png")
 
 
 def test_every_disturbance_is_switched_on_alone_and_all_together(report):
@@ -121,8 +93,4 @@ def test_the_claim_about_the_compensator_is_judged_for_every_model(report):
     ],
 )
 def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    done = run("--quick", "--out", tmp_path / "out", *flags)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()
+    check_refused(APP, tmp_path / "out", flags, said)

@@ -1,35 +1,11 @@
 """The study of noise as a stranger runs it: files, claims, resume, refusals."""
 
-import json
-from pathlib import Path
-
 import pytest
 from pyarrow import parquet
-from run_here import app_of, here
+from run_here import app_of_study, check_files, check_refused, here, quick_study
 
-ROOT = Path(__file__).resolve().parents[2]
-APP = app_of(ROOT / "scenarios" / "noise_sensitivity.py")
-FILES = {
-    "dataset.csv", "report.json", "report.md", "manifest.json", "noise_sensitivity.png", "recording.rrd",
-    "trials.parquet",
-}  # fmt: skip
-
-
-def run(*args):
-    return here(APP, *args)
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 6, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def report(quick):
-    return json.loads((quick[0] / "report.json").read_text())
+APP = app_of_study("noise_sensitivity")
+quick, report, rows = quick_study(APP, "--seed", 6, "--seeds", 2)
 
 
 def rms(report, part, model):
@@ -38,22 +14,17 @@ def rms(report, part, model):
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "noise_sensitivity.png")
 
 
-def test_every_trial_is_in_the_parquet_file(quick):
-    table = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
-    assert {row["seed"] for row in table} == {6, 7}
-    assert sum(row["part"] == "six_dof" for row in table) == 2 * 12 * 6
-    assert sum(row["part"].startswith("instrument") for row in table) == 2 * 8
-    assert sum(row["part"].startswith("default") for row in table) == 2 * 2
-    assert {(row["seed"], row["true_arm"]) for row in table} == {(6, "tubes"), (7, "off_10")}
-    assert all(row["solved"] for row in table if row["constraint"] != "free")
-    names = [row["model"] for row in table if (row["seed"], row["part"], row["x"]) == (6, "gravity", 50e-6)]
+def test_every_trial_is_in_the_parquet_file(rows):
+    assert {row["seed"] for row in rows} == {6, 7}
+    assert sum(row["part"] == "six_dof" for row in rows) == 2 * 12 * 6
+    assert sum(row["part"].startswith("instrument") for row in rows) == 2 * 8
+    assert sum(row["part"].startswith("default") for row in rows) == 2 * 2
+    assert {(row["seed"], row["true_arm"]) for row in rows} == {(6, "tubes"), (7, "off_10")}
+    assert all(row["solved"] for row in rows if row["constraint"] != "free")
+    names = [row["model"] for row in rows if (row["seed"], row["part"], row["x"]) == (6, "gravity", 50e-6)]
     plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
     assert names == [
         *plain,
@@ -66,9 +37,8 @@ def test_every_trial_is_in_the_parquet_file(quick):
 
 
 @pytest.fixture(scope="module")
-def six_dof(quick):
+def six_dof(rows):
     """Fits of section 5.2 by true arm, model and noise."""
-    rows = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
     return {(row["true_arm"], row["model"], row["x"]): row for row in rows if row["part"] == "six_dof"}
 
 
@@ -107,7 +77,7 @@ def test_gco_is_conservative_and_never_worse_than_least_squares_under_gravity(re
 def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick):
     out, _ = quick
     before = parquet.read_table(out / "trials.parquet").to_pylist()
-    done = run("--seed", 6, "--seeds", 3, "--out", out, "--quick", "--workers", 1, "--resume")
+    done = here(APP, "--seed", 6, "--seeds", 3, "--out", out, "--quick", "--workers", 1, "--resume")
     assert done.returncode == 0, done.stderr
     after = parquet.read_table(out / "trials.parquet").to_pylist()
     old = [row for row in after if row["seed"] < 8]
@@ -124,16 +94,12 @@ def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(quick
     ],
 )
 def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    done = run("--quick", "--out", tmp_path / "out", *flags)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()
+    check_refused(APP, tmp_path / "out", flags, said)
 
 
 def test_resume_into_the_folder_of_other_settings_is_refused(quick):
     out, _ = quick
-    done = run("--seed", 6, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
+    done = here(APP, "--seed", 6, "--seeds", 2, "--out", out, "--quick", "--resume", "--sigma-um", 50)
     assert done.returncode == 2
     assert "trials" in done.stderr
     assert "Traceback" not in done.stderr

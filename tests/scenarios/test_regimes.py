@@ -1,52 +1,18 @@
 """The study of regimes as a stranger runs it: files, the map, what every cell must hold."""
 
-import json
-from pathlib import Path
-
 import pytest
-from pyarrow import parquet
-from run_here import app_of, here
+from run_here import app_of_study, check_files, here, quick_study
 
 from testbench.studies.regimes.trial import Settings
 
-ROOT = Path(__file__).resolve().parents[2]
-APP = app_of(ROOT / "scenarios" / "regimes.py")
-FILES = {
-    "dataset.csv", "report.json", "report.md", "manifest.json", "regimes.png", "recording.rrd",
-    "trials.parquet",
-}  # fmt: skip
+APP = app_of_study("regimes")
 CELLS = {"gravity": 4 * 3 * 2, "full_pose": 4 * 2 * 2}
 """Structures, poses and levels of noise with --quick."""
-
-
-def run(*args):
-    return here(APP, *args)
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 4, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def report(quick):
-    return json.loads((quick[0] / "report.json").read_text())
-
-
-@pytest.fixture(scope="module")
-def rows(quick):
-    return parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+quick, report, rows = quick_study(APP, "--seed", 4, "--seeds", 2)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "regimes.png")
 
 
 def test_two_kinds_of_the_family_take_turns_in_every_cell(report, rows):
@@ -76,7 +42,9 @@ def test_a_conservative_least_squares_with_a_prior_is_gco(rows):
 
 
 def test_another_truth_is_asked_for_and_an_unknown_one_refused(tmp_path):
-    done = run("--quick", "--seeds", 1, "--truth", "joints", "--truth", "rust", "--out", tmp_path / "out")
+    done = here(
+        APP, "--quick", "--seeds", 1, "--truth", "joints", "--truth", "rust", "--out", tmp_path / "out"
+    )
     assert done.returncode == 2
     assert "--truth: expected different ones of tubes, off_10" in done.stderr
     assert "Traceback" not in done.stderr

@@ -1,12 +1,10 @@
 """Section 5.2 as a stranger runs it: its files, its contract, its claims."""
 
 import json
-from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as parquet
 import pytest
-from run_here import app_of, here
+from run_here import ROOT, app_of_study, check_files, here, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.bench.rows import ErrorRow
@@ -14,41 +12,16 @@ from testbench.data.csvfile import read_csv
 from testbench.studies.six_dof_arm.summary import enough
 from testbench.studies.six_dof_arm.trial import Order
 
-ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "six_dof_arm.py"
-FILES = {
-    "dataset.csv", "report.json", "report.md", "manifest.json", "six_dof_arm.png", "recording.rrd",
-    "trials.parquet",
-}  # fmt: skip
+APP = app_of_study("six_dof_arm")
 COMPLETED = "MLS56, PSD of equal fit"
 MODELS = {
     "MLS56": 56, "MLS32": 32, "MGCO147": 147, "MGCO69": 69, "MGCO56": 56, "Joints": 6, COMPLETED: 56,
 }  # fmt: skip
-
-
-def run(*args):
-    return here(app_of(SCRIPT), *args)
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 3, "--seeds", 2, "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def report(quick):
-    return json.loads((quick[0] / "report.json").read_text())
+quick, report, rows = quick_study(APP, "--seed", 3, "--seeds", 2)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "six_dof_arm.png")
 
 
 def test_report_has_tables_i_and_ii_for_both_truths(report):
@@ -68,8 +41,7 @@ def test_report_has_tables_i_and_ii_for_both_truths(report):
     assert cells["MGCO56"] == {"check_p95_mm": 0.072, "check_max_relative_percent": 0.62}
 
 
-def test_the_report_is_medians_of_the_trials_by_model_and_truth(quick, report):
-    rows = parquet.read_table(quick[0] / "trials.parquet").to_pylist()
+def test_the_report_is_medians_of_the_trials_by_model_and_truth(rows, report):
     for truth, models in (("linear", report["models"]), ("nonlinear", report["nonlinear"]["models"])):
         for m in models:
             own = [r for r in rows if (r["truth"], r["model.name"], r["order.m"]) == (truth, m["name"], None)]
@@ -156,7 +128,7 @@ def test_dataset_is_the_first_seeds_with_orientations(quick):
 
 
 def test_results_do_not_depend_on_other_seeds(quick, report, tmp_path):
-    done = run("--seed", 3, "--seeds", 1, "--out", tmp_path, "--quick", "--workers", 1)
+    done = here(APP, "--seed", 3, "--seeds", 1, "--out", tmp_path, "--quick", "--workers", 1)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
     one = json.loads((tmp_path / "report.json").read_text())
@@ -177,7 +149,7 @@ def test_results_do_not_depend_on_other_seeds(quick, report, tmp_path):
 )
 def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
     (tmp_path / "report.json").write_text("earlier")
-    done = run("--out", tmp_path, "--quick", *flags)
+    done = here(APP, "--out", tmp_path, "--quick", *flags)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("error: ")

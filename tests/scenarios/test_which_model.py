@@ -1,14 +1,11 @@
 """The study of the default method as a stranger runs it: its files, its contract, its claims."""
 
-import json
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from run_here import app_of, here
+from run_here import app_of_study, check_files, check_refused, quick_study
 
 from testbench.bench.campaign import draw_poses, simulate_at
 from testbench.bench.default import choose
@@ -20,32 +17,10 @@ from testbench.studies.which_model.trial import POSES, RUNS, Settings, pairs, re
 
 LINKS = [f"link_{k}" for k in range(7)]
 JOINTS = [f"joint_{k}" for k in range(1, 7)]
-ROOT = Path(__file__).resolve().parents[2]
-APP = app_of(ROOT / "scenarios" / "which_model.py")
-FILES = {
-    "dataset.csv", "report.json", "report.md", "manifest.json", "which_model.png", "recording.rrd",
-    "trials.parquet",
-}  # fmt: skip
+APP = app_of_study("which_model")
 SEEDS = range(2, 4)
 METHODS = 11  # one is the default
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = here(APP, "--seed", 2, "--seeds", len(SEEDS), "--out", out, "--quick", "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    return out, done
-
-
-@pytest.fixture(scope="module")
-def report(quick):
-    return json.loads((quick[0] / "report.json").read_text())
-
-
-@pytest.fixture(scope="module")
-def rows(quick):
-    return pq.read_table(quick[0] / "trials.parquet").to_pylist()
+quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", len(SEEDS))
 
 
 def errors(rows, **wanted):
@@ -58,11 +33,7 @@ def errors(rows, **wanted):
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} == FILES
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "which_model.png")
 
 
 def test_over_as_many_trials_as_priors_every_truth_meets_every_prior_once():
@@ -169,8 +140,4 @@ def test_the_folder_is_wrong_for_every_truth_but_its_own(report):
 
 @pytest.mark.parametrize(("flags", "said"), [(["--arm", "x"], "folder"), (["--poses", "9"], "poses")])
 def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    done = here(APP, "--quick", "--out", tmp_path / "out", *flags)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()
+    check_refused(APP, tmp_path / "out", flags, said)

@@ -11,6 +11,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from read_back import document
 from rich.console import Console
 
 from testbench.trials.spread import Spread
@@ -245,3 +246,44 @@ def looks_differ(legend):
         for h in legend.legend_handles
     ]
     assert len(set(seen)) == len(seen), seen
+
+
+def summaries(study, settings, seeds, trials):
+    """What tests of a study's views begin with.
+
+    Args:
+        study: The study.
+        settings: What it was asked for.
+        seeds: Of its trials.
+        trials: Makes the rows up, from rng.
+
+    Returns:
+        The summary of any rows, a fixture of made-up rows, and one of their report.
+    """
+
+    def summed(found):
+        return study.summary(settings, seeds, found)
+
+    @pytest.fixture
+    def made(rng):
+        return trials(rng)
+
+    @pytest.fixture
+    def report(made):
+        return summed(made)
+
+    return summed, made, report
+
+
+def check_spread(spread, values):
+    """A spread is median and percentiles of these numbers."""
+    p05, median, p95 = np.percentile(values, [5, 50, 95])
+    assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
+
+
+def check_summary(chunks, words, table):
+    """A recording tells question, answer and statements, and shows a table."""
+    summary = document(chunks, "/summary")
+    for part in (words.block("question"), words.block("answer"), words.block("statements")):
+        assert part in summary
+    assert markdown.grid(table) in summary

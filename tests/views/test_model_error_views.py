@@ -4,9 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_table, curves, looks_differ, tables_of, unit_in
+from checks import (
+    check_pivot,
+    check_report,
+    check_spread,
+    check_summary,
+    check_table,
+    curves,
+    looks_differ,
+    summaries,
+    tables_of,
+    unit_in,
+)
 from made_up import of_one_trial
-from read_back import chunks_of, columns, document
+from read_back import chunks_of, columns
 
 from testbench.bench.truths import member
 from testbench.studies.model_error import figure, recording
@@ -61,18 +72,7 @@ def trials(rng, errors=None):
     return found
 
 
-def summed(found):
-    return STUDY.summary(SETTINGS, SEEDS, found)
-
-
-@pytest.fixture
-def made(rng):
-    return trials(rng)
-
-
-@pytest.fixture
-def report(made):
-    return summed(made)
+summed, made, report = summaries(STUDY, SETTINGS, SEEDS, trials)
 
 
 def numbers(made, case, model, noise, key="rms_um"):
@@ -81,26 +81,21 @@ def numbers(made, case, model, noise, key="rms_um"):
     return np.array([getattr(r, key) for r in own], dtype=float)
 
 
-def same(spread, values):
-    p05, median, p95 = np.percentile(values, [5, 50, 95])
-    assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
-
-
 def test_the_report_is_medians_and_spreads_by_case_model_and_noise(made, report):
     assert len(report.cells) == len(CASES) * len(MODELS) * 2
     for cell in report.cells:
         own = (made, cell.case, cell.model, cell.noise_um)
-        same(cell.rms_um, numbers(*own))
-        same(cell.p95_um, numbers(*own, "p95_um"))
-        same(cell.moved_um, numbers(*own, "moved_um"))
-        same(cell.added_um, numbers(*own) - numbers(made, NONE, cell.model, cell.noise_um))
+        check_spread(cell.rms_um, numbers(*own))
+        check_spread(cell.p95_um, numbers(*own, "p95_um"))
+        check_spread(cell.moved_um, numbers(*own, "moved_um"))
+        check_spread(cell.added_um, numbers(*own) - numbers(made, NONE, cell.model, cell.noise_um))
         assert cell.conservative == numbers(*own, "conservative").mean()
         assert cell.solved == numbers(*own, "solved").mean()
     by_name = {m.name: m for m in report.models}
     assert len(by_name) == 2 * len(MODELS)
     for case in (NONE, ALL):
         for name in MODELS:
-            same(by_name[f"{name}, {case}"].workspace.rms_mm, numbers(made, case, name, 40.0) / 1e3)
+            check_spread(by_name[f"{name}, {case}"].workspace.rms_mm, numbers(made, case, name, 40.0) / 1e3)
             said = by_name[f"{name}, {case}"].method
             assert said == {"none": "least squares", "psd": "GCO"}[MODELS[name][1]]
 
@@ -112,8 +107,8 @@ def test_the_claim_is_judged_with_the_noise_of_two_readings_in_quadrature(made, 
     for claim in report.claim:
         own, none = (numbers(made, case, claim.model, 40.0) for case in (claim.case, NONE))
         seen = np.sqrt(own**2 + 6 * 40.0**2) / np.sqrt(none**2 + 6 * 40.0**2) - 1
-        same(claim.against_truth, own / none - 1)
-        same(claim.against_readings, seen)
+        check_spread(claim.against_truth, own / none - 1)
+        check_spread(claim.against_readings, seen)
         assert claim.within_true == np.mean(np.abs(own / none - 1) <= 0.048)
         assert claim.within_claim == np.mean(np.abs(seen) <= 0.048)
 
@@ -223,9 +218,9 @@ def test_errors_and_changes_that_differ_by_true_arm_have_tables(rng):
         (FEATURED, "tubes", 2),
         (FEATURED, "cast", 2),
     ]
-    same(report.together_by_arm[1].value, [40, 41])
+    check_spread(report.together_by_arm[1].value, [40, 41])
     assert {b.headline for b in report.claim_by_arm} == {STIFF}
-    same(report.claim_by_arm[1].value, [40 / 60 - 1, 41 / 62 - 1])
+    check_spread(report.claim_by_arm[1].value, [40 / 60 - 1, 41 / 62 - 1])
     tables, text = STUDY.tables(report), STUDY.words(report).whole()
     check_pivot(tables["together_by_arm"], report.together_by_arm, ("headline", "true_arm", "value"))
     assert grid(tables["together_by_arm"]) in text.split("By true arm, RMS error, um:")[1]
@@ -303,7 +298,4 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     assert list(meaning) == list(MODELS)
     assert len(set(meaning.values())) == len(MODELS)
     assert colours == [meaning[c.model] for c in noisy]
-    summary = document(chunks, "/summary")
-    for part in (words.block("question"), words.block("answer"), words.block("statements")):
-        assert part in summary
-    assert grid(tables["noisy_short"]) in summary
+    check_summary(chunks, words, tables["noisy_short"])

@@ -4,9 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import bands, check_pivot, check_report, check_table, curves, looks_differ, unit_in
+from checks import (
+    bands,
+    check_pivot,
+    check_report,
+    check_spread,
+    check_summary,
+    check_table,
+    curves,
+    looks_differ,
+    summaries,
+    unit_in,
+)
 from made_up import of_one_trial
-from read_back import chunks_of, document, series
+from read_back import chunks_of, series
 
 from testbench.bench.truths import TRUTHS, member
 from testbench.studies.noise_sensitivity import figure, recording
@@ -72,18 +83,7 @@ def changed(found, change):
     return [(seed, [replace(row, **change(row)) for row in rows]) for seed, rows in found]
 
 
-def summed(found):
-    return STUDY.summary(SETTINGS, SEEDS, found)
-
-
-@pytest.fixture
-def made(rng):
-    return trials(rng)
-
-
-@pytest.fixture
-def report(made):
-    return summed(made)
+summed, made, report = summaries(STUDY, SETTINGS, SEEDS, trials)
 
 
 def numbers(made, part, model, x, key="rms_um"):
@@ -92,30 +92,25 @@ def numbers(made, part, model, x, key="rms_um"):
     return np.array([getattr(r, key) for r in own], dtype=float)
 
 
-def same(spread, values):
-    p05, median, p95 = np.percentile(values, [5, 50, 95])
-    assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
-
-
 def test_the_report_is_medians_and_spreads_by_part_model_and_level(made, report):
     for part in WORDS:
         assert len(report.sweeps[part]) == len(MODELS) * len(SETTINGS.sigmas)
         for level in report.sweeps[part]:
             own = (made, part, level.model, level.x)
-            same(level.rms_um, numbers(*own))
-            same(level.p95_um, numbers(*own, "p95_um"))
+            check_spread(level.rms_um, numbers(*own))
+            check_spread(level.p95_um, numbers(*own, "p95_um"))
             assert level.conservative == numbers(*own, "conservative").mean()
             assert level.solved == numbers(*own, "solved").mean()
             assert level.sigma_um == pytest.approx(1e6 * level.x)
         for name, slope in report.slopes[part].items():
             calm, noisy = (numbers(made, part, name, x) for x in (0.0, 200e-6))
-            same(slope.um_per_um, np.sqrt(np.maximum(0, noisy**2 - calm**2)) / 200)
-            same(slope.noise_free_um, calm)
+            check_spread(slope.um_per_um, np.sqrt(np.maximum(0, noisy**2 - calm**2)) / 200)
+            check_spread(slope.noise_free_um, calm)
         own = [p for p in report.paired if p.part == part]
         assert len(own) == len(PAIRS) * (len(SETTINGS.sigmas) - 1)
         for pair in own:
             ours, theirs = (numbers(made, part, n, pair.sigma_um / 1e6) for n in (pair.ours, pair.theirs))
-            same(pair.ratio, ours / theirs)
+            check_spread(pair.ratio, ours / theirs)
             assert (pair.better_in, pair.alike_in) == (np.mean(ours < theirs), 0)
         assert {(c.ours, c.theirs): c.cone for c in report.compared[part]} == PAIRS
     for truth, rows in report.weighted_over_flat.items():
@@ -130,7 +125,7 @@ def test_the_report_is_medians_and_spreads_by_part_model_and_level(made, report)
                 numbers(made, f"{kind}_{truth}", name, row.distance_m)
                 for name in ("weighted", "flat weights")
             )
-            same(row.ratio, full / flat)
+            check_spread(row.ratio, full / flat)
             assert (row.better_in, row.trials) == (np.mean(full < flat), len(SEEDS))
 
 
@@ -140,8 +135,8 @@ def test_models_are_those_at_the_noise_of_the_papers_trackers(made, report):
     for part, sigma, key in (("six_dof", 25e-6, "check"), ("gravity", 50e-6, "workspace")):
         for name, (_, constraint, _) in MODELS.items():
             model = by_name[f"{name}, {WORDS[part]}"]
-            same(getattr(model, key).rms_mm, numbers(made, part, name, sigma) / 1e3)
-            same(getattr(model, key).p95_mm, numbers(made, part, name, sigma, "p95_um") / 1e3)
+            check_spread(getattr(model, key).rms_mm, numbers(made, part, name, sigma) / 1e3)
+            check_spread(getattr(model, key).p95_mm, numbers(made, part, name, sigma, "p95_um") / 1e3)
             assert model.method == {"none": "least squares", "psd": "GCO"}[constraint]
 
 
@@ -297,10 +292,10 @@ def test_a_headline_that_differs_by_true_arm_has_a_table_and_no_other_has(rng):
         (DEFAULT, "tubes", 2),
         (DEFAULT, "cast", 2),
     ]
-    same(report.by_arm["gravity"][0].value, [10, 11])
-    same(report.by_arm["gravity"][1].value, [40, 41])
+    check_spread(report.by_arm["gravity"][0].value, [10, 11])
+    check_spread(report.by_arm["gravity"][1].value, [40, 41])
     assert {b.headline for b in report.weighted_by_arm} == {f"nonlinear, {DEFAULT}"}
-    same(report.weighted_by_arm[1].value, [2, 2.05])
+    check_spread(report.weighted_by_arm[1].value, [2, 2.05])
     tables = STUDY.tables(report)
     check_pivot(tables["gravity_by_arm"], report.by_arm["gravity"], ("headline", "true_arm", "value"))
     check_pivot(tables["weighted_by_arm"], report.weighted_by_arm, ("headline", "true_arm", "value"))
@@ -361,7 +356,4 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
         for end in ("median", "p05", "p95"):
             values = series(chunks, f"/rms_error_over_the_workspace_um/{path}/{end}", "sweep")
             np.testing.assert_allclose(values, [getattr(r.rms_um, end) for r in own])
-    summary = document(chunks, "/summary")
-    for part in (words.block("question"), words.block("answer"), words.block("statements")):
-        assert part in summary
-    assert grid(tables["gravity_short"]) in summary
+    check_summary(chunks, words, tables["gravity_short"])

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_table
+from checks import check_pivot, check_report, check_spread, check_summary, check_table, summaries
 from made_up import fill, of_one_trial, single
 from matplotlib.colors import to_rgba
-from read_back import chunks_of, document, series
+from read_back import chunks_of, series
 
 from testbench.bench.rows import DatasetRow
 from testbench.studies.regimes import figure, recording
@@ -74,18 +74,7 @@ def row_of(rng, *, prior, noise, **fixed):
     return replace(row, noise_um=float(row.noise_um), **nothing)
 
 
-def summed(found):
-    return STUDY.summary(SETTINGS, SEEDS, found)
-
-
-@pytest.fixture
-def made(rng):
-    return trials(rng)
-
-
-@pytest.fixture
-def report(made):
-    return summed(made)
+summed, made, report = summaries(STUDY, SETTINGS, SEEDS, trials)
 
 
 def picked(made, **fixed):
@@ -98,11 +87,6 @@ def over(rows, ours, theirs):
     return np.array([getattr(row, ours) / getattr(row, theirs) for row in rows])
 
 
-def same(spread, values):
-    p05, median, p95 = np.percentile(values, [5, 50, 95])
-    assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
-
-
 def test_every_cell_is_ratios_fit_by_fit_of_its_own_rows(made, report):
     for kind, cells in report.cells.items():
         assert len(cells) == len(STRUCTURES) * len(SETTINGS.grids[kind].cells)
@@ -112,12 +96,12 @@ def test_every_cell_is_ratios_fit_by_fit_of_its_own_rows(made, report):
                 noise_um=cell.noise_um,
             )  # fmt: skip
             assert len(rows) == cell.fits == len(SEEDS) * len(SETTINGS.truths)
-            same(cell.gco_over_ls, over(rows, "gco_um", "ls_um"))
-            same(cell.gco_over_equal, over(rows, "gco_um", "equal_um"))
-            same(cell.gco_over_lent, over(rows, "gco_um", "lent_um"))
-            same(cell.lent_over_ls, over(rows, "lent_um", "ls_um"))
-            same(cell.gco_over_joints, over(rows, "gco_um", "joints_um"))
-            same(cell.fitted, over(rows, "gco_fitted_um", "ls_fitted_um"))
+            check_spread(cell.gco_over_ls, over(rows, "gco_um", "ls_um"))
+            check_spread(cell.gco_over_equal, over(rows, "gco_um", "equal_um"))
+            check_spread(cell.gco_over_lent, over(rows, "gco_um", "lent_um"))
+            check_spread(cell.lent_over_ls, over(rows, "lent_um", "ls_um"))
+            check_spread(cell.gco_over_joints, over(rows, "gco_um", "joints_um"))
+            check_spread(cell.fitted, over(rows, "gco_fitted_um", "ls_fitted_um"))
             assert cell.better_in == np.mean([row.gco_um < row.ls_um for row in rows])
             assert cell.beats_joints_in == np.mean([row.gco_um < row.joints_um for row in rows])
             assert cell.binds_in == np.mean([row.binds for row in rows])
@@ -131,10 +115,10 @@ def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds(made, report):
         for level, expected in zip(levels, (0.005, 0.2, 2.0), strict=True):
             own = [row for row in rows if row.binds and row.expected == expected]
             assert level.share == len(own) / len(rows)
-            same(level.gco_over_ls, over(own, "gco_um", "ls_um"))
+            check_spread(level.gco_over_ls, over(own, "gco_um", "ls_um"))
         free = [row for row in rows if not row.binds]
         assert report.free[kind].share == len(free) / len(rows)
-        same(report.free[kind].gco_over_lent, over(free, "gco_um", "lent_um"))
+        check_spread(report.free[kind].gco_over_lent, over(free, "gco_um", "lent_um"))
 
 
 def test_a_prior_is_judged_by_what_it_is_compared_with_and_where_the_cone_binds(made, report):
@@ -142,8 +126,8 @@ def test_a_prior_is_judged_by_what_it_is_compared_with_and_where_the_cone_binds(
         assert [own.prior for own in found] == list(PRIORS)
         for own in found:
             rows = picked(made, kind=kind, prior=own.prior)
-            same(own.gco_over_ls, over(rows, "gco_um", "ls_um"))
-            same(own.where_it_binds, over([row for row in rows if row.binds], "gco_um", "ls_um"))
+            check_spread(own.gco_over_ls, over(rows, "gco_um", "ls_um"))
+            check_spread(own.where_it_binds, over([row for row in rows if row.binds], "gco_um", "ls_um"))
             assert own.binds_in == np.mean([row.binds for row in rows])
 
 
@@ -252,7 +236,4 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
         for end in ("median", "p05", "p95"):
             values = series(chunks, f"{root}/{structure.lower()}/{end}", "sweep")
             np.testing.assert_allclose(values, [getattr(c.gco_over_ls, end) for c in own])
-    summary = document(chunks, "/summary")
-    for part in (words.block("question"), words.block("answer"), words.block("statements")):
-        assert part in summary
-    assert grid(tables["gravity_short"]) in summary
+    check_summary(chunks, words, tables["gravity_short"])

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_table, unit_in
+from checks import check_pivot, check_report, check_spread, check_summary, check_table, summaries, unit_in
 from made_up import of_one_trial
-from read_back import chunks_of, columns, document
+from read_back import chunks_of, columns
 
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
@@ -114,18 +114,7 @@ def said(rng, name, prior):
     }
 
 
-def summed(found):
-    return STUDY.summary(SETTINGS, SEEDS, found)
-
-
-@pytest.fixture
-def made(rng):
-    return trials(rng)
-
-
-@pytest.fixture
-def report(made):
-    return summed(made)
+summed, made, report = summaries(STUDY, SETTINGS, SEEDS, trials)
 
 
 def errors_of(made, method, poses, truth="", prior=""):
@@ -140,12 +129,6 @@ def errors_of(made, method, poses, truth="", prior=""):
     }
 
 
-def same(spread, values):
-    assert (spread.p05, spread.median, spread.p95) == pytest.approx(
-        np.percentile(values, [5, 50, 95])[[0, 1, 2]]
-    )
-
-
 def test_every_method_is_compared_case_by_case_with_joints_with_the_best_and_with_the_least(made, report):
     assert len(report.family) == len(METHODS) * len(POSES)
     for poses in POSES:
@@ -158,12 +141,12 @@ def test_every_method_is_compared_case_by_case_with_joints_with_the_best_and_wit
         assert advice.without_prior.method == min(plain, key=lambda m: np.median(list(every[m].values())))
         for own in [m for m in report.family if m.poses == poses]:
             mine = every[own.method]
-            same(own.workspace_mm, list(mine.values()))
+            check_spread(own.workspace_mm, list(mine.values()))
             over = np.array([v / every["Joints"][k] for k, v in mine.items()])
-            same(own.over_joints, over)
-            same(own.over_best, [v / every[best][k] for k, v in mine.items()])
+            check_spread(own.over_joints, over)
+            check_spread(own.over_best, [v / every[best][k] for k, v in mine.items()])
             least = {k: min(every[m][k] for m in FIXED) for k in mine}
-            same(own.over_least, [v / least[k] for k, v in mine.items()])
+            check_spread(own.over_least, [v / least[k] for k, v in mine.items()])
             assert own.loses == pytest.approx(np.mean(over > 1.05))
             assert own.wins == pytest.approx(np.mean([v <= least[k] for k, v in mine.items()]))
 
@@ -175,12 +158,12 @@ def test_cases_are_gathered_by_truth_by_prior_and_by_both(made, report):
     for own in (*report.by_truth, *report.by_prior, *report.cells):
         values = errors_of(made, own.method, own.poses, own.truth, own.prior)
         assert own.cases == len(values)
-        same(own.workspace_mm, list(values.values()))
+        check_spread(own.workspace_mm, list(values.values()))
     for truth in report.truths:
         cases = {row.case for _, rows in made for row in rows if row.case.truth == truth.truth}
         assert len(cases) == len(SEEDS)
-        same(truth.cad_mm, [case.cad_mm for case in cases])
-        same(truth.off_tubes, [case.off_tubes for case in cases])
+        check_spread(truth.cad_mm, [case.cad_mm for case in cases])
+        check_spread(truth.off_tubes, [case.off_tubes for case in cases])
 
 
 def test_tables_show_the_reports_numbers_with_their_units(report):
@@ -252,7 +235,7 @@ def test_coverage_is_the_share_of_components_over_all_cases_and_over_parts(made,
         ]
         assert own.cases == len(rows)
         assert own.covered == pytest.approx(np.mean([row.cover.covered for row in rows]))
-        same(own.over_ideal, [row.cover.half_mm / row.cover.ideal_mm for row in rows])
+        check_spread(own.over_ideal, [row.cover.half_mm / row.cover.ideal_mm for row in rows])
     parts = 1 + len(POSES) + len(TRUTHS) + len(PRIORS)
     assert {c.method for c in report.cover} == set(COVERED) & set(METHODS)
     assert len({c.where for c in report.cover}) == parts
@@ -386,6 +369,4 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
             assert data["sweep"] == list(POSES)
             values = [value[0] for value in data["Scalars:scalars"]]
             assert values == pytest.approx([getattr(value, key) for value in own])
-    summary = document(chunks, "/summary")
-    for part in (words.block("question"), words.block("answer"), grid(tables["family_short"])):
-        assert part in summary
+    check_summary(chunks, words, tables["family_short"])

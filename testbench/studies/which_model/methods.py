@@ -2,28 +2,26 @@
 
 from dataclasses import replace
 
-from testbench.bench.campaign import MODELS, Cell, Model
-from testbench.bench.default import INCUMBENT
-from testbench.identify import completed_least_squares, least_squares
+from testbench.bench.baselines import JOINTS, equal_fit
+from testbench.bench.campaign import MODELS, Cell, Model, named_models
+from testbench.identify import least_squares
 
 CHOSEN = "default"  #: What `bench.default` chooses from the readings.
-COMPLETED = "MLS56, PSD of equal fit"
-COVERED = (CHOSEN, INCUMBENT, "MGCO56 + prior", "ALL153 + prior")
+COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
 
 def without_prior(cell: Cell) -> list[Model]:
     """Methods that know of no prior."""
-    mls56 = MODELS["MLS56"](cell)
-    completed = replace(mls56, name=COMPLETED, estimator=completed_least_squares)
-    return [MODELS[INCUMBENT](cell), mls56, completed, MODELS["MGCO56"](cell), MODELS["MGCO68"](cell)]
+    joints, mls56, *others = named_models(cell, (JOINTS, "MLS56", "MGCO56", "MGCO68"))
+    return [joints, mls56, equal_fit(cell), *others]
 
 
 def to_fill(cell: Cell) -> list[Model]:
     """Methods that are fitted with a prior, learnt from the readings."""
     mgco56 = MODELS["MGCO56"](cell)
     return [
-        MODELS[INCUMBENT](cell),
+        MODELS[JOINTS](cell),
         replace(mgco56, name="MLS56", estimator=least_squares),
         mgco56,
         MODELS["MGCO68"](cell),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.default import INCUMBENT
+from testbench.bench.baselines import JOINTS
 from testbench.bench.rows import UM
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
@@ -91,7 +91,7 @@ def judged(by_seed: Mapping[int, Sequence[FitRow]]) -> list[Judged]:
     for seed, rows in by_seed.items():
         for (_, poses), own in grouped(rows, lambda row: (row.case.truth, row.poses)).items():
             errors = {row.method: row.workspace_mm for row in own if row.method != CHOSEN}
-            beside = errors[INCUMBENT], errors[best[poses]], min(errors.values())
+            beside = errors[JOINTS], errors[best[poses]], min(errors.values())
             found += [Judged(seed, row, *beside) for row in own]
     return found
 
@@ -145,7 +145,7 @@ def _advice(family: Sequence[MethodAt]) -> Advice:
         return min(methods, key=lambda m: m.workspace_mm.median)
 
     fixed = [m for m in family if m.method != CHOSEN]
-    [joints] = [m for m in fixed if m.method == INCUMBENT]
+    [joints] = [m for m in fixed if m.method == JOINTS]
     [default] = [m for m in family if m.method == CHOSEN]
     plain = [m for m in fixed if not m.filled]
     return Advice(family[0].poses, default, best(fixed), best(plain), joints)
