@@ -33,6 +33,8 @@ PICTURES = {
     "recording_error_map": ("pose_selection", "Error map", None, 0),
     "recording_noise_sensitivity": ("noise_sensitivity", None, None, 0),
     "recording_model_error": ("model_error", None, None, 0),
+    "recording_which_model": ("which_model", None, None, 0),
+    "recording_regimes": ("regimes", None, None, 0),
 }
 """By file: folder of the run, tab in front, timeline, place on it."""
 
