@@ -163,9 +163,7 @@ def test_the_answer_names_each_method_with_its_own_error(report, winner):
     assert ("MGCO56 + prior" in text) == (made.recommended == "MGCO56 + prior")
     assert f"Recommended: {made.recommended}," in statements(made)
     behind = "It is the best here." if winner == "ALL153 + prior" else "Its error is 1.50 ("
-    assert f"Marked: ALL153 + prior, the default of `testbench identify`. {behind}" in statements(
-        made
-    )
+    assert f"Marked: ALL153 + prior, the default of `testbench identify`. {behind}" in statements(made)
     assert f"ALL153 + prior (default) {sizes['ALL153 + prior']:.3f} (" in text
     marks = {name: table.bold for name, table in STUDY.tables(made).items() if table.bold}
     assert marks.pop("errors") == made.recommended  # what a recording calls so
