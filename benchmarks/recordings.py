@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.bench.campaign import Result, Scenario, build_cell, identify, named_models, simulate
+from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.bench.judged import Result, identify
+from testbench.bench.models import named_models
 from testbench.bench.rows import FitRow, fit_row
 from testbench.model.poses import WorkArea
 from testbench.views.recording.calibration import write_calibration

@@ -12,10 +12,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from testbench.arm.folder import load_arm as load_arm
-    from testbench.bench.campaign import MODELS as MODELS
     from testbench.bench.campaign import Scenario as Scenario
     from testbench.bench.campaign import build_cell as build_cell
     from testbench.bench.campaign import simulate as simulate
+    from testbench.bench.models import MODELS as MODELS
     from testbench.bench.plan import plan as plan
     from testbench.bench.plan_settings import PlanSettings as PlanSettings
     from testbench.data.csvfile import read_csv as read_csv
@@ -41,7 +41,7 @@ HOMES = {
     "build_cell": "bench.campaign",
     "Scenario": "bench.campaign",
     "simulate": "bench.campaign",
-    "MODELS": "bench.campaign",
+    "MODELS": "bench.models",
     "Dataset": "data.dataset",
     "read_csv": "data.csvfile",
     "write_csv": "data.csvfile",

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
-from testbench.bench.campaign import Cell, Model
+from testbench.bench.campaign import Cell
+from testbench.bench.models import Model
 from testbench.bench.rows import FitRow, JudgedRow
 from testbench.identify import completed_least_squares
 from testbench.model.structure import template56

@@ -1,6 +1,5 @@
 """The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,21 +12,8 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
-from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, Estimator, Method, gco, least_squares
-from testbench.identify.evaluate import Score, predict_all, score
-from testbench.identify.reduction import non_redundant
+from testbench.errors import Array
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.structure import (
-    Structure,
-    all153,
-    joints_only,
-    mgco47,
-    mgco68,
-    mgco69,
-    mgco147,
-    template56,
-)
 from testbench.model.vjm import Vjm, build_vjm
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and who only fits runs does without
@@ -99,15 +85,6 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Model:
-    """A named structure with the method that identifies it."""
-
-    name: str  #: As in the paper, such as MGCO68.
-    structure: Structure  #: The unknowns.
-    estimator: Estimator  #: A `Method`, or a function of your own.
-
-
-@dataclass(frozen=True)
 class Campaign:
     """What was measured, and the truth to judge by: of section 6, or of section 5 (`full_pose.simulate`)."""
 
@@ -119,26 +96,6 @@ class Campaign:
     check_true: Dataset  #: The same runs without noise.
     truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
     drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
-
-
-@dataclass(frozen=True)
-class Errors:
-    """An estimate judged."""
-
-    identification: Score  #: Errors on the runs it was identified from, against their readings.
-    check: Score  #: Errors on the check runs, against their readings.
-    check_true: Score  #: The same against their true deflections.
-    truth: Score  #: Errors against the true deflections.
-    residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
-
-
-@dataclass(frozen=True)
-class Result(Errors):
-    """One model, identified and judged."""
-
-    model: Model  #: What was asked for.
-    estimate: Estimate  #: What was found.
-    seconds: float  #: Wall time of the estimator.
 
 
 def build_cell(folder: str | Path) -> Cell:
@@ -312,79 +269,3 @@ def settle_both(
     loads = np.concatenate([np.zeros_like(wrench), wrench])
     rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))
     return part_of(rest, slice(runs)), part_of(rest, slice(runs, None))
-
-
-def _mls32(cell: Cell) -> Model:
-    kept = non_redundant(cell.vjm, template56(cell.arm), name="MLS32")
-    return Model("MLS32", kept, least_squares)
-
-
-MODELS: dict[str, Callable[[Cell], Model]] = {
-    "Joints": lambda cell: Model("Joints", joints_only(cell.arm), least_squares),
-    "MLS32": _mls32,
-    "MLS56": lambda cell: Model("MLS56", template56(cell.arm, name="MLS56"), least_squares),
-    "MGCO47": lambda cell: Model("MGCO47", mgco47(cell.arm), gco),
-    "MGCO56": lambda cell: Model("MGCO56", template56(cell.arm), gco),
-    "MGCO68": lambda cell: Model("MGCO68", mgco68(cell.arm), gco),
-    "MGCO69": lambda cell: Model("MGCO69", mgco69(cell.arm), gco),
-    "MGCO147": lambda cell: Model("MGCO147", mgco147(cell.arm), gco),
-    "ALL153": lambda cell: Model("ALL153", all153(cell.arm), gco),
-}
-"""Models by name, the paper's, "Joints" and "ALL153": MODELS["MGCO56"](cell) has structure and method."""
-
-SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
-"""The models of section 6, in the paper's order."""
-
-
-def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
-    """Models of the paper by name.
-
-    Raises:
-        BenchError: When there is no such model, or the arm has too few links for it.
-    """
-    for name in names:
-        if name not in MODELS:
-            raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
-    return [MODELS[name](cell) for name in names]
-
-
-def identify(
-    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
-) -> list[Result]:
-    """Identify every model from the campaign and judge it on all sets."""
-    estimates, seconds = [], []
-    for model in models:
-        start = clock()
-        estimates.append(model.estimator(cell.vjm, model.structure, campaign.identification))
-        seconds.append(clock() - start)
-    found = zip(models, estimates, seconds, judge_all(cell, campaign, estimates), strict=True)
-    return [Result(**vars(errors), model=m, estimate=e, seconds=taken) for m, e, taken, errors in found]
-
-
-def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
-    """Identify one model from each of several datasets; an estimator of one's own takes them one by one."""
-    if isinstance(model.estimator, Method):
-        return model.estimator.each(cell.vjm, model.structure, datasets)
-    return [model.estimator(cell.vjm, model.structure, data) for data in datasets]
-
-
-def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
-    """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
-    [errors] = judge_all(cell, campaign, [estimate])
-    return Result(**vars(errors), model=model, estimate=estimate, seconds=seconds)
-
-
-def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> list[Errors]:
-    """The errors of several estimates of one campaign."""
-    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
-    predicted = [predict_all(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
-    return [
-        Errors(
-            identification=score(own[0], fitted.deflection),
-            check=score(own[1], check.deflection),
-            check_true=score(own[1], campaign.check_true.deflection),
-            truth=score(own[2], truth.deflection),
-            residuals=campaign.measured.deflection - own[3],
-        )
-        for own in zip(*predicted, strict=True)
-    ]

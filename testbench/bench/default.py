@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import MODELS, Cell, Model, named_models
+from testbench.bench.campaign import Cell
+from testbench.bench.models import MODELS, Model, named_models
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import Estimate, Method, with_prior

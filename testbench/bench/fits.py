@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.bench.campaign import Cell, Model
+from testbench.bench.campaign import Cell
 from testbench.bench.default import DEFAULT, recommend
+from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
@@ -119,7 +120,7 @@ def fit(
         found = [_timed(cell, model, runs.used, clock) for model in models]
     except BenchError as err:
         raise BenchError("; ".join([str(err), *looks])) from err
-    # beside a prior, intervals that count noise alone would look the surest.
+    # beside a prior, intervals that count noise alone would look the surest
     plain = all(estimate.belief is None for estimate, _ in found)
     taken = recommend(cell, models, runs.used)
     wanted = [

@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from testbench.bench.campaign import MODELS, Cell, named_models
+from testbench.bench.campaign import Cell
 from testbench.bench.candidates import Conditions
+from testbench.bench.models import MODELS, named_models
 from testbench.bench.rows import UM
 from testbench.data.csvfile import SIGMA_RANGE
 from testbench.data.station import Station

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.bench.campaign import Errors
+from testbench.bench.judged import Errors
 from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace

@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from testbench.arm.stiffness import turned
-from testbench.bench.campaign import Cell, Model, stream
+from testbench.bench.campaign import Cell, stream
 from testbench.bench.default import with_priors
+from testbench.bench.models import Model
 from testbench.errors import Array, BenchError
 from testbench.identify.prior import Prior, Strength, cad_prior, distorted
 

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from testbench.bench.campaign import build_cell, named_models
+from testbench.bench.campaign import build_cell
+from testbench.bench.models import named_models
 from testbench.cli.arguments import ArmName, Dataset
 from testbench.data.csvfile import read_csv
 from testbench.errors import InputError

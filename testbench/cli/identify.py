@@ -10,9 +10,10 @@ import typer
 from rich.console import Console
 
 from testbench import files
-from testbench.bench.campaign import Cell, Model, build_cell, named_models
+from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import Runs, fit
+from testbench.bench.models import Model, named_models
 from testbench.cli.arguments import ArmName, Dataset
 from testbench.data.csvfile import read_csv
 from testbench.data.dataset import split

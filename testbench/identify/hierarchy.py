@@ -104,7 +104,11 @@ class Weighed:
 
 
 def weigh(seen: Evidence, h: Array) -> Weighed:
-    """Readings over their covariance, S = kappa^2 + A D A^T: at least one, so that it has a root."""
+    """Readings over their covariance, S = kappa^2 + A D A^T: at least one, so that it has a root.
+
+    Raises:
+        BenchError: When rounding leaves it none, as with sizes of 1e16 standard deviations.
+    """
     s2, kappa2 = np.exp(2 * h[: seen.blocks]), np.exp(2 * h[-1])
     variances = np.concatenate([np.exp(2 * h[-3]) * s2, np.exp(2 * h[-2]) * s2])
     S = np.tensordot(variances, seen.scatter, 1)
@@ -112,7 +116,10 @@ def weigh(seen: Evidence, h: Array) -> Weighed:
     root, _ = dpotrf(S, lower=1)
     half, failed = dpotri(root, lower=1)  # all of the inverse is in the gradient
     if failed:
-        raise np.linalg.LinAlgError("the covariance of the readings is not positive definite")
+        name = seen.metric.prior
+        raise BenchError(
+            f"prior {name}: expected readings that compare with it, their covariance has no root"
+        )
     inverse = np.tril(half) + np.tril(half, -1).T
     e = seen.y - seen.moved @ np.sqrt(s2)
     return Weighed(variances, inverse, 2 * float(np.log(np.diag(root)).sum()), e, inverse @ e)

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Model, Scenario, identify, named_models, simulate
+from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.default import DEFAULT, choose, default_models, recommend
+from testbench.bench.judged import identify
+from testbench.bench.models import Model, named_models
 from testbench.data.outliers import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior

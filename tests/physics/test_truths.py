@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import minimize
 
 from testbench.arm.stiffness import Tube, check_compliance, eigenvalue_scale, tube_compliance, turned
-from testbench.bench.campaign import MODELS, Scenario, simulate, stream
+from testbench.bench.campaign import Scenario, simulate, stream
+from testbench.bench.models import MODELS
 from testbench.bench.truths import (
     TRUTHS,
     UNEQUAL,

@@ -12,15 +12,9 @@ import pytest
 import rerun as rr
 from read_back import chunks_of, columns, document, layout, on, rerun, series
 
-from testbench.bench.campaign import (
-    SECTION_6,
-    Scenario,
-    build_cell,
-    identify,
-    named_models,
-    settle_both,
-    simulate,
-)
+from testbench.bench.campaign import Scenario, build_cell, settle_both, simulate
+from testbench.bench.judged import identify
+from testbench.bench.models import SECTION_6, named_models
 from testbench.model.poses import WorkArea
 from testbench.plant import settle
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.bench.baselines import JOINTS, distinct
-from testbench.bench.campaign import Campaign, Result
+from testbench.bench.campaign import Campaign
+from testbench.bench.judged import Result
 from testbench.bench.rows import UM
 from testbench.data.dataset import Mask
 from testbench.identify.evaluate import Normality, normal_density

@@ -10,19 +10,10 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import (
-    Campaign,
-    Cell,
-    Result,
-    Scenario,
-    build_cell,
-    draw_poses,
-    identify,
-    named_models,
-    simulate_at,
-    stream,
-)
+from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.bench.default import with_priors
+from testbench.bench.judged import Result, identify
+from testbench.bench.models import named_models
 from testbench.bench.rows import (
     DatasetRow,
     JudgedRow,

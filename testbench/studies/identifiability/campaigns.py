@@ -11,17 +11,9 @@ from itertools import product
 from typing import Literal
 
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import (
-    Campaign,
-    Cell,
-    Model,
-    Scenario,
-    draw_poses,
-    judge_all,
-    simulate,
-    simulate_at,
-    stream,
-)
+from testbench.bench.campaign import Campaign, Cell, Scenario, draw_poses, simulate, simulate_at, stream
+from testbench.bench.judged import judge_all
+from testbench.bench.models import Model
 from testbench.bench.rows import MM
 from testbench.bench.wrong_prior import SCALE, wrong_prior
 from testbench.data.outliers import spoil

@@ -7,7 +7,9 @@ from functools import partial
 from typing import Literal
 
 from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import Campaign, Cell, Errors, Model, identify, judge_all, named_models
+from testbench.bench.campaign import Campaign, Cell
+from testbench.bench.judged import Errors, identify, judge_all
+from testbench.bench.models import Model, named_models
 from testbench.bench.rows import JudgedRow, fit_row, judged_row
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.errors import Array

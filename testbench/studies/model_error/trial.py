@@ -15,17 +15,10 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import (
-    Campaign,
-    Cell,
-    Model,
-    Scenario,
-    build_cell,
-    identify_each,
-    simulate,
-    stream,
-)
+from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.bench.default import DEFAULT
+from testbench.bench.judged import identify_each
+from testbench.bench.models import Model
 from testbench.bench.rows import UM, dataset_row
 from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.bench.baselines import equal_fit
-from testbench.bench.campaign import Cell, Model, named_models
+from testbench.bench.campaign import Cell
 from testbench.bench.default import with_priors
+from testbench.bench.models import Model, named_models
 from testbench.bench.rows import UM, DatasetRow
 from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
 from testbench.data.dataset import Dataset

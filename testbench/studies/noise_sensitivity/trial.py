@@ -19,18 +19,18 @@ from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import (
     Campaign,
     Cell,
-    Model,
     Scenario,
     Truth,
     build_cell,
     draw_poses,
-    identify_each,
     simulate_at,
     stream,
 )
 from testbench.bench.default import DEFAULT
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.bench.judged import identify_each
+from testbench.bench.models import Model
 from testbench.bench.rows import dataset_row
 from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.errors import BenchError

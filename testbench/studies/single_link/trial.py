@@ -14,9 +14,10 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, Model, build_cell, stream
+from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.campaign import measure as read
 from testbench.bench.full_pose import FullPose, at_tool, random_wrenches
+from testbench.bench.models import Model
 from testbench.bench.rows import FitRow, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array

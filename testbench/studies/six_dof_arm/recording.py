@@ -3,8 +3,9 @@
 import time
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell, identify
+from testbench.bench.campaign import build_cell
 from testbench.bench.full_pose import simulate
+from testbench.bench.judged import identify
 from testbench.data.csvfile import write_csv
 from testbench.studies.six_dof_arm.report import SixDofReport
 from testbench.studies.six_dof_arm.trial import Settings, models

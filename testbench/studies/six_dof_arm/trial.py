@@ -13,19 +13,10 @@ from scipy.special import chdtri
 from testbench.arm.catalogue import find_arm
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import (
-    Campaign,
-    Cell,
-    Model,
-    Result,
-    Truth,
-    build_cell,
-    identify,
-    judge,
-    named_models,
-    stream,
-)
+from testbench.bench.campaign import Campaign, Cell, Truth, build_cell, stream
 from testbench.bench.full_pose import FullPose, simulate
+from testbench.bench.judged import Result, identify, judge
+from testbench.bench.models import Model, named_models
 from testbench.bench.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.errors import Array
 from testbench.identify import Estimate, gco

@@ -14,8 +14,10 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Campaign, Cell, Model, build_cell, judge, named_models, stream
+from testbench.bench.campaign import Campaign, Cell, build_cell, stream
 from testbench.bench.full_pose import FullPose, simulate
+from testbench.bench.judged import judge
+from testbench.bench.models import Model, named_models
 from testbench.bench.rows import UM, ErrorRow, error_row
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce

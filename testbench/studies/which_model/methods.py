@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import MODELS, Cell, Model, named_models
+from testbench.bench.campaign import Cell
+from testbench.bench.models import MODELS, Model, named_models
 from testbench.identify import least_squares
 
 CHOSEN = "default"  #: What `bench.default` chooses from the readings.

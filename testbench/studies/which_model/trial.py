@@ -12,18 +12,10 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import (
-    Campaign,
-    Cell,
-    Model,
-    Scenario,
-    build_cell,
-    draw_poses,
-    identify_each,
-    simulate_at,
-    stream,
-)
+from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.bench.default import choose, with_priors
+from testbench.bench.judged import identify_each
+from testbench.bench.models import Model
 from testbench.bench.truths import TRUTHS, true_cell
 from testbench.bench.wrong_prior import PRIORS, prior_of
 from testbench.data.dataset import Dataset, select

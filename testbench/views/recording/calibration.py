@@ -8,7 +8,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from testbench.bench.campaign import Campaign, Cell, Result
+from testbench.bench.campaign import Campaign, Cell
+from testbench.bench.judged import Result
 from testbench.trials.spread import Spread
 from testbench.views.recording.chart import Chart, dots
 from testbench.views.recording.compliance import compliance_grid, write_compliances

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaincinv
 
-from testbench.bench.campaign import Campaign, Cell, Result, Scenario, Truth, settle_both
+from testbench.bench.campaign import Campaign, Cell, Scenario, Truth, settle_both
+from testbench.bench.judged import Result
 from testbench.bench.rows import FitRow
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array

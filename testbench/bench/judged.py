@@ -1,0 +1,73 @@
+"""Models identified from a campaign and judged: against its readings, and by the truth."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from testbench.bench.campaign import Campaign, Cell
+from testbench.bench.models import Model
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify import Estimate, Method
+from testbench.identify.evaluate import Score, predict_all, score
+
+
+@dataclass(frozen=True)
+class Errors:
+    """An estimate judged."""
+
+    identification: Score  #: Errors on the runs it was identified from, against their readings.
+    check: Score  #: Errors on the check runs, against their readings.
+    check_true: Score  #: The same against their true deflections.
+    truth: Score  #: Errors against the true deflections.
+    residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
+
+
+@dataclass(frozen=True)
+class Result(Errors):
+    """One model, identified and judged."""
+
+    model: Model  #: What was asked for.
+    estimate: Estimate  #: What was found.
+    seconds: float  #: Wall time of the estimator.
+
+
+def identify(
+    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
+) -> list[Result]:
+    """Identify every model from the campaign and judge it on all sets."""
+    estimates, seconds = [], []
+    for model in models:
+        start = clock()
+        estimates.append(model.estimator(cell.vjm, model.structure, campaign.identification))
+        seconds.append(clock() - start)
+    found = zip(models, estimates, seconds, judge_all(cell, campaign, estimates), strict=True)
+    return [Result(**vars(errors), model=m, estimate=e, seconds=taken) for m, e, taken, errors in found]
+
+
+def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
+    """Identify one model from each of several datasets; an estimator of one's own takes them one by one."""
+    if isinstance(model.estimator, Method):
+        return model.estimator.each(cell.vjm, model.structure, datasets)
+    return [model.estimator(cell.vjm, model.structure, data) for data in datasets]
+
+
+def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
+    """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
+    [errors] = judge_all(cell, campaign, [estimate])
+    return Result(**vars(errors), model=model, estimate=estimate, seconds=seconds)
+
+
+def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> list[Errors]:
+    """The errors of several estimates of one campaign."""
+    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
+    predicted = [predict_all(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
+    return [
+        Errors(
+            identification=score(own[0], fitted.deflection),
+            check=score(own[1], check.deflection),
+            check_true=score(own[1], campaign.check_true.deflection),
+            truth=score(own[2], truth.deflection),
+            residuals=campaign.measured.deflection - own[3],
+        )
+        for own in zip(*predicted, strict=True)
+    ]
