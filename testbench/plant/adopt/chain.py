@@ -1,0 +1,78 @@
+"""The serial chain that a robot's file is reduced to: parts, joints, masses and surfaces, in SI."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A triangle surface fixed in a part; a primitive of the file is one too."""
+
+    vertices: Array  #: Corners in the part's frame, (v, 3) [m].
+    faces: npt.NDArray[np.int_]  #: Three corners a triangle, (f, 3).
+    rgba: Array  #: Colour, (4,) [1].
+    visual: bool  #: It is drawn.
+    collides: bool  #: It keeps others out.
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """A frame that the file names on a part: a flange, a tool's centre point, a site."""
+
+    name: str  #: As the file says it.
+    position: Array  #: In the part's frame, (3,) [m].
+    rotation: Array  #: Part from site, (3, 3) [1].
+
+
+@dataclass(frozen=True, eq=False)
+class JointOf:
+    """The joint that moves a part; its axis leads through the part's origin."""
+
+    name: str  #: As the file says it.
+    axis: Array  #: Unit axis in the part's frame, (3,) [1].
+    prismatic: bool  #: It slides along the axis; else it turns about it.
+    lower: float  #: Lower limit [rad or m].
+    upper: float  #: Upper limit [rad or m].
+    limits_from: Literal["file", "none"]  #: "none": the file has no limits, ours stand in for them.
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One rigid body of the chain, with all that is fixed to it."""
+
+    name: str  #: Its link or body in the file.
+    joint: JointOf | None  #: What moves it against the part before; None for the base.
+    pose: Array  #: In the part before at q = 0, (4, 4) [m]; the identity for the base.
+    mass: float  #: Of all that is fixed to it [kg].
+    com: Array  #: Centre of mass in the part's frame, (3,) [m].
+    inertia: Array  #: About the centre of mass in the part's axes, (3, 3) [kg m^2].
+    inertia_from: Literal["file", "geometry"]  #: "geometry": estimated, the file has no masses.
+    shapes: tuple[Shape, ...]  #: Its surfaces.
+    sites: tuple[Site, ...]  #: Frames that the file names on it.
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A serial arm as a stranger's file describes it."""
+
+    name: str  #: The robot's name in the file.
+    parts: tuple[Part, ...]  #: From the base to the last link, n + 1.
+    tip: Array  #: Pose of the tool in the last part, (4, 4) [m].
+    tip_name: str  #: The link, body or site that the tool is.
+    base: Array  #: Pose of the base part in the world, (4, 4) [m].
+    notes: tuple[str, ...]  #: What was understood, merged, frozen or estimated, a sentence each.
+
+    @property
+    def n_joints(self) -> int:
+        """Number of moving joints, n."""
+        return len(self.parts) - 1
+
+    @property
+    def mass(self) -> float:
+        """Of the whole arm, the base with it [kg]."""
+        return sum(part.mass for part in self.parts)
