@@ -5,19 +5,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
 from testbench import files
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.default import default_models, with_priors
-from testbench.bench.fits import Runs, fit
+from testbench.bench.fits import fit
 from testbench.bench.models import Model, named_models
+from testbench.bench.runs import read_runs
 from testbench.cli.arguments import ArmName, Dataset
-from testbench.data.csvfile import read_csv
-from testbench.data.dataset import split
-from testbench.errors import BenchError, InputError
+from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.shell.options import takes
@@ -55,8 +53,9 @@ def command(asked: Options) -> None:
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
         raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
+    cell, runs = read_runs(cell, asked)
     models = _models(cell, asked)
-    found = fit(cell, models, _runs(cell, asked), time.perf_counter, widths=asked.intervals)
+    found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
     with files.whole_folder(asked.out) as folder:
         files.write_json(asdict(found), folder / "models.json")
     console = Console(highlight=False)
@@ -77,24 +76,3 @@ def _models(cell: Cell, asked: Options) -> list[Model]:
     if asked.robust:
         models = [replace(m, estimator=robust(m.estimator)) for m in models]
     return models
-
-
-def _runs(cell: Cell, asked: Options) -> Runs:
-    """The runs, those to fit, and those in the poses held back.
-
-    Raises:
-        InputError: When the file is wrong, or lacks the orientations that were insisted on.
-        BenchError: When a pose is not in the data, none is left on one side, or no target was read in those
-            held back.
-    """
-    data = read_csv(asked.dataset, cell.arm)
-    if asked.full_pose and data.rotation_before is None:
-        problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
-        raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
-    if not asked.check_pose:
-        return Runs(asked.dataset.name, data, data, None)
-    check, used = split(data, np.array(asked.check_pose))
-    if not check.seen.any():
-        poses = asked.check_pose
-        raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
-    return Runs(asked.dataset.name, data, used, check)

@@ -1,0 +1,50 @@
+"""Measured runs for a fit: read, checked, and the poses that are held back set apart."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from testbench.bench.campaign import Cell
+from testbench.bench.fits import Runs
+from testbench.data.csvfile import read_csv
+from testbench.data.dataset import split
+from testbench.errors import BenchError, InputError
+
+
+class Asked(Protocol):
+    """What a command says about its runs."""
+
+    @property
+    def dataset(self) -> Path:
+        """The file."""
+
+    @property
+    def check_pose(self) -> Sequence[int] | None:
+        """Poses to hold back."""
+
+    @property
+    def full_pose(self) -> bool:
+        """Whether orientations are insisted on."""
+
+
+def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
+    """The cell that was measured, and its runs: those to fit, and those in the poses held back.
+
+    Raises:
+        InputError: When the file is wrong, or lacks the orientations that were insisted on.
+        BenchError: When a pose is not in the data, none is left on one side, or no target was read in those
+            held back.
+    """
+    data = read_csv(asked.dataset, cell.arm)
+    if asked.full_pose and data.rotation_before is None:
+        problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
+        raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
+    if not asked.check_pose:
+        return cell, Runs(asked.dataset.name, data, data, None)
+    check, used = split(data, np.array(asked.check_pose))
+    if not check.seen.any():
+        poses = asked.check_pose
+        raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
+    return cell, Runs(asked.dataset.name, data, used, check)
