@@ -35,12 +35,18 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """An actuated joint with a spring beside it."""
+    """An actuated joint with a spring beside it: a hinge, or a slide."""
 
-    name: str  #: The hinge in rigid.xml.
-    lower: float  #: Lower limit [rad].
-    upper: float  #: Upper limit [rad].
-    compliance: float  #: True compliance [rad/(N m)].
+    name: str  #: The hinge or slide in rigid.xml.
+    lower: float  #: Lower limit [rad, m].
+    upper: float  #: Upper limit [rad, m].
+    compliance: float  #: True compliance [rad/(N m), m/N].
+    prismatic: bool = False  #: Whether it is a slide.
+
+    @property
+    def unit(self) -> Literal["rad", "m"]:
+        """Unit of its coordinate."""
+        return "m" if self.prismatic else "rad"
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,7 @@ class Arm:
     tool: str  #: Body of the tool's centre point, a child of the last link.
     load: str  #: Body at whose origin a hung weight acts.
     markers: tuple[str, ...]  #: Bodies that the tracker reads.
+    payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
 
     @property
     def n_joints(self) -> int:
@@ -94,10 +101,13 @@ Unit = TypeVar("Unit")
 
 class _Quantity(_Strict, Generic[Value, Unit]):
     value: Value
-    origin: Literal["published", "inferred", "assumed"]
+    origin: Literal["published", "inferred", "assumed", "estimated"]
     note: str = ""
     unit: Unit
 
+
+PAYLOAD_RANGE = 1e-3, 1e4
+"""Masses that can hang from an arm [kg]; beyond it a unit is wrong."""
 
 _Metre = _Quantity[float, Literal["m"]]
 
@@ -129,6 +139,7 @@ class _Elastic(_Strict):
     tool: Name
     load: Name
     markers: list[Name] = Field(min_length=1)
+    payload: _Quantity[float, Literal["kg"]] | None = None
     link: list[_Link] = Field(min_length=1)
     joint: list[_Joint] = Field(default_factory=list)
 
@@ -161,6 +172,7 @@ def load_arm(folder: str | Path) -> Arm:
         tool=elastic.tool,
         load=elastic.load,
         markers=tuple(elastic.markers),
+        payload=None if elastic.payload is None else elastic.payload.value,
     )
     _check_chain(rigid, root, arm)
     return arm
@@ -189,11 +201,18 @@ def _check_values(path: Path, elastic: _Elastic) -> None:
     for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
         if len(set(names)) != len(names):
             raise InputError(path, place, f"expected different names, got {names}")
+    _check_payload(path, elastic)
     low, high = COMPLIANCE_RANGE
     for index, joint in enumerate(elastic.joint):
         if not low <= joint.compliance.value <= high:
             problem = f"compliance: expected {low:g} to {high:g} rad/(N m), got {joint.compliance.value}"
             raise InputError(path, f"joint.{index} ({joint.name})", problem)
+
+
+def _check_payload(path: Path, elastic: _Elastic) -> None:
+    low, high = PAYLOAD_RANGE
+    if elastic.payload is not None and not low <= elastic.payload.value <= high:
+        raise InputError(path, "payload", f"expected {low:g} to {high:g} kg, got {elastic.payload.value}")
 
 
 def _first(err: ValidationError) -> tuple[str, str]:
