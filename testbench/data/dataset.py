@@ -34,12 +34,14 @@ class Dataset:
     #: Inverse covariance of every deflection, world axes, (runs, m, 3, 3) [1/m^2]; all zero where a target
     #: was lost. None where sigma holds along every axis: a deflection then has 2 sigma^2.
     precision: Array | None = None
+    #: Set-up of the tracker that read each run, (runs,): each has a frame of its own. None for one set-up.
+    station: Ids | None = None
 
     def __post_init__(self) -> None:
         """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
         runs, m = len(self.run), len(self.markers)
-        for name in ("run", "pose"):
-            ids = np.asarray(getattr(self, name))
+        for name in ("run", "pose", "station"):
+            ids = np.asarray(self.run if getattr(self, name) is None else getattr(self, name))
             if ids.shape != (runs,) or not np.issubdtype(ids.dtype, np.integer):
                 raise BenchError(f"{name}: expected {runs} integers, got {ids.dtype} {ids.shape}")
         if m == 0 or len(set(self.markers)) != m:
@@ -119,7 +121,9 @@ def select(data: Dataset, runs: Mask) -> Dataset:
         raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
     arrays = ["run", "pose", "q", "wrench", "point", "before", "after"]
     arrays += [
-        name for name in ("rotation_before", "rotation_after", "precision") if getattr(data, name) is not None
+        name
+        for name in ("rotation_before", "rotation_after", "precision", "station")
+        if getattr(data, name) is not None
     ]
     return replace(data, **{name: getattr(data, name)[runs] for name in arrays})
 

@@ -451,6 +451,7 @@ def test_positions_alone_have_no_rotation() -> None:
         ({"sigma": np.nan}, r"sigma \[m\]: expected more than 0, got nan"),
         ({"sigma_rotation": None}, "orientations: expected before, after and sigma together, or none"),
         ({"rotation_after": np.zeros((4, 3, 3))}, r"rotation_after \[rad\]: expected shape \(4, 3\)"),
+        ({"station": np.zeros(3, int)}, r"station: expected 4 integers, got int64 \(3,\)"),
         ({"sigma_rotation": 0.0}, r"sigma \[rad\]: expected more than 0, got 0.0"),
     ],
 )
@@ -475,6 +476,12 @@ def test_select_takes_whole_runs_with_all_their_arrays(rotation: bool) -> None:
         np.testing.assert_array_equal(part.rotation_before, data.rotation_before[[0, 3]])
     else:
         assert part.rotation_before is None
+
+
+def test_station_follows_its_runs() -> None:
+    inside, outside = split(replace(dataset(), station=np.array([1, 2, 1, 3])), np.array([7]))
+    np.testing.assert_array_equal(inside.station, [1, 2])
+    np.testing.assert_array_equal(outside.station, [1, 3])
 
 
 def test_split_goes_by_pose_and_never_by_point() -> None:
