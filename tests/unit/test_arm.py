@@ -14,6 +14,7 @@ MODELS = Path(__file__).parents[2] / "models"
 LENGTH, DIAMETER = r"(?<=tube\.length = \{ value = )[^,]+", r"(?<=outer_diameter = \{ value = )[^,]+"
 INNER, MODULUS = r"(?<=inner_diameter = \{ value = )[^,]+", r"(?<=youngs_modulus = \{ value = )[^,]+"
 POISSON, AXIS = r"(?<=poissons_ratio = \{ value = )[^,]+", r"(?<=axis = )\[.*?\]"
+PAYLOAD = r"(?<=payload = \{ value = )[^,]+"
 JOINT = r"(?<=\ncompliance = \{ value = )[^,]+"
 
 
@@ -258,7 +259,12 @@ WRONG_TOML = {
     "no markers": (r"markers = .*", "markers = []", ["markers", "at least 1 item"]),
     "NaN": (LENGTH, "nan", ["link.0.tube.length.value", "finite number", "got nan"]),
     "a wrong unit": (r'unit = "m"', 'unit = "mm"', ["link.0.tube.length.unit", "'m'", "got 'mm'"]),
-    "a wrong origin": (r'"assumed"', '"guessed"', ["length.origin", "'published', 'inferred' or 'assumed'"]),
+    "a wrong origin": (
+        r'"assumed"',
+        '"guessed"',
+        ["payload.origin", "'published', 'inferred', 'assumed' or 'estimated'"],
+    ),
+    "a payload in tonnes": (PAYLOAD, "0.0001", ["payload: expected 0.001 to 10000 kg, got 0.0001"]),
     "a zero length": (LENGTH, "0.0", ["link.0 (link_0)", "length: expected 0.001 to 100 m, got 0.0"]),
     "an inner diameter above the outer": (INNER, "9.0", ["inner_diameter: expected 0 to below", "got 9.0"]),
     "GPa for Pa": (MODULUS, "70", ["youngs_modulus: expected 1e+06 to 1e+13 Pa, got 70"]),
