@@ -1,0 +1,95 @@
+"""Numbers that a robot's file does not hold, from its class: payload, joint compliances, material.
+
+The law of the joints is fitted to the 13 joint compliances that we know from public data, docs/own_arm.md
+lists them: a KR 500 by modal test, a KR 270 and a UR10 by elastostatic calibration.
+"""
+
+from dataclasses import dataclass
+
+from testbench.arm.stiffness import Tube
+
+ARM_COMPLIANCE = 0.33e-6  #: Of a joint that carries 1000 kg m [rad/(N m)].
+POWER = 0.75  #: Compliance falls with this power of payload times reach [1].
+WRIST = 6.0  #: Compliance of a joint of the wrist over that of one of the arm [1].
+SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean square of the logarithm [1].
+LEVER = 0.1  #: A slide is as stiff as a turning joint at this share of the reach [1].
+WRIST_JOINTS = 3  #: Joints after the third are of the wrist, at most so many.
+
+MASS_SHARE = 0.2  #: Payload over the mass of the whole arm [1].
+PAYLOAD_AT_1_M = 10.0  #: Payload of an arm of one metre where its masses are unknown; with the cube of it [kg].
+
+HEAVY = 100.0  #: Payload from which an arm is of cast iron [kg].
+HOLLOW = 0.9  #: Inner over outer diameter, as of our KR 500 [1].
+OUTER = 0.30  #: Outer diameter of a link that carries 1000 kg m where no shape tells it [m].
+
+
+@dataclass(frozen=True)
+class Material:
+    """What links are made of."""
+
+    name: str
+    E: float  #: Young's modulus [Pa].
+    nu: float  #: Poisson's ratio [1].
+
+
+CAST_IRON, ALUMINIUM = Material("grey cast iron", 1.1e11, 0.26), Material("aluminium", 7.0e10, 0.33)
+
+
+@dataclass(frozen=True)
+class Class:
+    """What an arm is built for."""
+
+    payload: float  #: Rated payload [kg].
+    reach: float  #: Stretched length from the first joint to the tool [m].
+
+    @property
+    def moment(self) -> float:
+        """Payload times reach [kg m]."""
+        return self.payload * self.reach
+
+    @property
+    def material(self) -> Material:
+        """Of its links."""
+        return CAST_IRON if self.payload >= HEAVY else ALUMINIUM
+
+    @property
+    def outer_diameter(self) -> float:
+        """Of a link of unknown shape [m]: equal stress, so the cube of it grows with the moment."""
+        return OUTER * (self.moment / 1000) ** (1 / 3)
+
+
+def joint_compliance(of: Class, index: int, n_joints: int, prismatic: bool) -> float:
+    """Compliance of a joint [rad/(N m), m/N].
+
+    Args:
+        of: What the arm is built for.
+        index: Of the joint, 0 the first.
+        n_joints: How many the arm has.
+        prismatic: Whether it slides.
+    """
+    c = ARM_COMPLIANCE * (of.moment / 1000) ** -POWER
+    if prismatic:
+        return c * (LEVER * of.reach) ** 2
+    return c * WRIST if in_wrist(index, n_joints) else c
+
+
+def in_wrist(index: int, n_joints: int) -> bool:
+    """Whether a joint is of the wrist: the last ones after the third, three at most."""
+    return index >= n_joints - min(WRIST_JOINTS, max(n_joints - 3, 0))
+
+
+def estimated_payload(mass: float | None, reach: float) -> float:
+    """Payload of an arm that states none, to two digits [kg].
+
+    Args:
+        mass: Of the whole arm [kg]; None where its file does not tell.
+        reach: Stretched length [m].
+    """
+    payload = PAYLOAD_AT_1_M * reach**3 if mass is None else MASS_SHARE * mass
+    return float(f"{payload:.2g}")
+
+
+def tube_of(length: float, outer: float, material: Material) -> Tube:
+    """The tube of a link, its dimensions to the millimetre (and a tenth)."""
+    D = round(outer, 4)
+    return Tube(max(round(length, 6), 1e-3), D, round(HOLLOW * D, 4), material.E, material.nu)

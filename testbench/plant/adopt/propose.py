@@ -1,0 +1,108 @@
+"""What the robot's file does not say, proposed: tubes, joint compliances, payload, tool, markers, load point.
+
+Every rule is plain and every number says "estimated" and how: docs/own_arm.md has them all.
+"""
+
+from dataclasses import dataclass
+
+from testbench.errors import Array
+from testbench.plant.adopt.beam import Beam, beams, reach
+from testbench.plant.adopt.chain import Chain, Part
+from testbench.plant.adopt.classes import (
+    Class,
+    estimated_payload,
+    in_wrist,
+    joint_compliance,
+    tube_of,
+)
+from testbench.plant.adopt.elastic_text import JointRow, LinkRow, Rows, elastic_text
+from testbench.plant.adopt.outline import extent, outer_diameter, triangles
+from testbench.plant.adopt.points import points, tool_pose, unique
+from testbench.plant.adopt.wishes import Wishes
+
+SHORT = 0.05  #: A link shorter than this share of the reach is cut over the whole of its shape [1].
+STUB = 0.5  #: No tube is shorter than this share of its diameter: wrists whose joints meet [1].
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What `testbench new` writes beside the robot's kinematics."""
+
+    tool: Array  #: Pose of the tool in the last part, (4, 4) [m].
+    tool_name: str  #: Of its body: "tool", or with underscores where the robot has one of that name.
+    load: Array  #: Load point in the tool's frame, (3,) [m].
+    load_name: str  #: Of its body.
+    markers: tuple[tuple[str, Array], ...]  #: Name of the body and position in the tool's frame, (3,) [m].
+    elastic: str  #: Text of elastic.toml.
+
+
+def propose(chain: Chain, wishes: Wishes) -> Proposal:
+    """Everything of an arm's folder that the robot's file does not hold.
+
+    Args:
+        chain: The robot, as its file has it.
+        wishes: What the engineer said of it.
+
+    Returns:
+        Places of tool, load point and markers, and the text of elastic.toml; all that nobody stated has the
+        origin "estimated".
+    """
+    tool = tool_pose(chain, wishes)
+    lines, long = beams(chain, tool), reach(chain, tool)
+    payload, payload_note = _payload(chain, wishes, long)
+    of = Class(payload, long)
+    placed = points(chain, wishes, lines[-1], long)
+    taken = [part.name for part in chain.parts]
+    tool_name = unique("tool", taken)
+    load_name = unique("load", [*taken, tool_name])
+    markers = []
+    for name, place in placed.markers:
+        name = unique(name, [*taken, tool_name, load_name, *(other for other, _ in markers)])
+        markers.append((name, place))
+    rows = Rows(
+        name=chain.name,
+        of=of,
+        payload_origin="estimated" if wishes.payload is None else "published",
+        payload_note=payload_note,
+        tool=tool_name,
+        load=load_name,
+        markers=tuple(name for name, _ in markers),
+        proposed=placed.proposed,
+        links=tuple(_link(p, line, of) for p, line in zip(chain.parts, lines, strict=True)),
+        joints=tuple(_joint(chain, k, of) for k in range(chain.n_joints)),
+    )
+    return Proposal(tool, tool_name, placed.load, load_name, tuple(markers), elastic_text(rows))
+
+
+def _payload(chain: Chain, wishes: Wishes, long: float) -> tuple[float, str]:
+    """Payload [kg] and how it is known."""
+    if wishes.payload is not None:
+        return wishes.payload, "as stated"
+    if all(part.inertia_from == "file" for part in chain.parts[1:]):
+        return estimated_payload(chain.mass, long), f"a fifth of the arm's {chain.mass:.3g} kg"
+    return estimated_payload(None, long), f"10 kg at 1 m, with the cube of the reach of {long:.2f} m"
+
+
+def _link(part: Part, line: Beam, of: Class) -> LinkRow:
+    """The tube of a link."""
+    surface, outer = triangles(part.shapes), None
+    if len(surface):
+        span = (0.0, line.distance)
+        if line.distance < SHORT * of.reach:
+            span = extent(surface, line.frame[:, 0])
+        outer = outer_diameter(surface, line.frame, span)
+    note = "its shape, thin quarter of the cuts" if outer else "no shape: from payload and reach"
+    outer = outer or of.outer_diameter
+    length, runs = line.distance, line.runs
+    if length < STUB * outer:
+        length, runs = STUB * outer, f"half the diameter: {1000 * length:.0f} mm {line.runs}"
+    return LinkRow(part.name, line.frame, tube_of(length, outer, of.material), runs, note)
+
+
+def _joint(chain: Chain, k: int, of: Class) -> JointRow:
+    """The compliance of a joint."""
+    joint = chain.parts[k + 1].joint
+    assert joint is not None  # every part but the base has one
+    c = joint_compliance(of, k, chain.n_joints, joint.prismatic)
+    kind = "slide" if joint.prismatic else "wrist" if in_wrist(k, chain.n_joints) else "arm"
+    return JointRow(joint.name, c, "m/N" if joint.prismatic else "rad/(N m)", kind)
