@@ -82,4 +82,3 @@ def _frame(x: Array, along: list[Array]) -> Array:
             y = across / size
             return np.column_stack([x, y, np.cross(x, y)])
     raise AssertionError("one of three axes is not x")
-

@@ -16,7 +16,7 @@ LEVER = 0.1  #: A slide is as stiff as a turning joint at this share of the reac
 WRIST_JOINTS = 3  #: Joints after the third are of the wrist, at most so many.
 
 MASS_SHARE = 0.2  #: Payload over the mass of the whole arm [1].
-PAYLOAD_AT_1_M = 10.0  #: Payload of an arm of one metre where its masses are unknown; with the cube of it [kg].
+PAYLOAD_AT_1_M = 10.0  #: Of an arm of one metre, with the cube of it, where masses are unknown [kg].
 
 HEAVY = 100.0  #: Payload from which an arm is of cast iron [kg].
 HOLLOW = 0.9  #: Inner over outer diameter, as of our KR 500 [1].
@@ -55,7 +55,7 @@ class Class:
     @property
     def outer_diameter(self) -> float:
         """Of a link of unknown shape [m]: equal stress, so the cube of it grows with the moment."""
-        return OUTER * (self.moment / 1000) ** (1 / 3)
+        return float(OUTER * (self.moment / 1000) ** (1 / 3))
 
 
 def joint_compliance(of: Class, index: int, n_joints: int, prismatic: bool) -> float:
@@ -67,7 +67,7 @@ def joint_compliance(of: Class, index: int, n_joints: int, prismatic: bool) -> f
         n_joints: How many the arm has.
         prismatic: Whether it slides.
     """
-    c = ARM_COMPLIANCE * (of.moment / 1000) ** -POWER
+    c = float(ARM_COMPLIANCE * (of.moment / 1000) ** -POWER)
     if prismatic:
         return c * (LEVER * of.reach) ** 2
     return c * WRIST if in_wrist(index, n_joints) else c

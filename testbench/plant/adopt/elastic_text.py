@@ -57,19 +57,19 @@ def elastic_text(rows: Rows) -> str:
 
 def _head(rows: Rows) -> list[str]:
     """What a person must confirm, the largest effect on the sag first."""
-    stated = rows.payload_origin != "estimated"
+    payload = f"payload {rows.of.payload:g} kg, {rows.payload_note}: sag and joint compliances follow from it"
     confirm = [
-        f"payload {rows.of.payload:g} kg, {rows.payload_note}" + (": nothing to do" if stated else ": the sag grows with it"),
+        *([payload] if rows.payload_origin == "estimated" else []),
         f"compliance of the joints, by a law that misses known ones by a factor of {SPREAD:g}",
         f"tubes of the links: diameter by the drawn shape, {rows.of.material.name}, inner 0.9 of outer",
         *(f"{words}; its place is in rigid.xml" for words in rows.proposed),
     ]
     numbered = [f"#  {k}. {words}." for k, words in enumerate(confirm, start=1)]
     return [
-        f"# Proposed for {_plain(rows.name)} from its geometry. Nobody has measured these numbers: confirm them, first things first,",
-        '# and change "estimated" to "published", "inferred" or "assumed" with a note where you know better.',
+        f"# {_plain(rows.name)}: proposed from its geometry; nobody has measured these numbers.",
+        "# To confirm, the largest effect on the sag first; `testbench check` puts numbers to it:",
         *numbered,
-        "# `testbench check` on this folder says how much of the sag hangs on each of them.",
+        '# Where you know better, change the value and its origin: "published", "inferred" or "assumed".',
     ]
 
 

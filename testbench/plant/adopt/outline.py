@@ -15,7 +15,7 @@ FEWEST = 3  #: Cuts that must meet the surface.
 
 
 def triangles(shapes: Sequence[Shape]) -> Array:
-    """All triangles of the drawn shapes of a part, of those that collide where none is drawn, (f, 3, 3) [m]."""
+    """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
     chosen = [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
     return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in chosen)])
 

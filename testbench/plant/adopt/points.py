@@ -54,7 +54,9 @@ def points(chain: Chain, wishes: Wishes, last: Beam, reach: float) -> Points:
         proposed.append("markers at the sites of the robot's file: " + ", ".join(name for name, _ in sites))
     else:
         markers = _ring(axes, AROUND * reach)
-        proposed.append(f"markers {', '.join(n for n, _ in markers)} {1000 * AROUND * reach:.0f} mm off the tool")
+        proposed.append(
+            f"markers {', '.join(n for n, _ in markers)} {1000 * AROUND * reach:.0f} mm off the tool"
+        )
     load = np.round(BEYOND * reach * axes[:, 0], MILLIMETRE) if wishes.load is None else wishes.load
     return Points(markers, load, tuple(proposed))
 

@@ -77,7 +77,7 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
 def _payload(chain: Chain, wishes: Wishes, long: float) -> tuple[float, str]:
     """Payload [kg] and how it is known."""
     if wishes.payload is not None:
-        return wishes.payload, "as stated"
+        return wishes.payload, "as stated by --payload-kg"
     if all(part.inertia_from == "file" for part in chain.parts[1:]):
         return estimated_payload(chain.mass, long), f"a fifth of the arm's {chain.mass:.3g} kg"
     return estimated_payload(None, long), f"10 kg at 1 m, with the cube of the reach of {long:.2f} m"
