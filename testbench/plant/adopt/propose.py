@@ -55,7 +55,7 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
     taken = [part.name for part in chain.parts]
     tool_name = unique("tool", taken)
     load_name = unique("load", [*taken, tool_name])
-    markers = []
+    markers: list[tuple[str, Array]] = []
     for name, place in placed.markers:
         name = unique(name, [*taken, tool_name, load_name, *(other for other, _ in markers)])
         markers.append((name, place))
