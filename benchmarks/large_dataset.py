@@ -21,8 +21,9 @@ from threadpoolctl import threadpool_limits
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
 from testbench.identify import gco, method, reduce
+from testbench.model.kinematics import build_vjm
 from testbench.model.structure import Structure, mgco147
-from testbench.model.vjm import Vjm, build_vjm, chain, observation
+from testbench.model.vjm import Vjm, chain, observation
 
 RUNS = (10_000, 30_000, 100_000)
 FEW_RUNS = 100

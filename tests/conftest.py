@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
 from testbench.bench.campaign import Cell, build_cell
@@ -35,3 +36,11 @@ def rng() -> np.random.Generator:
 def single_link() -> Cell:
     """The single link of section 5.1."""
     return build_cell(MODELS / "single_link")
+
+
+@pytest.fixture(scope="session")
+def slides(tmp_path_factory: pytest.TempPathFactory) -> Cell:
+    """An arm of two slides and three hinges, every body turned at random, on a turned mount."""
+    return build_cell(
+        turned_arm(tmp_path_factory.mktemp("arm") / "slides", np.random.default_rng(5), "zZyXz")
+    )

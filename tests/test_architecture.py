@@ -22,7 +22,7 @@ FLOORS = (
 """Rooms from the ground up; scenarios stand beside the command line."""
 DOORS = {
     "mujoco": "plant",
-    "pinocchio": "model/vjm.py",
+    "pinocchio": "model/kinematics.py",
     "rerun": "views/recording",
     "clarabel": "identify/cone.py",
     "jinja2": "views/markdown.py",

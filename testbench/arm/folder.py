@@ -4,6 +4,7 @@ An arm is a folder: `rigid.xml` (MJCF: kinematics, masses, geometry) and `elasti
 which link, and the true compliances, each number with its unit and origin).
 """
 
+import math
 import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
@@ -48,6 +49,21 @@ class Joint:
         """Unit of its coordinate."""
         return "m" if self.prismatic else "rad"
 
+    @property
+    def column(self) -> str:
+        """Name of its column in a file, such as joint_2_rad."""
+        return f"{self.name}_{self.unit}"
+
+    @property
+    def shown_unit(self) -> Literal["deg", "mm"]:
+        """Unit in which people read its coordinate."""
+        return "mm" if self.prismatic else "deg"
+
+    @property
+    def shown(self) -> float:
+        """So many of these in one of its unit."""
+        return 1e3 if self.prismatic else 180 / math.pi
+
 
 @dataclass(frozen=True)
 class Arm:
@@ -84,8 +100,13 @@ class Arm:
         return C
 
     @property
+    def shown(self) -> Array:
+        """What makes coordinates those that people read, deg of rad and mm of m, (n,)."""
+        return np.array([joint.shown for joint in self.joints])
+
+    @property
     def limits(self) -> Array:
-        """Lower and upper joint limits, (2, n) [rad]."""
+        """Lower and upper joint limits, (2, n) [rad, m]."""
         return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
 
 
@@ -106,6 +127,9 @@ class _Quantity(_Strict, Generic[Value, Unit]):
     unit: Unit
 
 
+KINDS = "hinge", "slide"
+COMPLIANCE_UNIT = "rad/(N m)", "m/N"
+"""MJCF's types of joints, and the units of their compliances."""
 PAYLOAD_RANGE = 1e-3, 1e4
 """Masses that can hang from an arm [kg]; beyond it a unit is wrong."""
 
@@ -130,7 +154,7 @@ class _Link(_Strict):
 
 class _Joint(_Strict):
     name: Name
-    compliance: _Quantity[float, Literal["rad/(N m)"]]
+    compliance: _Quantity[float, Literal["rad/(N m)", "m/N"]]
 
 
 class _Elastic(_Strict):
@@ -205,7 +229,8 @@ def _check_values(path: Path, elastic: _Elastic) -> None:
     low, high = COMPLIANCE_RANGE
     for index, joint in enumerate(elastic.joint):
         if not low <= joint.compliance.value <= high:
-            problem = f"compliance: expected {low:g} to {high:g} rad/(N m), got {joint.compliance.value}"
+            got = f"{joint.compliance.unit}, got {joint.compliance.value}"
+            problem = f"compliance: expected {low:g} to {high:g} {got}"
             raise InputError(path, f"joint.{index} ({joint.name})", problem)
 
 
@@ -259,23 +284,29 @@ def _frame(path: Path, place: str, link: _Link) -> Array:
 
 
 def _joint(rigid: Path, root: ET.Element, joint: _Joint, body: str) -> Joint:
-    hinges = find_body(rigid, root, body).findall("joint")
-    names = [h.get("name") for h in hinges]
+    found = find_body(rigid, root, body).findall("joint")
+    names = [j.get("name") for j in found]
     if names != [joint.name]:
         problem = f"expected exactly the joint {joint.name!r} of elastic.toml, got {names}"
         raise InputError(rigid, f"<body name={body!r}>", problem)
-    [hinge] = hinges
-    lower, upper = (x * angle_unit(root) for x in numbers(rigid, hinge, "range", 2))
-    moved = "pos" in hinge.attrib and any(numbers(rigid, hinge, "pos", 3))
+    [own] = found
+    prismatic = own.get("type", "hinge") == "slide"
+    unit = 1.0 if prismatic else angle_unit(root)
+    lower, upper = (x * unit for x in numbers(rigid, own, "range", 2))
+    moved = "pos" in own.attrib and any(numbers(rigid, own, "pos", 3))
     problems = {
-        f"expected a hinge, got {hinge.get('type')!r}": hinge.get("type", "hinge") != "hinge",
+        f"expected a hinge or a slide, got {own.get('type')!r}": own.get("type", "hinge") not in KINDS,
         "expected no pos: the body's origin lies on the joint": moved,
-        "axis: expected a direction, got zero": not any(numbers(rigid, hinge, "axis", 3)),
-        f"range: expected lower < upper, got {hinge.get('range')!r}": not lower < upper,
+        "axis: expected a direction, got zero": not any(numbers(rigid, own, "axis", 3)),
+        f"range: expected lower < upper, got {own.get('range')!r}": not lower < upper,
     }
-    if found := [problem for problem, there in problems.items() if there]:
-        raise InputError(rigid, f"<joint name={joint.name!r}>", found[0])
-    return Joint(joint.name, lower, upper, joint.compliance.value)
+    if wrong := [problem for problem, there in problems.items() if there]:
+        raise InputError(rigid, f"<joint name={joint.name!r}>", wrong[0])
+    if joint.compliance.unit != COMPLIANCE_UNIT[prismatic]:
+        problem = f"expected {COMPLIANCE_UNIT[prismatic]} for a {KINDS[prismatic]}"
+        place = f"joint ({joint.name}) compliance.unit"
+        raise InputError(rigid.with_name("elastic.toml"), place, f"{problem}, got {joint.compliance.unit}")
+    return Joint(joint.name, lower, upper, joint.compliance.value, prismatic)
 
 
 def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:

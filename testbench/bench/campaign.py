@@ -10,13 +10,15 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
+from testbench.bench.agreement import check_agreement
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array
+from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.vjm import Vjm, build_vjm
+from testbench.model.vjm import Vjm
 
-if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and who only fits runs does without
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant import Equilibrium, Plant, Room
 
 Truth = Literal["nonlinear", "linear"]
@@ -62,7 +64,7 @@ class Scenario(Setup):
 class Cell:
     """An arm with its model, its truth and its room, built once for many campaigns.
 
-    Truth and room are built when they are first asked for: who fits measured runs does without MuJoCo.
+    Truth and room are built when they are first asked for.
     """
 
     arm: Arm
@@ -108,10 +110,12 @@ def build_cell(folder: str | Path) -> Cell:
         What campaigns, plans and studies work on.
 
     Raises:
-        InputError: When the arm's folder is wrong.
+        InputError: When the arm's folder is wrong, or MuJoCo and the model read two arms in it.
     """
     arm = load_arm(folder)
-    return Cell(arm, build_vjm(arm))
+    cell = Cell(arm, build_vjm(arm))
+    check_agreement(cell.vjm, cell.plant)
+    return cell
 
 
 def stream(seed: int, trial: int = 0) -> np.random.Generator:
@@ -142,8 +146,8 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
 class Poses:
     """Where a campaign loads the arm; neither truth nor payload decides it."""
 
-    station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad].
-    anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad].
+    station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad, m].
+    anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad, m].
 
 
 def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
@@ -172,7 +176,7 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
 
 
 def clear_poses(cell: Cell, area: WorkArea, count: int, rng: np.random.Generator) -> Array:
-    """Random poses with the tool in an area, free of collision, (count, n) [rad].
+    """Random poses with the tool in an area, free of collision, (count, n) [rad, m].
 
     Raises:
         PoseError: When too few can be found.
@@ -194,7 +198,7 @@ def spread(poses: int, runs: int) -> Ids:
 class LoadedPoses:
     """What is to be measured: a pose and a load a run."""
 
-    q: Array  #: Actuated joint angles, (runs, n) [rad].
+    q: Array  #: Actuated joints, (runs, n) [rad, m].
     pose: Ids  #: Identifier of the pose, (runs,).
     wrench: Array  #: Force and moment, world axes, (runs, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].

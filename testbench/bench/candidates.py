@@ -68,7 +68,7 @@ class Checks:
 class Candidates:
     """Feasible poses and what it took to find them; drawn is their number and all those rejected."""
 
-    q: Array  #: Actuated joint angles, (count, n) [rad].
+    q: Array  #: Actuated joints, (count, n) [rad, m].
     drawn: int  #: Poses drawn.
     rejected: dict[str, int]  #: How many each of `REASONS` refused, in their order.
 
@@ -81,8 +81,8 @@ def build_checks(cell: Cell, conditions: Conditions) -> Checks:
 
 
 def why_not(checks: Checks, q: Array) -> list[str | None]:
-    """The first of `REASONS` for which each pose (poses, n) [rad] is refused, None where it is feasible."""
-    q = check_array(q, (None, checks.vjm.arm.n_joints), "q [rad]")
+    """The first of `REASONS` for which each pose (poses, n) is refused, None where it is feasible."""
+    q = check_array(q, (None, checks.vjm.arm.n_joints), "q [rad, m]")
     reasons = np.full(len(q), None, dtype=object)
     left = np.arange(len(q))
     for stage in STAGES:
@@ -95,7 +95,7 @@ def why_not(checks: Checks, q: Array) -> list[str | None]:
 
 
 def feasible(checks: Checks, q: Array) -> Mask:
-    """Which poses (poses, n) [rad] nothing refuses, (poses,)."""
+    """Which poses (poses, n) [rad, m] nothing refuses, (poses,)."""
     return np.array([reason is None for reason in why_not(checks, q)], dtype=bool)
 
 

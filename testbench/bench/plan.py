@@ -51,7 +51,7 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
 
     Args:
         cell: The arm.
-        q: Poses in which the robot works under the first of the loads, (tasks, n) [rad].
+        q: Poses in which the robot works under the first of the loads, (tasks, n) [rad, m].
         settings: What is asked for, such as PlanSettings(loads_kg=(460.3,), poses=12).
 
     Returns:
@@ -61,7 +61,7 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
         BenchError: When a number is out of range, or too little is measured without a prior.
         PoseError: When there are fewer feasible poses than the plan needs.
     """
-    q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad]")
+    q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
     tasks, found = Tasks(q, hung(cell, settings.loads_kg[0])), search(cell, settings)
     return judge(cell, settings, found, choose(cell, settings, tasks, found))
 
@@ -79,7 +79,7 @@ def search(cell: Cell, settings: PlanSettings) -> Candidates:
 
 
 def nearest_turn(q: Array, limits: Array) -> Array:
-    """Poses (poses, n) [rad] with every joint in the turn nearest to zero that its limits (2, n) allow.
+    """Poses (poses, n) [rad, m] with every joint in the turn nearest to zero that its limits (2, n) allow.
 
     A joint that can turn about itself more than once reaches a pose at several angles; nearest to zero the
     ways from pose to pose are short, and cables are not wound up.

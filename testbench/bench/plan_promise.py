@@ -24,7 +24,7 @@ def within(spec: Specification) -> float:
 
 
 def fitted(spec: Specification, prior: Prior, q: Array, load: Ids) -> Fitted:
-    """A specification's model after poses (poses, n) [rad] were measured, each under its load (poses,).
+    """A specification's model after poses (poses, n) [rad, m] were measured, each under its load (poses,).
 
     The arms are those of the prior, each compliance within its uncertainty.
     """

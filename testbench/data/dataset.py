@@ -20,7 +20,7 @@ class Dataset:
     markers: tuple[str, ...]  #: Names of the markers, m of them.
     run: Ids  #: Identifier of every run, (runs,).
     pose: Ids  #: Identifier of the pose of every run, (runs,); repeated runs share it.
-    q: Array  #: Actuated joint angles, (runs, n) [rad].
+    q: Array  #: Actuated joints, (runs, n) [rad, m].
     wrench: Array  #: Load, force and moment, world axes, (runs, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
     before: Array  #: Marker positions read unloaded, world, (runs, m, 3) [m].
@@ -46,7 +46,7 @@ class Dataset:
                 raise BenchError(f"{name}: expected {runs} integers, got {ids.dtype} {ids.shape}")
         if m == 0 or len(set(self.markers)) != m:
             raise BenchError(f"markers: expected different names, got {self.markers}")
-        check_array(self.q, (runs, None), "q [rad]")
+        check_array(self.q, (runs, None), "q [rad, m]")
         check_array(self.wrench, (runs, 6), "wrench [N, N m]")
         check_array(self.point, (runs, 3), "point [m]")
         check_array(self.before, (runs, m, 3), "before [m]")

@@ -37,7 +37,7 @@ Surcharge = Callable[[int, int], float]
 
 
 def joint_travel(q: Array) -> Array:
-    """Travel between poses (poses, n) [rad]: that of the joint that turns farthest, (poses, poses)."""
+    """Travel between poses (poses, n) [rad, m]: that of the joint that turns farthest, (poses, poses)."""
     return np.asarray(np.abs(q[:, None] - q[None]).max(axis=2))
 
 

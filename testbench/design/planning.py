@@ -26,7 +26,7 @@ DETOUR = 10.0
 class CandidateSet:
     """Candidates: a pose and a load each."""
 
-    q: Array  #: Joint angles, (candidates, n) [rad].
+    q: Array  #: Joint angles, (candidates, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (candidates,).
     problem: Problem  #: What they tell.
 
@@ -37,7 +37,7 @@ class Plan:
 
     specification: Specification  #: What it is for.
     criterion: Criterion  #: What was asked for.
-    q: Array  #: Joint angles, (poses, n) [rad].
+    q: Array  #: Joint angles, (poses, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (poses,).
     #: Whether the arm can go straight to each pose from the one before, (poses - 1,).
     clear: tuple[bool, ...]
@@ -76,7 +76,7 @@ def check_criterion(name: str) -> None:
 
 
 def candidate_set(spec: Specification, q: Array) -> CandidateSet:
-    """Every pose (poses, n) [rad] under every load.
+    """Every pose (poses, n) [rad, m] under every load.
 
     Raises:
         BenchError: When no load moves a target, or without a prior there are fewer poses than directions to
@@ -111,7 +111,7 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
     Args:
         spec: What the plan is for.
         name: Key of CRITERIA; BenchError for any other, and for too few poses without a prior.
-        q: Feasible poses, (candidates, n) [rad].
+        q: Feasible poses, (candidates, n) [rad, m].
         reach: Which poses near the candidates are feasible, and which ways between them are clear.
         rng: Source of starts and steps.
     """
@@ -138,7 +138,7 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
 def _refined(
     spec: Specification, examined: CandidateSet, chosen: Ids, criterion: Criterion, near: Neighbourhood
 ) -> tuple[Array, Ids]:
-    """Better angles for the chosen candidates, (poses, n) [rad], and their loads, (poses,)."""
+    """Better angles for the chosen candidates, (poses, n) [rad, m], and their loads, (poses,)."""
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:

@@ -35,7 +35,7 @@ Feasible = Callable[[Array], npt.NDArray[np.bool_]]
 class Reach:
     """Where the arm can go."""
 
-    feasible: Feasible  #: Which poses (poses, n) [rad] the arm can take and the tracker can see.
+    feasible: Feasible  #: Which poses (poses, n) [rad, m] the arm can take and the tracker can see.
     #: Whether the arm can go straight from one pose (n,) to another [rad].
     clear: Callable[[Array, Array], bool] = lambda _start, _end: True
 
@@ -44,8 +44,8 @@ class Reach:
 class Neighbourhood:
     """Where and how a local search steps."""
 
-    feasible: Feasible  #: Which poses (poses, n) [rad] it may take.
-    limits: Array  #: Lower and upper joint limits, (2, n) [rad].
+    feasible: Feasible  #: Which poses (poses, n) [rad, m] it may take.
+    limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
     rng: np.random.Generator  #: Source of the steps.
 
     def around(self, q: Array, step: Array) -> Array:
@@ -55,7 +55,7 @@ class Neighbourhood:
 
 
 def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neighbourhood) -> Array:
-    """Better joint angles for every pose of a plan (poses, n) [rad], none of them worse.
+    """Better joint angles for every pose of a plan (poses, n) [rad, m], none of them worse.
 
     The prior is the information before any reading, (r, r); rows are what a pose tells.
     """
@@ -110,7 +110,7 @@ class _Plan:
 
 
 def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) -> Array:
-    """Poses (poses, n) [rad] more useful than their starts q, by a measure that asks one pose alone."""
+    """Poses (poses, n) [rad, m] more useful than their starts q, by a measure that asks one pose alone."""
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ASCENT):
         trial = near.around(q, np.tile(step[:, None], (FEWER, 1, 1)))

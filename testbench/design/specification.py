@@ -22,7 +22,7 @@ from testbench.errors import Array
 class Tasks:
     """Where the robot works, and under which load."""
 
-    q: Array  #: Actuated joint angles, (tasks, n) [rad].
+    q: Array  #: Actuated joints, (tasks, n) [rad, m].
     load: Load  #: In each of them; a wrench of the process or a hung weight.
 
 
@@ -33,7 +33,9 @@ class Specification:
     experiment: Experiment  #: How poses are measured.
     loads: tuple[Load, ...]  #: What may be hung; a plan chooses for every pose.
     tasks: Tasks  #: Where predictions are wanted.
-    workspace: Array  #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad].
+    workspace: (
+        Array  #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
+    )
     #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
     uncertainty: float | None
     poses: int  #: How many may be measured.
@@ -56,19 +58,19 @@ def loads_of(spec: Specification, load: Ids) -> Load:
 
 
 def measured_rows(spec: Specification, q: Array, load: Ids) -> Array:
-    """Whitened rows of poses (poses, n) [rad], each under its own load (poses,), (poses, k, n) [1]."""
+    """Whitened rows of poses (poses, n) [rad, m], each under its own load (poses,), (poses, k, n) [1]."""
     return reading_rows(spec.experiment, q, loads_of(spec, load))
 
 
 def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
-    """Poses (poses, n) [rad] as candidates, each under its own load (poses,)."""
+    """Poses (poses, n) [rad, m] as candidates, each under its own load (poses,)."""
     return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
 
 
 def promise_of(spec: Specification, q: Array, load: Ids, rows: Array) -> Forecast:
     """Errors to expect after any poses were measured and identified, such as those of a plan made by hand.
 
-    Poses are (poses, n) [rad], each under its own load (poses,); rows are predictions, such as `task_rows`.
+    Poses are (poses, n) [rad, m], each under its own load (poses,); rows are predictions, as `task_rows`.
     """
     problem = problem_of(spec, q, load)
     return forecast(problem, information(problem, np.arange(len(q))), rows)

@@ -37,7 +37,7 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
         whole: The same measurement with every unknown of the arm.
         uncertainty: Of the arm's compliances around its metric's expectation, relative [1].
         spec: The model.
-        q: Poses measured, (poses, n) [rad].
+        q: Poses measured, (poses, n) [rad, m].
         load: Which of the loads hangs in each, (poses,).
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
@@ -46,7 +46,7 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
 
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
-    """Errors to expect of the fit's predictions in poses, (poses, n) [rad], under a load."""
+    """Errors to expect of the fit's predictions in poses, (poses, n) [rad, m], under a load."""
     T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
     D = T - own @ fit.gain
     bias = D @ fit.whole.metric.expected - own @ fit.k

@@ -78,8 +78,9 @@ def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
     """C_theta, (n_theta, n_theta), the joints that a structure leaves out put into the links before them."""
     C, first = C.copy(), 6 * len(vjm.arm.links)
     out = np.flatnonzero(structure.block_of[first:] < 0)
-    turned = 6 * out[:, None] + np.arange(3, 6)
+    slides = np.array([joint.prismatic for joint in vjm.arm.joints], dtype=bool)[out]
+    rows = 6 * out[:, None] + np.where(slides, 0, 3)[:, None] + np.arange(3)  # that the joint moves
     axis = vjm.beam_axes[out]
     added = C[first + out, first + out, None, None] * axis[:, :, None] * axis[:, None, :]
-    C[turned[:, :, None], turned[:, None, :]] += added
+    C[rows[:, :, None], rows[:, None, :]] += added
     return C

@@ -137,7 +137,7 @@ def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point:
         NoEquilibrium: When Newton does not converge, or to an unstable pose only; names the pose.
     """
     n_theta = vjm.arm.n_theta
-    q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")

@@ -40,13 +40,13 @@ def random_poses(
     clear: Callable[[Array], npt.NDArray[np.bool_]],
     rng: np.random.Generator,
 ) -> Array:
-    """Poses drawn evenly over the joint limits, kept if in the area and clear, (count, n) [rad].
+    """Poses drawn evenly over the joint limits, kept if in the area and clear, (count, n) [rad, m].
 
     Args:
         vjm: The model, for its nominal kinematics.
         area: Where the tool has to be.
         count: How many.
-        clear: Tells which of the poses, (poses, n) [rad], are free of collision.
+        clear: Tells which of the poses, (poses, n) [rad, m], are free of collision.
         rng: Source of the poses.
 
     Raises:

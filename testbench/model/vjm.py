@@ -1,24 +1,18 @@
-"""The model side: the virtual joint method on Pinocchio's reading of the rigid arm, batched over runs.
+"""The model side: the virtual joint method on Pinocchio's kinematics of the rigid arm, batched over runs.
 
-Pinocchio reads the MJCF into joint placements and axes; from there on every quantity is a product of arrays
-over all runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
+`kinematics.py` has joint placements and axes; from there on every quantity is a product of arrays over all
+runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
 10-13). Away from zero they serve the loaded stiffness of Eq. (7), testbench/loaded.py.
 """
 
-import tempfile
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.errors import Array, BenchError, check_array
 from testbench.model.structure import Structure
 
 
@@ -29,7 +23,7 @@ class Vjm:
     arm: Arm  #: Its description.
     base: Array  #: Pose of the base link's body in the world, (4, 4).
     placements: Array  #: Pose of each joint's body in the body before it at q = 0, (n, 4, 4).
-    axes: Array  #: Unit axis of each joint in its body, (n, 3).
+    axes: Array  #: Unit axis of each joint in its body, about or along which it moves, (n, 3).
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
@@ -52,9 +46,9 @@ class Vjm:
 
     @cached_property
     def joints(self) -> tuple[Array, ...]:
-        """Of every joint what turns with the sine, what with one less the cosine, and its axis, (7, 3).
+        """Of every hinge what turns with the sine, what with one less the cosine, and its axis, (7, 3).
 
-        All are products with the axes of its body (Rodrigues).
+        All are products with the axes of its body (Rodrigues). Of a slide the axis alone counts.
         """
         turns = [skew(axis) for axis in self.axes]
         return tuple(np.vstack([W.T, (W @ W).T, axis]) for W, axis in zip(turns, self.axes, strict=True))
@@ -71,80 +65,21 @@ class Chain:
     rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
 
 
-def build_vjm(arm: Arm) -> Vjm:
-    """Read the rigid arm with Pinocchio.
-
-    Raises:
-        InputError: When Pinocchio refuses the MJCF or reads another chain than the arm's.
-    """
-    model = _read_kinematics(arm)
-    names = list(model.names)[1:]
-    expected = [j.name for j in arm.joints]
-    if names != expected:
-        raise InputError(arm.rigid, "", f"expected the joints {expected}, Pinocchio reads {names}")
-    data = model.createData()
-    q0 = pin.neutral(model)
-    pin.framesForwardKinematics(model, data, q0)
-
-    def pose(body: str) -> pin.SE3:
-        frame = model.getFrameId(body, pin.FrameType.BODY)
-        if frame >= model.nframes:
-            raise InputError(arm.rigid, f"<body name={body!r}>", "not found by Pinocchio")
-        return data.oMf[frame]
-
-    bodies = [pose(link.name) for link in arm.links]
-    tool = pose(arm.tool)
-    local = [tool.actInv(pose(name).translation) for name in (arm.load, *arm.markers)]
-    axes = [pin.computeJointJacobian(model, data, q0, i + 1)[3:, i] for i in range(arm.n_joints)]
-    return Vjm(
-        arm=arm,
-        base=bodies[0].homogeneous,
-        placements=np.array([a.actInv(b).homogeneous for a, b in pairwise(bodies)]).reshape(-1, 4, 4),
-        axes=np.array(axes).reshape(-1, 3),
-        tool=bodies[-1].actInv(tool).homogeneous,
-        load=local[0],
-        markers=np.array(local[1:]),
-    )
-
-
-def _read_kinematics(arm: Arm) -> pin.Model:
-    """Pinocchio's model of bodies and joints alone.
-
-    Its reader wants an inertia in every body, even in a marker, and reads meshes that nobody asked for; so
-    it is given the bodies and joints, and a negligible inertia in each.
-    """
-    root = read_mjcf(arm.rigid)
-    for parent in list(root.iter()):
-        for child in list(parent):
-            if child.tag not in ("compiler", "worldbody", "body", "joint"):
-                parent.remove(child)
-    for body in root.iter("body"):
-        ET.SubElement(body, "inertial", pos="0 0 0", mass="1e-9", diaginertia="1e-9 1e-9 1e-9")
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "kinematics.xml"
-        file.write_bytes(ET.tostring(root))
-        try:
-            return pin.buildModelFromMJCF(str(file))
-        except (ValueError, RuntimeError) as err:
-            problem = " ".join(str(err).split())
-            raise InputError(arm.rigid, "", f"Pinocchio refuses it: {problem}") from err
-
-
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     """Tool and virtual joints of every run, Eq. (1) and (3).
 
     Args:
         vjm: The model.
-        q: Actuated joint angles, (runs, n) [rad].
+        q: Actuated joints, (runs, n) [rad, m].
         theta: Virtual joint coordinates, (runs, n_theta) [m, rad]: of each link its slides x, y, z and its
-            hinges phi_x, phi_y, phi_z in the beam frame, then one hinge a joint; None for zero.
+            hinges phi_x, phi_y, phi_z in the beam frame, then one a joint; None for zero.
     """
-    q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
     bent = None if theta is None else check_array(theta, (runs, vjm.arm.n_theta), "theta [m, rad]")
-    turned = (q if bent is None else q + bent[:, links:]).T
-    sine, less = np.sin(turned), 1 - np.cos(turned)
+    moved = (q if bent is None else q + bent[:, links:]).T
+    sine, less = np.sin(moved), 1 - np.cos(moved)
     J = np.zeros((6, vjm.arm.n_theta, runs))
     origins = np.empty((3, vjm.arm.n_theta, runs))
     R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
@@ -162,8 +97,12 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
         R = of[:, 3:]
         if i < n:
             of = vjm.joints[i] @ R
-            J[3:, links + i] = of[:, 6]
             origins[:, links + i] = p
+            if vjm.arm.joints[i].prismatic:
+                J[:3, links + i] = of[:, 6]
+                p = p + moved[i] * of[:, 6]
+                continue
+            J[3:, links + i] = of[:, 6]
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
     J[:3] += cross(J[3:], p[:, None] - origins)
     return Chain(J, p.T, R.transpose(2, 0, 1))
@@ -171,15 +110,25 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
 
 def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
     """Tool positions, (runs, 3) [m], and orientations, world from tool, (runs, 3, 3), as of `chain`."""
-    q = check_array(q, (None, vjm.arm.n_joints), "q [rad]")
+    return body_poses(vjm, q)[-1]
+
+
+def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
+    """Poses of the links' bodies from the base on and of the tool, each as of `tool_pose`, theta zero."""
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     R = np.tile(vjm.base[:3, :3, None], len(q))
     p = np.tile(vjm.base[:3, 3:], len(q))
-    for placement, axis, angle in zip(vjm.placements, vjm.axes, q.T, strict=True):
+    bodies = [(p, R)]
+    for joint, placement, axis, moved in zip(vjm.arm.joints, vjm.placements, vjm.axes, q.T, strict=True):
         p = p + placement[:3, 3] @ R
-        R = turn(placement[:3, :3].T @ R, axis, angle)
-    p = p + vjm.tool[:3, 3] @ R
-    R = vjm.tool[:3, :3].T @ R
-    return p.T, R.transpose(2, 0, 1)
+        R = placement[:3, :3].T @ R
+        if joint.prismatic:
+            p = p + moved * (axis @ R)
+        else:
+            R = turn(R, axis, moved)
+        bodies.append((p, R))
+    bodies.append((p + vjm.tool[:3, 3] @ R, vjm.tool[:3, :3].T @ R))
+    return [(p.T, R.transpose(2, 0, 1)) for p, R in bodies]
 
 
 def bend(p: Array, R: Array, frame: Array, theta: Array) -> tuple[Array, Array, Array]:

@@ -1,6 +1,6 @@
 """The truth side: MuJoCo. Shares the arm's description with the model side, and no code.
 
-Arguments are the same everywhere: q are actuated joint angles, (runs, n) [rad]; wrench is force and moment in
+Arguments are the same everywhere: q are actuated joints, (runs, n) [rad, m]; wrench is force and moment in
 world axes, (runs, 6) [N, N m]; point is where it acts, in the tool's frame, (runs, 3) [m]. What has another
 shape or is not finite is a `BenchError`.
 """
@@ -18,7 +18,7 @@ from testbench.plant.compensator import (
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
 from testbench.plant.elastic import elastic_mjcf, write_elastic
-from testbench.plant.equilibrium import Equilibrium, part_of, settle
+from testbench.plant.equilibrium import Equilibrium, part_of, settle, unloaded
 from testbench.plant.feasible import Room, build_room, check_poses, collisions
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
@@ -54,6 +54,7 @@ __all__ = [
     "settle_disturbed",
     "settle_linear",
     "settle_pair",
+    "unloaded",
     "weightless",
     "write_elastic",
 ]

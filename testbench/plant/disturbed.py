@@ -123,7 +123,7 @@ def settle_disturbed(
 
     Args:
         disturbed: The arm.
-        q: Commanded joint angles, (runs, n) [rad].
+        q: Commanded joint angles, (runs, n) [rad, m].
         wrench: Recorded force and moment, world axes, (runs, 6) [N, N m]; None for none.
         point: Where it is recorded to act, in the tool's frame, (runs, 3) [m]; None for the tool's origin.
         before: What the arm rested at before this load, for the friction in its joints; None for joints that
@@ -136,7 +136,7 @@ def settle_disturbed(
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
     plant, changes = disturbed.plant, disturbed.disturbances
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     if wrench is not None:
         wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]") * (1 + changes.mass_error)
         point = np.zeros((len(q), 3)) if point is None else check_array(point, (len(q), 3), "point [m]")

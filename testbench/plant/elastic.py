@@ -1,4 +1,4 @@
-"""Rigid MJCF in, elastic MJCF out: six sprung virtual joints after every link, one beside every hinge.
+"""Rigid MJCF in, elastic MJCF out: six sprung virtual joints after every link, one beside every joint.
 
 The coupled 6x6 stiffness K = inv(C) of a link becomes six fixed tendons, one per eigenvector of K, over
 the link's three slides and three hinges: the energy 1/2 sum lambda_k (v_k^T theta)^2 = 1/2 theta^T K theta.
@@ -25,9 +25,9 @@ that a float of the arm's weight could see.
 """
 
 BRAKE = 1e15
-"""Armature of an actuated joint [kg m^2]: its brake is on, so that the arm holds its pose when stepped.
+"""Armature of an actuated joint [kg m^2, kg]: its brake is on, so that the arm holds its pose when stepped.
 
-Statics does not see it. Without it the two hinges on one axis make the mass matrix singular.
+Statics does not see it. Without it the two joints on one axis make the mass matrix singular.
 """
 
 DAMPING = 0.02
@@ -39,15 +39,15 @@ def virtual_joint(link: str, axis: str) -> str:
     return f"{link}_theta_{axis}"
 
 
-def virtual_hinge(joint: str) -> str:
-    """Name of the sprung hinge beside an actuated joint in the elastic MJCF."""
+def sprung_joint(joint: str) -> str:
+    """Name of the sprung hinge or slide beside an actuated joint in the elastic MJCF."""
     return f"{joint}_theta"
 
 
 def theta_names(arm: Arm) -> list[str]:
     """Names of the virtual joints in the order of theta, n_theta."""
     links = [virtual_joint(link.name, axis) for link in arm.links for axis in AXES]
-    return links + [virtual_hinge(j.name) for j in arm.joints]
+    return links + [sprung_joint(j.name) for j in arm.joints]
 
 
 def elastic_mjcf(arm: Arm) -> str:
@@ -74,7 +74,7 @@ def elastic_mjcf(arm: Arm) -> str:
         _insert_virtual_joint(arm.rigid, root, link, end)
         _add_springs(tendons, link)
     for joint in arm.joints:
-        _insert_hinge(root, joint.name, 1 / joint.compliance)
+        _insert_spring(root, joint.name, 1 / joint.compliance)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
 
@@ -134,20 +134,20 @@ def springs(C: Array) -> tuple[Array, Array]:
     return norm**2 / eigenvalues, v / norm[:, None]
 
 
-def _insert_hinge(root: ET.Element, joint: str, stiffness: float) -> None:
-    """A sprung hinge on the axis of an actuated joint."""
+def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
+    """A sprung joint of the same type on the axis of an actuated one."""
     body = next(b for b in root.iter("body") if any(j.get("name") == joint for j in b.findall("joint")))
     actuated = next(j for j in body.findall("joint") if j.get("name") == joint)
-    hinge = ET.Element(
+    spring = ET.Element(
         "joint",
-        name=virtual_hinge(joint),
-        type="hinge",
+        name=sprung_joint(joint),
+        type=actuated.get("type", "hinge"),
         axis=actuated.get("axis", ""),
         stiffness=repr(stiffness),
         damping=repr(DAMPING * stiffness),
     )
     actuated.set("armature", repr(BRAKE))
-    body.insert(list(body).index(actuated) + 1, hinge)
+    body.insert(list(body).index(actuated) + 1, spring)
 
 
 def _text(vector: Array) -> str:

@@ -1,6 +1,6 @@
 """Static equilibrium of the elastic arm, many poses at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -46,7 +46,7 @@ def settle_by(
     statics: PoseStatics, plant: Plant, q: Array, wrench: Array | None, point: Array | None
 ) -> Equilibrium:
     """Static equilibrium of every pose, as `settle`, under the forces and springs of `statics`."""
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     runs = len(q)
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
@@ -75,6 +75,18 @@ def hold(plant: Plant, q: Array) -> Array:
     held = np.zeros((len(q), plant.model.nv))
     held[:, plant.joints] = q
     return held
+
+
+def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, Array]]:
+    """Where MuJoCo places bodies of the elastic arm at theta = 0.
+
+    Returns:
+        Of each body its origin in the world, (runs, 3) [m], and world from body, (runs, 3, 3).
+    """
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
+    bodies = [int(plant.model.body(name).id) for name in names]
+    state = evaluate(open_row(plant), hold(plant, q), set(bodies))
+    return [(state.position[body], state.rotation[body]) for body in bodies]
 
 
 def _settle(statics: Statics, poses: Poses, row: Row) -> Equilibrium:

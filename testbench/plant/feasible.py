@@ -33,7 +33,7 @@ def build_room(arm: Arm) -> Room:
 
 def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
     """The first colliding pair of bodies in every pose, None where the arm is clear."""
-    q = check_array(q, (None, room.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, room.arm.n_joints), "q [rad, m]")
     model, data = room.model, mujoco.MjData(room.model)
     found: list[tuple[str, str] | None] = []
     for pose in q:
@@ -56,7 +56,7 @@ def check_poses(room: Room, q: Array) -> None:
     Raises:
         PoseError: Names the pose and the limit or the colliding bodies.
     """
-    q = check_array(q, (None, room.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, room.arm.n_joints), "q [rad, m]")
     lower, upper = room.arm.limits
     outside = np.argwhere((q < lower) | (q > upper))
     if len(outside):

@@ -19,7 +19,7 @@ def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equili
     Returns:
         The displaced poses; residual and step are zero, iterations one.
     """
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
     point = check_array(point, (len(q), 3), "point [m]")
 

@@ -161,13 +161,13 @@ def _matrix(quaternion: Array) -> Array:
 
 def rigid_frames(room: Room, q: Array) -> Frames:
     """Where the bodies of the rigid arm are."""
-    q = check_array(q, (None, room.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, room.arm.n_joints), "q [rad, m]")
     return _frames(room.model, room.joints, q, np.arange(room.model.nbody))
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
     """Where the bodies of the elastic arm are, in the order of the rigid arm's; theta may be magnified."""
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     theta = check_array(theta, (len(q), plant.arm.n_theta), "theta [m, rad]")
     model = plant.model
     carriers = model.dof_bodyid[plant.theta[: 6 * len(plant.arm.links)]]

@@ -235,7 +235,7 @@ def _name(model: mujoco.MjModel, body: int) -> str:
 
 def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:
     """The site in every pose, the payload straight below the load point; the data are the same object."""
-    q = check_array(q, (None, site.arm.n_joints), "q [rad]")
+    q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
     model, data = site.model, site.data
     qpos, load = data.qpos, data.xpos[site.load]
     for pose in q:

@@ -32,11 +32,11 @@ from testbench.plant.newton import tangent as plant_tangent
 from testbench.plant.state import open_row
 
 SEEDS = [1, 2, 3]
-HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0}
+HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 """Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""
 
 
-@pytest.fixture(params=["kr500", "arm_6r"])
+@pytest.fixture(params=["kr500", "arm_6r", "slides"])
 def cell(request):
     return request.getfixturevalue(request.param)
 
@@ -534,7 +534,7 @@ def test_wrong_shapes_say_what_was_expected(kr500):
         r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded_compliance(J, arm.C_theta, K_w[0]),
         r"C_theta .*got \(48,\)": lambda: loaded_equilibrium(vjm, np.ones(48), q, wrench, point),
         r"wrench .*got \(3, 6\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q, np.zeros((3, 6)), point),
-        r"q \[rad\].*got \(2, 5\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q[:, :5], wrench, point),
+        r"q \[rad, m\].*got \(2, 5\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q[:, :5], wrench, point),
         r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
         r"targets .*got \(1, 2\)": lambda: displacement(where, theta, np.zeros((1, 2))),
         r"K_w .*got \(1, 48, 48\)": lambda: secant(where, arm.C_theta, wrench, point, K_w[:1]),

@@ -38,8 +38,13 @@ def hung(cell, runs):
     return wrench, np.tile(cell.vjm.load, (runs, 1))
 
 
-@pytest.fixture(params=["kr500", "arm_6r"])
+@pytest.fixture(params=["kr500", "arm_6r", "slides"])
 def cell(request):
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(params=["kr500", "arm_6r"])
+def six_axes(request):
     return request.getfixturevalue(request.param)
 
 
@@ -133,11 +138,11 @@ GRAVITY_RANKS = [(all153, 89), (mgco147, 89), (mgco69, 49), (mgco68, 49), (mgco4
 
 
 @pytest.mark.parametrize(("structure", "expected"), FULL_RANKS)
-def test_rank_with_full_wrench_and_full_pose(cell, rng, structure, expected):
-    q = random_q(cell, rng, 60)
+def test_rank_with_full_wrench_and_full_pose(six_axes, rng, structure, expected):
+    q = random_q(six_axes, rng, 60)
     wrench, point = random_load(rng, 60)
-    s = structure(cell.arm)
-    args = (chain(cell.vjm, q), s, wrench, point)
+    s = structure(six_axes.arm)
+    args = (chain(six_axes.vjm, q), s, wrench, point)
     rows = [observation(*args, np.zeros((1, 3))), rotation_observation(*args)]
     assert rank(np.concatenate(rows).reshape(-1, s.n)) == expected
 
@@ -171,14 +176,14 @@ def test_joint_one_is_exactly_invisible_to_gravity(kr500, rng):
     assert np.abs(A).max() == 0.0
 
 
-def test_algebraic_reduction_finds_the_32_parameters_of_mls32(cell, rng):
-    full = template56(cell.arm)
-    reduced = non_redundant(cell.vjm, full, name="MLS32")
+def test_algebraic_reduction_finds_the_32_parameters_of_mls32(six_axes, rng):
+    full = template56(six_axes.arm)
+    reduced = non_redundant(six_axes.vjm, full, name="MLS32")
     assert (reduced.name, reduced.n) == ("MLS32", 32)
-    q = random_q(cell, rng, 30)
+    q = random_q(six_axes, rng, 30)
     wrench, point = random_load(rng, 30)
     A, B = (
-        observation(chain(cell.vjm, q), s, wrench, point, cell.vjm.markers).reshape(-1, s.n)
+        observation(chain(six_axes.vjm, q), s, wrench, point, six_axes.vjm.markers).reshape(-1, s.n)
         for s in (full, reduced)
     )
     assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32
@@ -191,7 +196,7 @@ def test_a_fixed_arm_without_joints_is_a_single_link(single_link):
 
 
 def test_wrong_shapes_say_what_was_expected(kr500):
-    with pytest.raises(BenchError, match=r"q \[rad\]: expected shape \(any, 6\), got \(2, 5\)"):
+    with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)"):
         chain(kr500.vjm, np.zeros((2, 5)))
     with pytest.raises(BenchError, match="finite"):
         chain(kr500.vjm, np.full((2, 6), np.nan))

@@ -264,6 +264,11 @@ WRONG_TOML = {
         '"guessed"',
         ["payload.origin", "'published', 'inferred', 'assumed' or 'estimated'"],
     ),
+    "a slide's compliance for a hinge": (
+        r'(?<=unit = )"rad/\(N m\)"',
+        '"m/N"',
+        ["joint (joint_1) compliance.unit: expected rad/(N m) for a hinge, got m/N"],
+    ),
     "a payload in tonnes": (PAYLOAD, "0.0001", ["payload: expected 0.001 to 10000 kg, got 0.0001"]),
     "a zero length": (LENGTH, "0.0", ["link.0 (link_0)", "length: expected 0.001 to 100 m, got 0.0"]),
     "an inner diameter above the outer": (INNER, "9.0", ["inner_diameter: expected 0 to below", "got 9.0"]),
@@ -371,10 +376,10 @@ WRONG_CHAIN = {
         'name="a2"',
         ["<body name='link_2'>", "'joint_2'", "got ['a2']"],
     ),
-    "a slide": (
+    "a ball joint": (
         r'name="joint_2"',
-        'name="joint_2" type="slide"',
-        ["'joint_2'>: expected a hinge, got 'slide'"],
+        'name="joint_2" type="ball"',
+        ["'joint_2'>: expected a hinge or a slide, got 'ball'"],
     ),
     "a joint off its body's origin": (r'name="joint_2"', 'name="joint_2" pos="0 0 0.1"', ["expected no pos"]),
     "a missing range": (

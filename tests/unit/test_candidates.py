@@ -228,6 +228,6 @@ def test_a_tracker_inside_the_base_is_refused_at_once(kr500: Cell) -> None:
 
 
 def test_poses_of_another_arm_are_refused(checks: Checks) -> None:
-    with pytest.raises(BenchError, match=r"q \[rad\]: expected shape \(any, 6\), got \(1, 5\)"):
+    with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
         why_not(checks, np.zeros((1, 5)))
     assert why_not(checks, np.empty((0, 6))) == []

@@ -41,7 +41,7 @@ class PlanScene:
     station: tuple[float, float, float] | None  #: Where the tracker's beam leaves [m]; None for no tracker.
     payload: Array  #: Mass that hangs in every pose, (poses,) [kg].
     candidates: Array  #: Tool positions of the feasible poses, (c, 3) [m].
-    q: Array  #: Joint angles in the order of measuring, (poses, n) [rad].
+    q: Array  #: Joint angles in the order of measuring, (poses, n) [rad, m].
     pose_words: Sequence[str]  #: Markdown of every pose: angles, what to expect.
     deflection_mm: Array  #: Expected deflection, (poses,) [mm].
     error_mm: Array  #: Expected error of its prediction, (poses,) [mm].

@@ -1,0 +1,96 @@
+"""Any serial arm: any pose of any body in any notation, hinges and slides, 3 to 9 joints."""
+
+import shutil
+
+import numpy as np
+import pytest
+from serial_arms import turned_arm, write_arm
+
+from testbench.bench.agreement import check_agreement
+from testbench.bench.campaign import Scenario, build_cell, hanging, measure
+from testbench.errors import InputError
+from testbench.identify import least_squares
+from testbench.model import kinematics
+from testbench.model.loaded import displacement, load_jacobian, secant
+from testbench.model.structure import mgco147
+from testbench.model.vjm import chain
+from testbench.plant import settle, settle_linear, weightless
+from testbench.plant.equilibrium import hold
+from testbench.plant.state import evaluate, generalised_force, open_row, place
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_mujoco_and_the_model_agree_for_any_pose_of_any_body(seed, tmp_path):
+    """All of MJCF's notations on base, mount, links, tool and markers: places, axes and loads J^T w."""
+    rng = np.random.default_rng(seed)
+    cell = build_cell(turned_arm(tmp_path / "arm", rng, "zyZxyx"))
+    assert check_agreement(cell.vjm, cell.plant) < 1e-13
+    plant, (lower, upper) = cell.plant, cell.arm.limits
+    q, wrench = rng.uniform(lower, upper, (5, cell.arm.n_joints)), rng.standard_normal((5, 6))
+    state = evaluate(open_row(plant), hold(plant, q), {plant.tool})
+    Q = generalised_force(plant, state, plant.tool, wrench, place(state, plant.tool, plant.load))
+    J = load_jacobian(chain(cell.vjm, q), np.tile(cell.vjm.load, (5, 1)))
+    np.testing.assert_allclose(np.einsum("rxt,rx->rt", J, wrench), Q[:, plant.theta], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("turned", ['zaxis="0 0 -1"', 'xyaxes="0 0 2 0 -1 0"', 'euler="0 0 1.57"', ""])
+def test_the_shortest_turn_and_special_poses_are_mujocos(turned, tmp_path):
+    folder = write_arm(tmp_path / "arm", "zyyxyx", pose=lambda _: turned)
+    assert build_cell(folder).arm.n_joints == 6
+
+
+def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_path, monkeypatch):
+    """Seeded: the model takes its euler angles in the wrong order."""
+    folder = shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm")
+    text = (folder / "rigid.xml").read_text("utf-8")
+    (folder / "rigid.xml").write_text(
+        text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"'), "utf-8"
+    )
+    build_cell(folder)
+    about = kinematics.about
+    monkeypatch.setattr(kinematics, "about", lambda axis, angle: about(axis[::-1], angle))
+    with pytest.raises(
+        InputError, match=r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
+    ):
+        build_cell(folder)
+
+
+@pytest.mark.parametrize(
+    ("turned", "words"),
+    [('quat="0 0 0 0"', "quat: expected directions"), ('zaxis="0 0 1" euler="0 0 0"', "expected one orient")],
+)
+def test_a_pose_that_is_none_names_its_body(turned, words, tmp_path):
+    folder = write_arm(tmp_path / "arm", "zyy", pose=lambda name: turned if name == "link_2" else "")
+    with pytest.raises(InputError, match=words) as info:
+        build_cell(folder)
+    assert "<body name='link_2'>" in str(info.value)
+
+
+@pytest.mark.parametrize("joints", ["zzZ", "zyyxyx", "zyzyzyz", "XYZzyxzyx"])
+def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_path):
+    rng = np.random.default_rng(3)
+    cell = build_cell(turned_arm(tmp_path / "arm", rng, joints))
+    lower, upper = cell.arm.limits
+    q = rng.uniform(lower, upper, (12, cell.arm.n_joints))
+    setup = Scenario(arm=cell.arm.name, truth="linear", payload=10.0, noise=False)
+    data = measure(cell, setup, hanging(cell, q, np.arange(12) + 1, 10.0))
+    found = least_squares(cell.vjm, mgco147(cell.arm), data)
+    assert np.abs(data.deflection).max() > 1e-4
+    assert found.f_m < 1e-6  # sigmas of 50 um, so 1e-10 m; deflections of millimetres round at 1e-16 m
+
+
+def test_the_slides_weightless_plant_nears_the_model_as_the_square_of_the_load(slides):
+    rng = np.random.default_rng(1)
+    plant, (lower, upper) = weightless(slides.plant), slides.arm.limits
+    q = rng.uniform(lower, upper, (20, slides.arm.n_joints))
+    targets, errors = slides.vjm.markers, []
+    point, idle = np.tile(slides.vjm.load, (20, 1)), settle(plant, q).markers
+    for mass in (20.0, 10.0, 5.0):
+        wrench = np.tile([0, 0, -9.81 * mass, 0, 0, 0], (20, 1))
+        where = chain(slides.vjm, q)
+        model = displacement(where, secant(where, slides.arm.C_theta, wrench, point), targets)
+        linear = settle_linear(plant, q, wrench, point).markers - idle
+        np.testing.assert_allclose(linear, model, rtol=0, atol=1e-14)
+        errors.append(np.sqrt(np.mean((settle(plant, q, wrench, point).markers - idle - model) ** 2)))
+    assert 3.9 < errors[0] / errors[1] < 4.1
+    assert 3.9 < errors[1] / errors[2] < 4.1
