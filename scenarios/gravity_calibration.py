@@ -3,10 +3,7 @@
 python scenarios/gravity_calibration.py --seed 1 --out runs/demo
 """
 
-import sys
-
-from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("gravity_calibration")

@@ -3,10 +3,7 @@
 python scenarios/identifiability.py --out runs/identifiability
 """
 
-import sys
-
-from testbench.studies.identifiability.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("identifiability")

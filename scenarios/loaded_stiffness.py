@@ -3,10 +3,7 @@
 python scenarios/loaded_stiffness.py --seed 1 --out runs/loaded_stiffness
 """
 
-import sys
-
-from testbench.studies.loaded_stiffness.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("loaded_stiffness")

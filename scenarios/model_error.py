@@ -3,10 +3,7 @@
 python scenarios/model_error.py --out runs/model_error
 """
 
-import sys
-
-from testbench.studies.model_error.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("model_error")

@@ -3,10 +3,7 @@
 python scenarios/noise_sensitivity.py --out runs/noise_sensitivity
 """
 
-import sys
-
-from testbench.studies.noise_sensitivity.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("noise_sensitivity")

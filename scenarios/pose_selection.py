@@ -3,10 +3,7 @@
 python scenarios/pose_selection.py --out runs/pose_selection
 """
 
-import sys
-
-from testbench.studies.pose_selection.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("pose_selection")

@@ -3,10 +3,7 @@
 python scenarios/regimes.py --out runs/regimes
 """
 
-import sys
-
-from testbench.studies.regimes.study import STUDY
-from testbench.studies.run import main
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("regimes")

@@ -3,10 +3,7 @@
 python scenarios/single_link.py --seed 1 --out runs/single_link
 """
 
-import sys
-
-from testbench.studies.run import main
-from testbench.studies.single_link.study import STUDY
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("single_link")

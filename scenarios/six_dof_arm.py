@@ -3,10 +3,7 @@
 python scenarios/six_dof_arm.py --out runs/six_dof_arm
 """
 
-import sys
-
-from testbench.studies.run import main
-from testbench.studies.six_dof_arm.study import STUDY
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("six_dof_arm")

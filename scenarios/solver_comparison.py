@@ -3,10 +3,7 @@
 python scenarios/solver_comparison.py --seed 1 --out runs/solver_comparison
 """
 
-import sys
-
-from testbench.studies.run import main
-from testbench.studies.solver_comparison.study import STUDY
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("solver_comparison")

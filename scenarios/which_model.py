@@ -3,10 +3,7 @@
 python scenarios/which_model.py --out runs/which_model
 """
 
-import sys
-
-from testbench.studies.run import main
-from testbench.studies.which_model.study import STUDY
+from testbench.studies import main
 
 if __name__ == "__main__":
-    sys.exit(main(STUDY))
+    main("which_model")

@@ -32,6 +32,10 @@ class InputError(BenchError):
         super().__init__(line if len(line) <= MAX_MESSAGE else line[: MAX_MESSAGE - 3] + "...")
 
 
+class Interrupted(BenchError):
+    """Ctrl-C; says what is kept."""
+
+
 class NoEquilibrium(BenchError):
     """The arm has no static equilibrium that Newton could find: too soft, or buckled."""
 

@@ -51,12 +51,21 @@ SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 
 
 def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
-    """Models of the paper by name.
+    """Models of the paper by name, in any case.
 
     Raises:
         BenchError: When there is no such model, or the arm has too few links for it.
     """
-    for name in names:
-        if name not in MODELS:
-            raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
-    return [MODELS[name](cell) for name in names]
+    return [MODELS[right_name(name)](cell) for name in names]
+
+
+def right_name(name: str) -> str:
+    """The name of a model as it is written, from one in any case.
+
+    Raises:
+        BenchError: When there is no such model.
+    """
+    for known in MODELS:
+        if known.casefold() == name.casefold():
+            return known
+    raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")

@@ -10,6 +10,7 @@ from rich.console import Console
 from testbench.arm.catalogue import find_arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import build_cell
+from testbench.bench.models import right_name
 from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName
@@ -86,7 +87,7 @@ def _settings(asked: Options) -> PlanSettings:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
     return PlanSettings(
-        model=asked.model or ("MGCO68" if asked.no_prior else PlanSettings.model),
+        model=right_name(asked.model or ("MGCO68" if asked.no_prior else PlanSettings.model)),
         criterion=asked.criterion,
         poses=asked.poses,
         loads_kg=tuple(asked.load),

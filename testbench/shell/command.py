@@ -1,5 +1,7 @@
-"""The shell of every command: one line and exit code 2 for what the user can mend, one BLAS thread."""
+"""The shell of every command: one line and an exit code for what the user can mend, one BLAS thread."""
 
+import contextlib
+import os
 import sys
 from collections.abc import Callable
 
@@ -8,9 +10,11 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 from typer.exceptions import TyperException
 
-from testbench.errors import BenchError
+from testbench.errors import BenchError, Interrupted
+from testbench.shell import interrupt
+from testbench.shell.interrupt import INTERRUPTED
 
-INTERRUPTED = 130
+WRONG = 2
 
 
 def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> int:
@@ -21,25 +25,55 @@ def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> i
         fail: Where the line about an error goes.
 
     Returns:
-        0 when it went well, 2 for input that the user can mend, 130 after Ctrl-C.
+        0 when it went well, 2 for what the user can mend, 130 after Ctrl-C.
     """
+    with interrupt.raised() as pressed:
+        try:
+            code, words = _outcome(app)
+        except BaseException:
+            if not pressed():
+                raise
+            code, words = INTERRUPTED, ""
+        if code == INTERRUPTED or pressed():  # typer itself turns Ctrl-C into this code
+            code, words = INTERRUPTED, words or f"interrupted: {interrupt.STANDS}"
+        if words:
+            fail(" ".join(words.splitlines()) + "\n")
+        return code
+
+
+def _outcome(app: typer.Typer) -> tuple[int, str]:
+    """Exit code, and the line to say with it."""
     try:
         with threadpool_limits(1):  # several BLAS threads change result bits, and slow many processes down
             code = app(standalone_mode=False)
+        _flush()
+    except Interrupted as err:
+        return INTERRUPTED, f"interrupted: {err}"
     except BenchError as err:
-        fail(f"error: {err}\n")
-        return 2
+        return WRONG, f"error: {err}"
     except TyperException as err:
-        words = err.format_message().rstrip(".")
-        fail(f"error: {words}; --help lists what there is\n")
-        return 2
+        return WRONG, f"error: {err.format_message().rstrip('.')}; --help lists what there is"
     except ValidationError as err:
         first = err.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
-        fail(f"error: {place} in SI units: {first['msg']}, got {first['input']!r}\n")
-        return 2
-    except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
-    if code == INTERRUPTED:  # typer itself turns Ctrl-C into this code
-        fail("interrupted: earlier results stand as they were\n")
-    return code if isinstance(code, int) else 0
+        return WRONG, f"error: {place} in SI units: {first['msg']}, got {first['input']!r}"
+    except OSError as err:
+        _drop_output()
+        place = f"{err.filename}: " if err.filename else ""
+        return WRONG, f"error: {place}cannot be read or written: {err.strerror or err}"
+    return code if isinstance(code, int) else 0, ""
+
+
+def _flush() -> None:
+    """Write what is still to be said while an error of it can be told."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _drop_output() -> None:
+    """Python writes what is left at its end, and would tell the same error with a traceback."""
+    try:
+        _flush()
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from testbench.errors import Interrupted
+
 REMEMBERED = 600.0  #: Time over which the speed is averaged, for the time left [s].
 
 
@@ -15,7 +17,10 @@ def show_progress(counts: Iterator[int], total: int, words: str, console: Consol
         counts: From `run_study`.
         total: Trials of the study.
         words: What a trial is, such as "seeds".
-        console: Where to. After Ctrl-C it says what is stored.
+        console: Where to.
+
+    Raises:
+        Interrupted: After Ctrl-C; says what is stored.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -29,7 +34,6 @@ def show_progress(counts: Iterator[int], total: int, words: str, console: Consol
             task = bar.add_task(words, total=total, completed=done)
             for done in counts:
                 bar.update(task, completed=done)
-    except KeyboardInterrupt:
-        words = f"at least {done} of {total} {words} are stored: --resume goes on with them"
-        console.print(words, soft_wrap=True)
-        raise
+    except KeyboardInterrupt as err:
+        stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
+        raise Interrupted(stored) from err

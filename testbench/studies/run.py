@@ -14,7 +14,6 @@ from rich.console import Console
 
 from testbench import files
 from testbench.errors import BenchError
-from testbench.shell import command
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
@@ -26,11 +25,6 @@ from testbench.trials.store import open_store, write_parquet
 from testbench.views import terminal
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
-
-
-def main(study: Study[O, S, W, R]) -> int:
-    """Run a study from the command line's arguments; the exit code."""
-    return command.run(app(study))
 
 
 def app(study: Study[O, S, W, R]) -> typer.Typer:

@@ -1,10 +1,14 @@
 """Trials on the cores of this machine."""
 
+import contextlib
+import os
 import signal
+import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from itertools import islice
+from multiprocessing import resource_tracker
 from typing import Any
 
 from joblib import cpu_count
@@ -18,6 +22,7 @@ ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
 IDLE = 60  #: Time after which a process without work ends [s]; until then the next study finds it ready.
+WATCH = 0.5  #: Time between looks of a process for its parent [s].
 
 
 def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None = None) -> Chunks:
@@ -41,11 +46,14 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
 def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -> Chunks:
     """Every process has one chunk under way and one ahead."""
     pool = get_reusable_executor(
-        max_workers=processes, timeout=IDLE, env=ONE_THREAD, initializer=_leave_interrupts
+        max_workers=processes, timeout=IDLE, env=ONE_THREAD, initializer=_end_with, initargs=(os.getpid(),)
     )
     calls = (pool.submit(do_chunk, work, seeds) for seeds in chunks)
-    under_way = set(islice(calls, 2 * processes))
+    under_way: set[Future[Chunk]] = set()
     try:
+        resource_tracker.ensure_running()  # as it starts it lets Ctrl-C through again
+        with _interrupts_wait():
+            under_way |= set(islice(calls, 2 * processes))
         while under_way:
             done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
             for future in sorted(done, key=lambda future: future.exception() is not None):
@@ -58,9 +66,28 @@ def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -
         raise
 
 
-def _leave_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal: this one, which will stop the others, is enough."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextlib.contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C waits for the end of the block, and never reaches processes that are started in it.
+
+    A terminal sends it to all of them: this one, which will stop the others, is enough.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with(parent: int) -> None:
+    """Make this process end soon after its parent, however that one ended."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _stop(pool: Any, under_way: set[Future[Chunk]]) -> None:

@@ -34,12 +34,12 @@ def app_of(script):
     spec = importlib.util.spec_from_file_location(f"scenario_{script.stem}", script)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return run.app(module.STUDY) if hasattr(module, "STUDY") else module.app
+    return module.app if hasattr(module, "app") else app_of_study(script.stem)
 
 
 def app_of_study(name):
-    """The typer app of a study's scenario."""
-    return app_of(ROOT / "scenarios" / f"{name}.py")
+    """The typer app of a study."""
+    return run.app(importlib.import_module(f"testbench.studies.{name}.study").STUDY)
 
 
 def quick_study(app, *flags):

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from run_here import here
 
+from testbench import __version__
 from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.cli import COMMANDS, program
+from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,9 +64,10 @@ def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):
 
 
 def test_simulated_runs_are_identified(simulated, tmp_path):
-    done = run("identify", ARM, simulated / "data.csv", "--model", "MGCO56", "--out", tmp_path)
+    done = run("identify", ARM, simulated / "data.csv", "--model", "mgco56", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     (model,) = json.loads((tmp_path / "models.json").read_text())["models"]
+    assert model["name"] == "MGCO56 + prior"
     assert model["conservative"]
     assert model["rank"] <= 18
     assert "56 unknowns, the data see" in done.stdout.replace("\n", " ")
@@ -315,11 +317,12 @@ HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "pyarrow"}
 
 
 def test_help_lists_every_command_and_imports_nothing_heavy():
-    code = "import sys; from testbench import cli; cli.command.run(cli.program([])); "
-    code += "print(*sys.modules, file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True)
-    assert all(name in done.stdout for name in COMMANDS)
-    assert not HEAVY & set(done.stderr.split())
+    code = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
+    code += "command.run(program([])); print(*sys.modules, file=sys.stderr)"
+    for flag, said in (("--help", COMMANDS), ("--version", [f"testbench {__version__}\n"])):
+        done = subprocess.run([sys.executable, "-c", code, flag], capture_output=True, text=True, check=True)
+        assert all(words in done.stdout for words in said)
+        assert not HEAVY & set(done.stderr.split())
 
 
 @pytest.mark.parametrize("name", COMMANDS)

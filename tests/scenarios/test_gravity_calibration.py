@@ -16,7 +16,7 @@ from run_here import app_of, here
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.bench.truths import FAMILY, TRUTHS, TrueArmName, true_cell
-from testbench.cli import program
+from testbench.cli.program import program
 from testbench.data.csvfile import read_csv
 from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
 from testbench.studies.gravity_calibration.words import TITLE_WORDS

@@ -12,7 +12,7 @@ import pytest
 from testbench.bench.campaign import Scenario, hanging, measure
 from testbench.bench.plan import hung, straight_way
 from testbench.bench.plan_input import read_tasks
-from testbench.cli import program
+from testbench.cli.program import program
 from testbench.data.posefile import plan_columns, read_poses
 from testbench.data.station import Station
 from testbench.model.loaded import load_jacobian

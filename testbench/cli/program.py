@@ -1,0 +1,59 @@
+"""What the command line consists of, each command imported when it is asked for."""
+
+import os
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Annotated
+
+import typer
+
+from testbench import __version__
+
+COMMANDS = {
+    "check": "Read an arm's folder; say what is in it, or what is wrong.",
+    "elastic": "Write the elastic arm as MJCF for MuJoCo's own viewer.",
+    "plan": "Choose the poses to measure; say what they promise.",
+    "simulate": "Measure the true arm in given poses.",
+    "identifiability": "Say what runs can tell of a model, and what would help.",
+    "identify": "Identify stiffness models from measured runs.",
+    "demo": "Calibrate a heavy arm in simulation.",
+    "view": "Open the newest recording of a run in the Rerun viewer.",
+    "shot": "Render the newest recording of a run without a screen.",
+}
+"""What there is, one module each, and its line of help."""
+TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")  #: Where a shell that completes says what was typed.
+
+
+def program(arguments: Sequence[str]) -> typer.Typer:
+    """The command with what the arguments ask for; of all else the line of help alone.
+
+    So that `testbench --help` imports neither MuJoCo nor Pinocchio nor Rerun.
+
+    Args:
+        arguments: Of the command line; the first one names the command.
+    """
+    app = typer.Typer(help="Virtual calibration cell for heavy robot arms.", callback=_options)
+    named = list(arguments[:1]) or " ".join(os.environ.get(name, "") for name in TYPED).split()[1:2]
+    for name, line in COMMANDS.items():
+        asked = name in named
+        body = import_module(f"testbench.cli.{name}").command if asked else _elsewhere
+        app.command(name, help=line)(body)
+    return app
+
+
+def _elsewhere() -> None:
+    """Stands for a command that was not asked for."""
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"testbench {__version__}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which version this is.")
+    ] = False,
+) -> None:
+    """Flags of the program itself."""
