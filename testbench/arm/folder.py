@@ -5,24 +5,19 @@ which link, and the true compliances, each number with its unit and origin).
 """
 
 import math
-import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Generic, Literal, TypeVar
+from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from testbench.arm.catalogue import find_arm
+from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, read_elastic
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
-from testbench.arm.stiffness import COMPLIANCE_RANGE, Tube, check_compliance, tube_compliance
-from testbench.errors import Array, BenchError, InputError, read_text
-
-MAX_TOML_BYTES = 100_000
-MAX_DOTS = 200
-"""Dots in one line of elastic.toml: the time that tomllib takes grows with the square of a dotted key."""
+from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
+from testbench.errors import Array, BenchError, InputError
 
 
 @dataclass(frozen=True)
@@ -110,62 +105,11 @@ class Arm:
         return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^\P{C}+$")]  # no control characters
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-Value = TypeVar("Value")
-Unit = TypeVar("Unit")
-
-
-class _Quantity(_Strict, Generic[Value, Unit]):
-    value: Value
-    origin: Literal["published", "inferred", "assumed", "estimated"]
-    note: str = ""
-    unit: Unit
-
-
 KINDS = "hinge", "slide"
 COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
-PAYLOAD_RANGE = 1e-3, 1e4
-"""Masses that can hang from an arm [kg]; beyond it a unit is wrong."""
 
-_Metre = _Quantity[float, Literal["m"]]
-
-
-class _Tube(_Strict):
-    length: _Metre
-    outer_diameter: _Metre
-    inner_diameter: _Metre
-    youngs_modulus: _Quantity[float, Literal["Pa"]]
-    poissons_ratio: _Quantity[float, Literal["1"]]
-
-
-class _Link(_Strict):
-    name: Name
-    axis: Vector
-    normal: Vector
-    tube: _Tube | None = None
-    compliance: _Quantity[list[list[float]], Literal["m/N, rad/(N m)"]] | None = None
-
-
-class _Joint(_Strict):
-    name: Name
-    compliance: _Quantity[float, Literal["rad/(N m)", "m/N"]]
-
-
-class _Elastic(_Strict):
-    format: Literal[1]
-    title: str
-    tool: Name
-    load: Name
-    markers: list[Name] = Field(min_length=1)
-    payload: _Quantity[float, Literal["kg"]] | None = None
-    link: list[_Link] = Field(min_length=1)
-    joint: list[_Joint] = Field(default_factory=list)
+LONGEST = 3.0  #: No tube is longer than so many times the whole arm [1].
 
 
 def load_arm(folder: str | Path) -> Arm:
@@ -182,8 +126,7 @@ def load_arm(folder: str | Path) -> Arm:
     """
     folder = find_arm(folder)
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
-    elastic, root = _read_elastic(toml_path), read_mjcf(rigid)
-    _check_values(toml_path, elastic)
+    elastic, root = read_elastic(toml_path), read_mjcf(rigid)
     arm = Arm(
         name=folder.resolve().name,
         title=elastic.title,
@@ -199,61 +142,11 @@ def load_arm(folder: str | Path) -> Arm:
         payload=None if elastic.payload is None else elastic.payload.value,
     )
     _check_chain(rigid, root, arm)
+    _check_lengths(toml_path, elastic, stretched(rigid, root, arm))
     return arm
 
 
-def _read_elastic(path: Path) -> _Elastic:
-    text = read_text(path, MAX_TOML_BYTES)
-    for number, line in enumerate(text.split("\n"), start=1):
-        if line.count(".") > MAX_DOTS:
-            raise InputError(path, f"line {number}", f"expected at most {MAX_DOTS} dots in a line")
-    try:
-        data = tomllib.loads(text)
-    except (ValueError, RecursionError) as err:  # also an integer of thousands of digits
-        raise InputError(path, "", f"not TOML: {err}") from err
-    try:
-        return _Elastic.model_validate(data)
-    except ValidationError as err:
-        raise InputError(path, *_first(err)) from err
-
-
-def _check_values(path: Path, elastic: _Elastic) -> None:
-    links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
-    if len(links) != len(joints) + 1:
-        problem = f"expected one link more than joints, got {len(links)} links and {len(joints)} joints"
-        raise InputError(path, "link", problem)
-    for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
-        if len(set(names)) != len(names):
-            raise InputError(path, place, f"expected different names, got {names}")
-    _check_payload(path, elastic)
-    low, high = COMPLIANCE_RANGE
-    for index, joint in enumerate(elastic.joint):
-        if not low <= joint.compliance.value <= high:
-            got = f"{joint.compliance.unit}, got {joint.compliance.value}"
-            problem = f"compliance: expected {low:g} to {high:g} {got}"
-            raise InputError(path, f"joint.{index} ({joint.name})", problem)
-
-
-def _check_payload(path: Path, elastic: _Elastic) -> None:
-    low, high = PAYLOAD_RANGE
-    if elastic.payload is not None and not low <= elastic.payload.value <= high:
-        raise InputError(path, "payload", f"expected {low:g} to {high:g} kg, got {elastic.payload.value}")
-
-
-def _first(err: ValidationError) -> tuple[str, str]:
-    """Place and problem of the first finding of pydantic, in one line."""
-    try:
-        first = err.errors(include_url=False, include_context=False)[0]
-        got = repr(first["input"])
-    except (RecursionError, ValueError):  # too deep, or of too many digits, to be shown
-        first = err.errors(include_url=False, include_context=False, include_input=False)[0]
-        got = "something too long to show"
-    place = ".".join(str(part) for part in first["loc"])
-    problem = f"{first['msg']}, got {got if len(got) < 80 else got[:77] + '...'}"
-    return place, problem
-
-
-def _link(path: Path, index: int, link: _Link) -> Link:
+def _link(path: Path, index: int, link: LinkEntry) -> Link:
     place = f"link.{index} ({link.name})"
     if (link.tube is None) == (link.compliance is None):
         raise InputError(path, place, "expected either a tube or a compliance")
@@ -269,7 +162,7 @@ def _link(path: Path, index: int, link: _Link) -> Link:
     return Link(link.name, _frame(path, place, link), C)
 
 
-def _frame(path: Path, place: str, link: _Link) -> Array:
+def _frame(path: Path, place: str, link: LinkEntry) -> Array:
     x, y = np.array(link.axis), np.array(link.normal)
     orthonormal = max(abs(x).max(), abs(y).max()) < 2 and np.allclose(
         [x @ x, y @ y, x @ y], [1, 1, 0], rtol=0, atol=1e-6
@@ -283,7 +176,7 @@ def _frame(path: Path, place: str, link: _Link) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-def _joint(rigid: Path, root: ET.Element, joint: _Joint, body: str) -> Joint:
+def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint:
     found = find_body(rigid, root, body).findall("joint")
     names = [j.get("name") for j in found]
     if names != [joint.name]:
@@ -329,3 +222,19 @@ def _check_chain(rigid: Path, root: ET.Element, arm: Arm) -> None:
     expected, names = [j.name for j in arm.joints], [j.get("name") for j in root.iter("joint")]
     if len(names) != len(expected):
         raise InputError(rigid, "<joint>", f"expected the joints {expected} and no other, got {names}")
+
+
+def stretched(rigid: Path, root: ET.Element, arm: Arm) -> float:
+    """Length of the chain from the base to the tool, its slides run out [m]."""
+    bodies = [find_body(rigid, root, name) for name in (*(link.name for link in arm.links[1:]), arm.tool)]
+    steps = [numbers(rigid, body, "pos", 3) for body in bodies if "pos" in body.attrib]
+    slides = [max(abs(j.lower), abs(j.upper)) for j in arm.joints if j.prismatic]
+    return sum(math.hypot(*step) for step in steps) + sum(slides)
+
+
+def _check_lengths(path: Path, elastic: Elastic, whole: float) -> None:
+    for index, link in enumerate(elastic.link):
+        if link.tube is not None and link.tube.length.value > LONGEST * whole > 0:
+            got = f"got {link.tube.length.value:g} m; the whole arm is {whole:.3g} m long"
+            place = f"link.{index} ({link.name})"
+            raise InputError(path, place, f"tube.length: expected at most {LONGEST * whole:.3g} m, {got}")

@@ -271,6 +271,12 @@ WRONG_TOML = {
     ),
     "a payload in tonnes": (PAYLOAD, "0.0001", ["payload: expected 0.001 to 10000 kg, got 0.0001"]),
     "a zero length": (LENGTH, "0.0", ["link.0 (link_0)", "length: expected 0.001 to 100 m, got 0.0"]),
+    "a tube of 99 m": (LENGTH, "99.0", ["link.0 (link_0)", "tube.length: expected at most", "got 99 m"]),
+    "a point that is not there": (
+        r"markers = .*",
+        'markers = ["probe"]\nto_confirm = ["P9"]',
+        ["to_confirm", "'P9'"],
+    ),
     "an inner diameter above the outer": (INNER, "9.0", ["inner_diameter: expected 0 to below", "got 9.0"]),
     "GPa for Pa": (MODULUS, "70", ["youngs_modulus: expected 1e+06 to 1e+13 Pa, got 70"]),
     "Poisson's ratio of a fluid": (POISSON, "0.5", ["poissons_ratio: expected between -1 and 0.5, got 0.5"]),

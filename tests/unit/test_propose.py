@@ -167,3 +167,12 @@ def test_flags_are_taken_as_they_are_said():
 def test_a_wrong_flag_is_named(flags, words):
     with pytest.raises(BenchError, match=words.replace("(", r"\(")):
         read_wishes(*flags)
+
+
+def test_points_that_nobody_stated_are_to_be_confirmed_and_no_others():
+    arm = chain_of(part("tool", (0, 0, 0.4)), part("two", (0.5, 0, 0)))
+    made = tomllib.loads(propose(arm, Wishes()).elastic)
+    assert made["tool"] == "tool_"  # the robot has a part of that name
+    assert made["to_confirm"] == ["tool_", "load", "P1", "P2", "P3"]
+    made = tomllib.loads(propose(arm, read_wishes(None, None, [], "0,0,0.1")).elastic)
+    assert made["to_confirm"] == ["tool_", "P1", "P2", "P3"]

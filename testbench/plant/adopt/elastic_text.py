@@ -40,7 +40,9 @@ class Rows:
     tool: str
     load: str
     markers: tuple[str, ...]
-    proposed: tuple[str, ...]  #: Places that nobody has stated, in words.
+    proposed: tuple[
+        tuple[str, str], ...
+    ]  #: Places that nobody has stated: "tool", "load" or "markers"; words.
     links: tuple[LinkRow, ...]
     joints: tuple[JointRow, ...]
 
@@ -62,7 +64,7 @@ def _head(rows: Rows) -> list[str]:
         *([payload] if rows.payload_origin == "estimated" else []),
         f"compliance of the joints, by a law that misses known ones by a factor of {SPREAD:g}",
         f"tubes of the links: diameter by the drawn shape, {rows.of.material.name}, inner 0.9 of outer",
-        *(f"{words}; its place is in rigid.xml" for words in rows.proposed),
+        *(f"{words}; change it in rigid.xml, then take it out of to_confirm" for _, words in rows.proposed),
     ]
     numbered = [f"#  {k}. {words}." for k, words in enumerate(confirm, start=1)]
     return [
@@ -74,6 +76,8 @@ def _head(rows: Rows) -> list[str]:
 
 
 def _top(rows: Rows) -> list[str]:
+    names = {"tool": [rows.tool], "load": [rows.load], "markers": rows.markers}
+    unsure = [name for what, _ in rows.proposed for name in names[what]]
     payload = _quantity(rows.of.payload, "kg", rows.payload_note, rows.payload_origin)
     return [
         "format = 1",
@@ -81,6 +85,7 @@ def _top(rows: Rows) -> list[str]:
         f"tool = {_word(rows.tool)}",
         f"load = {_word(rows.load)}",
         f"markers = [{', '.join(map(_word, rows.markers))}]",
+        f"to_confirm = [{', '.join(map(_word, unsure))}]",
         f"payload = {payload}",
     ]
 

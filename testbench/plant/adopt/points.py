@@ -22,7 +22,9 @@ class Points:
 
     markers: tuple[tuple[str, Array], ...]  #: Name and position, (3,) [m].
     load: Array  #: Where a weight hangs, (3,) [m].
-    proposed: tuple[str, ...]  #: Which of tool, load and markers nobody has stated, in words.
+    proposed: tuple[
+        tuple[str, str], ...
+    ]  #: What nobody has stated, "tool", "load" or "markers", and in words.
 
 
 def tool_pose(chain: Chain, wishes: Wishes) -> Array:
@@ -42,21 +44,17 @@ def points(chain: Chain, wishes: Wishes, last: Beam, reach: float) -> Points:
     tool = tool_pose(chain, wishes)
     axes = tool[:3, :3].T @ last.frame  # beam axes in the tool's frame, as columns
     sites = _sites(chain, tool)
-    proposed = []
+    proposed: list[tuple[str, str]] = []
     if wishes.tool is None:
-        proposed.append(f"tool at {chain.tip_name!r} of the robot's file")
+        proposed.append(("tool", f"tool at {chain.tip_name!r} of the robot's file"))
     if wishes.load is None:
-        proposed.append(f"load point {1000 * BEYOND * reach:.0f} mm beyond the tool on its axis")
-    if wishes.markers:
-        markers = wishes.markers
-    elif sites:
-        markers = sites
-        proposed.append("markers at the sites of the robot's file: " + ", ".join(name for name, _ in sites))
-    else:
-        markers = _ring(axes, AROUND * reach)
-        proposed.append(
-            f"markers {', '.join(n for n, _ in markers)} {1000 * AROUND * reach:.0f} mm off the tool"
+        proposed.append(("load", f"load point {1000 * BEYOND * reach:.0f} mm beyond the tool on its axis"))
+    if not wishes.markers:
+        origin = (
+            "at the sites of the robot's file" if sites else f"{1000 * AROUND * reach:.0f} mm off the tool"
         )
+        proposed.append(("markers", f"markers {origin}"))
+    markers = wishes.markers or sites or _ring(axes, AROUND * reach)
     load = np.round(BEYOND * reach * axes[:, 0], MILLIMETRE) if wishes.load is None else wishes.load
     return Points(markers, load, tuple(proposed))
 

@@ -1,0 +1,143 @@
+"""elastic.toml as a document: every number with its unit, its origin and a note."""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Generic, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from testbench.arm.stiffness import COMPLIANCE_RANGE
+from testbench.errors import InputError, read_text
+
+MAX_TOML_BYTES = 100_000
+MAX_DOTS = 200
+"""Dots in one line of elastic.toml: the time that tomllib takes grows with the square of a dotted key."""
+PAYLOAD_RANGE = 1e-3, 1e4
+"""Masses that can hang from an arm [kg]; beyond it a unit is wrong."""
+
+Origin = Literal["published", "inferred", "assumed", "estimated"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^\P{C}+$")]  # no control characters
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Value = TypeVar("Value")
+Unit = TypeVar("Unit")
+
+
+class Quantity(_Strict, Generic[Value, Unit]):
+    """A number and where it comes from."""
+
+    value: Value
+    origin: Origin
+    note: str = ""
+    unit: Unit
+
+
+Metre = Quantity[float, Literal["m"]]
+
+
+class TubeEntry(_Strict):
+    """A straight hollow circular beam."""
+
+    length: Metre
+    outer_diameter: Metre
+    inner_diameter: Metre
+    youngs_modulus: Quantity[float, Literal["Pa"]]
+    poissons_ratio: Quantity[float, Literal["1"]]
+
+
+class LinkEntry(_Strict):
+    """A link: its body, its beam axes, and a tube or a compliance."""
+
+    name: Name
+    axis: Vector
+    normal: Vector
+    tube: TubeEntry | None = None
+    compliance: Quantity[list[list[float]], Literal["m/N, rad/(N m)"]] | None = None
+
+
+class JointEntry(_Strict):
+    """An actuated joint."""
+
+    name: Name
+    compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]
+
+
+class Elastic(_Strict):
+    """The whole file."""
+
+    format: Literal[1]
+    title: str
+    tool: Name
+    load: Name
+    markers: list[Name] = Field(min_length=1)
+    #: Which of tool, load point and markers are where nobody has confirmed them.
+    to_confirm: list[Name] = Field(default_factory=list)
+    payload: Quantity[float, Literal["kg"]] | None = None
+    link: list[LinkEntry] = Field(min_length=1)
+    joint: list[JointEntry] = Field(default_factory=list)
+
+
+def read_elastic(path: Path) -> Elastic:
+    """Read elastic.toml and check what can be checked without the arm's MJCF.
+
+    Raises:
+        InputError: Names the place and what was expected.
+    """
+    text = read_text(path, MAX_TOML_BYTES)
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.count(".") > MAX_DOTS:
+            raise InputError(path, f"line {number}", f"expected at most {MAX_DOTS} dots in a line")
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as err:  # also an integer of thousands of digits
+        raise InputError(path, "", f"not TOML: {err}") from err
+    try:
+        elastic = Elastic.model_validate(data)
+    except ValidationError as err:
+        raise InputError(path, *_first(err)) from err
+    _check_values(path, elastic)
+    return elastic
+
+
+def _check_values(path: Path, elastic: Elastic) -> None:
+    links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
+    if len(links) != len(joints) + 1:
+        problem = f"expected one link more than joints, got {len(links)} links and {len(joints)} joints"
+        raise InputError(path, "link", problem)
+    for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
+        if len(set(names)) != len(names):
+            raise InputError(path, place, f"expected different names, got {names}")
+    points = [elastic.tool, elastic.load, *elastic.markers]
+    if unknown := [name for name in elastic.to_confirm if name not in points]:
+        raise InputError(path, "to_confirm", f"expected some of {points}, got {unknown[0]!r}")
+    _check_payload(path, elastic)
+    low, high = COMPLIANCE_RANGE
+    for index, joint in enumerate(elastic.joint):
+        if not low <= joint.compliance.value <= high:
+            got = f"{joint.compliance.unit}, got {joint.compliance.value}"
+            problem = f"compliance: expected {low:g} to {high:g} {got}"
+            raise InputError(path, f"joint.{index} ({joint.name})", problem)
+
+
+def _check_payload(path: Path, elastic: Elastic) -> None:
+    low, high = PAYLOAD_RANGE
+    if elastic.payload is not None and not low <= elastic.payload.value <= high:
+        raise InputError(path, "payload", f"expected {low:g} to {high:g} kg, got {elastic.payload.value}")
+
+
+def _first(err: ValidationError) -> tuple[str, str]:
+    """Place and problem of the first finding of pydantic, in one line."""
+    try:
+        first = err.errors(include_url=False, include_context=False)[0]
+        got = repr(first["input"])
+    except (RecursionError, ValueError):  # too deep, or of too many digits, to be shown
+        first = err.errors(include_url=False, include_context=False, include_input=False)[0]
+        got = "something too long to show"
+    place = ".".join(str(part) for part in first["loc"])
+    problem = f"{first['msg']}, got {got if len(got) < 80 else got[:77] + '...'}"
+    return place, problem
