@@ -55,9 +55,18 @@ class Joint:
         return "mm" if self.prismatic else "deg"
 
     @property
+    def shown_column(self) -> str:
+        """Name of a column in that unit, such as joint_2_deg."""
+        return f"{self.name}_{self.shown_unit}"
+
+    @property
     def shown(self) -> float:
         """So many of these in one of its unit."""
         return 1e3 if self.prismatic else 180 / math.pi
+
+    def of_shown(self, values: Array) -> Array:
+        """Coordinates [rad, m] of those that people read [deg, mm]."""
+        return values / 1e3 if self.prismatic else np.deg2rad(values)
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,14 @@ class Arm:
     def shown(self) -> Array:
         """What makes coordinates those that people read, deg of rad and mm of m, (n,)."""
         return np.array([joint.shown for joint in self.joints])
+
+    def words(self, q: Array) -> str:
+        """A pose, (n,) [rad, m], for people: degrees, and millimetres where joints slide."""
+        values = (self.shown * q).round(2).tolist()
+        if not any(joint.prismatic for joint in self.joints):
+            return f"{values} deg"
+        named = (f"{x} {joint.shown_unit}" for x, joint in zip(values, self.joints, strict=True))
+        return f"[{', '.join(named)}]"
 
     @property
     def limits(self) -> Array:

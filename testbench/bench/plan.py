@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
@@ -75,17 +76,18 @@ def search(cell: Cell, settings: PlanSettings) -> Candidates:
     """
     checks, rng = build_checks(cell, settings.conditions), stream(settings.seed, 0)
     found = find(checks, settings.candidates_wanted, rng, least=settings.poses)
-    return replace(found, q=nearest_turn(found.q, cell.arm.limits))
+    return replace(found, q=nearest_turn(found.q, cell.arm))
 
 
-def nearest_turn(q: Array, limits: Array) -> Array:
-    """Poses (poses, n) [rad, m] with every joint in the turn nearest to zero that its limits (2, n) allow.
+def nearest_turn(q: Array, arm: Arm) -> Array:
+    """Poses (poses, n) [rad, m] with every hinge in the turn nearest to zero that its limits allow.
 
     A joint that can turn about itself more than once reaches a pose at several angles; nearest to zero the
     ways from pose to pose are short, and cables are not wound up.
     """
-    near = q - 2 * np.pi * np.round(q / (2 * np.pi))
-    return np.where((near >= limits[0]) & (near <= limits[1]), near, q)
+    near, hinge = q - 2 * np.pi * np.round(q / (2 * np.pi)), [not joint.prismatic for joint in arm.joints]
+    lower, upper = arm.limits
+    return np.where(hinge & (near >= lower) & (near <= upper), near, q)
 
 
 def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:

@@ -8,7 +8,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.plan_settings import LOAD_RANGE, Place
-from testbench.data.posefile import XYZ, check_limits
+from testbench.data.posefile import XYZ, read_joints
 from testbench.data.table import Table, read_table
 from testbench.design.rows import Load
 from testbench.design.specification import Tasks
@@ -28,9 +28,9 @@ FARTHEST = {FORCE[0]: 1e6, MOMENT[0]: 1e6, POINT[0]: 10.0}
 def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
     """Read tasks, one pose a row, and check that the arm can take them.
 
-    Columns: JOINT_rad of every joint or JOINT_deg of every joint. force_*_N and moment_*_Nm (optional): load
-    of the process, world axes. point_*_m (optional with them): where it acts, in the tool's frame; the arm's
-    load point if not given.
+    Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
+    (optional): load of the process, world axes. point_*_m (optional with them): where it acts, in the tool's
+    frame; the arm's load point if not given.
 
     Tasks without such columns have the load `hung`.
 
@@ -38,38 +38,34 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
         InputError: Names line, joint or bodies, and what was expected.
     """
     table = read_table(path)
-    angles = _check_header(table, cell.arm)
+    _check_header(table, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:
         raise table.error(
             min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
         )
-    q = table.numbers(angles)
-    unit = angles[0].rsplit("_", 1)[1]
-    q = np.deg2rad(q) if unit == "deg" else q
-    check_limits(path, cell.arm, q, unit=unit)
+    q = read_joints(table, cell.arm)
     for line, pair in enumerate(collisions(cell.room, q), start=2):
         if pair:
             raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
     return Tasks(q, _read_load(table, hung))
 
 
-def _check_header(table: Table, arm: Arm) -> list[str]:
-    """The columns of the angles, all in one unit."""
+def _check_header(table: Table, arm: Arm) -> None:
+    """Refuse what is no column of tasks, and loads that lack a component."""
     path, header = table.path, table.columns.keys()
-    radians, degrees = ([f"{j.name}_{unit}" for j in arm.joints] for unit in ("rad", "deg"))
-    angles = degrees if header & set(degrees) else radians
     groups = [group for group in (FORCE, MOMENT, POINT) if header & set(group)]
-    expected = {*angles, *(name for group in groups for name in group)}
-    if header != expected:
+    of_loads = {name for group in groups for name in group}
+    of_joints = {name for j in arm.joints for name in (j.column, j.shown_column)}
+    if not of_loads <= header <= of_loads | of_joints:
         raise InputError(
             path,
             "line 1",
-            f"expected the columns {','.join(radians)} or all of them in _deg, and if wanted all of "
-            f"{','.join(FORCE)}, of {','.join(MOMENT)} and of {','.join(POINT)}, got {','.join(header)}",
+            f"expected the columns {','.join(j.column for j in arm.joints)} (or in deg or mm), and if wanted "
+            f"all of {','.join(FORCE)}, of {','.join(MOMENT)} and of {','.join(POINT)}, got "
+            f"{','.join(header)}",
         )
     if groups == [POINT]:
         raise InputError(path, "line 1", f"expected {','.join(FORCE)} where {','.join(POINT)} are given")
-    return angles
 
 
 def _read_load(table: Table, hung: Load) -> Load:

@@ -1,4 +1,4 @@
-"""What a plan tells its readers: plan.json as typed rows, in millimetres, degrees and radians."""
+"""What a plan tells its readers: plan.json as typed rows, the unit in the name or beside the joint."""
 
 import math
 from collections.abc import Mapping
@@ -83,9 +83,12 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Row:
-    """A pose with what is to be expected there; the error is that of predicting its deflection."""
+    """A pose with what is to be expected there; the error is that of predicting its deflection.
 
-    q_deg: list[float]
+    q_shown are its joints in the report's units, deg or mm.
+    """
+
+    q_shown: list[float]
     expected_deflection_mm: float
     expected_error_mm: float
     expected_error_p05_mm: float
@@ -100,12 +103,16 @@ class Row:
 
 @dataclass(frozen=True)
 class PoseRow(Row):
-    """A pose to measure; travel is that of the joint that turns farthest from the run before."""
+    """A pose to measure; q are its joints in rad or m.
+
+    Travel is that of the hinge that turns, or slide that moves, farthest from the run before.
+    """
 
     run: int
-    q_rad: list[float]
+    q: list[float]
     load_kg: float
     travel_deg: float
+    travel_mm: float
     way: Way
 
 
@@ -194,6 +201,7 @@ class PlanReport(PlanSettings):
     arm: str
     base_m: list[float]
     joints: list[str]
+    units: list[str]
     prior: str | None
     within_percent: float
     error_mm: Expected

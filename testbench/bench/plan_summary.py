@@ -51,6 +51,7 @@ def summary(
         arm=cell.arm.name,
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],
+        units=[joint.shown_unit for joint in cell.arm.joints],
         prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
         within_percent=100 * within(spec),
         error_mm=overall(tasks),
@@ -113,15 +114,18 @@ def _poses(settings: PlanSettings, plan: Plan, fit: Fitted) -> list[r.PoseRow]:
     own = deflection_rows(spec.experiment, plan.q, load)
     deflection = _rms(own @ spec.experiment.metric.expected)
     ways: list[r.Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
-    travel = np.r_[0.0, np.abs(np.diff(plan.q, axis=0)).max(axis=1)]
+    slides = np.array([joint.prismatic for joint in spec.experiment.vjm.arm.joints], dtype=bool)
+    moved = np.abs(np.diff(plan.q, axis=0, prepend=plan.q[:1]))
+    turned, slid = (moved[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     expected = _expected(spec.experiment.vjm, plan.q, deflection, widened(promise_on(fit, plan.q, load)))
     return [
         r.PoseRow(
             **vars(row),
             run=k + 1,
-            q_rad=plan.q[k].tolist(),
+            q=plan.q[k].tolist(),
             load_kg=float(settings.loads_kg[plan.load[k]]),
-            travel_deg=float(np.rad2deg(travel[k])),
+            travel_deg=float(np.rad2deg(turned[k])),
+            travel_mm=float(MM * slid[k]),
             way=way,
         )
         for k, (row, way) in enumerate(zip(expected, ways, strict=True))
@@ -148,7 +152,7 @@ def _expected(vjm: Vjm, q: Array, deflection: Array, forecast: Forecast) -> list
     """Poses with deflections [m] and errors to expect there."""
     return [
         r.Row(
-            q_deg=np.rad2deg(pose).tolist(),
+            q_shown=(vjm.arm.shown * pose).tolist(),
             expected_deflection_mm=float(MM * deflection[k]),
             expected_error_mm=float(MM * forecast.error[k]),
             expected_error_p05_mm=float(MM * forecast.low[k]),

@@ -26,7 +26,7 @@ class Options:
     """What an engineer asks for, in the units of a command line."""
 
     arm: ArmName
-    task: Annotated[Path, typer.Option(help="CSV of tasks: JOINT_rad or JOINT_deg, force_x_N ... if any.")]
+    task: Annotated[Path, typer.Option(help="CSV of tasks: JOINT_deg or JOINT_rad, force_x_N ... if any.")]
     load: Annotated[list[float], typer.Option(help="Mass to hang in kg; again for a choice.")]
     poses: Annotated[int, typer.Option(help="How many to measure.")] = 12
     tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None

@@ -24,24 +24,24 @@ SIGMA_RANGE = (1e-9, 1e-2)
 """Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
 
 
-def columns(joints: tuple[str, ...], *, rotation: bool, covariance: bool = False) -> list[str]:
+def columns(arm: Arm | tuple[str, ...], *, rotation: bool, covariance: bool = False) -> list[str]:
     """The header of the CSV file, in order.
 
-    run, pose: integers. marker: its name in the arm. JOINT_rad: joint angle. force_*_N, moment_*_Nm: load,
-    world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings, world axes. sigma_m:
-    standard deviation of one reading along one axis, the same in all rows.
+    run, pose: integers. marker: its name in the arm. JOINT_rad: joint angle, JOINT_m of a slide. force_*_N,
+    moment_*_Nm: load, world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings,
+    world axes. sigma_m: standard deviation of one reading along one axis, the same in all rows.
 
     With `rotation` orientations are read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors,
     world axes, the same for every marker of a run) and sigma_rad. With `covariance` every reading has one of
     its own: deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its
     readings empty.
     """
-    names = ["run", "pose", "marker", *_angles(joints), *_load(), *READINGS, "sigma_m"]
+    names = ["run", "pose", "marker", *_joints(arm), *_load(), *READINGS, "sigma_m"]
     return names + TURNED * rotation + COVARIANCES * covariance
 
 
-def _angles(joints: tuple[str, ...]) -> list[str]:
-    return [f"{joint}_rad" for joint in joints]
+def _joints(arm: Arm | tuple[str, ...]) -> list[str]:
+    return [j.column for j in arm.joints] if isinstance(arm, Arm) else [f"{name}_rad" for name in arm]
 
 
 def _load() -> list[str]:
@@ -53,18 +53,18 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
 
     Args:
         data: The runs.
-        arm: The arm that was measured, or the names of its joints: they head the columns.
+        arm: The arm that was measured, or the names of its hinges: they head the columns.
         path: The file.
 
     Raises:
         BenchError: When the names are not as many as the joint angles.
         InputError: When the file cannot be written.
     """
-    joints = tuple(j.name for j in arm.joints) if isinstance(arm, Arm) else arm
+    joints = _joints(arm)
     if len(joints) != data.q.shape[1]:
-        raise BenchError(f"joints: expected {data.q.shape[1]} names, got {list(joints)}")
+        raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
     m, turned, P = len(data.markers), data.rotation_before is not None, data.precision
-    header = columns(joints, rotation=turned, covariance=P is not None)
+    header = columns(arm, rotation=turned, covariance=P is not None)
     parts = [np.repeat(a, m, axis=0) for a in (data.q, data.wrench, data.point)]
     parts += [a.reshape(-1, 3) for a in (data.before, data.after)] + [np.full((data.points, 1), data.sigma)]
     if data.rotation_before is not None and data.rotation_after is not None:
@@ -99,15 +99,15 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
         InputError: Names the line and what was expected.
     """
     path = Path(path)
-    table, joints = read_table(path), tuple(j.name for j in arm.joints)
+    table, joints = read_table(path), _joints(arm)
     turned, covariance = (not table.columns.keys().isdisjoint(own) for own in (TURNED, COVARIANCES))
-    _check_header(table, columns(joints, rotation=turned, covariance=covariance))
+    _check_header(table, columns(arm, rotation=turned, covariance=covariance))
     markers = _markers(table, arm)
     m, n = len(markers), len(joints)
     run, pose = _check_runs(table, markers)
     lost = _lost(table) if covariance else None
     readings = table.numbers(READINGS, lost)
-    once = _once(table, arm, m, [*_angles(joints), *_load(), "sigma_m", *TURNED * turned])
+    once = _once(table, arm, m, [*joints, *_load(), "sigma_m", *TURNED * turned])
     return Dataset(
         markers=markers,
         run=run,

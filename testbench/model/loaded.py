@@ -153,11 +153,13 @@ def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point:
         lost = moving[~(step[moving] < MAX_STEP) | (iterations[moving] >= MAX_ITERATIONS)]
         if len(lost):
             problem = f"no static equilibrium in {iterations[lost[0]]} Newton steps"
-            raise _no_equilibrium(problem, q[lost[0]], wrench[lost[0]])
+            raise _no_equilibrium(problem, vjm.arm.words(q[lost[0]]), wrench[lost[0]])
         moving = moving[step[moving] >= STEP_TOLERANCE]
     buckled = np.flatnonzero(~_stable(chain(vjm, q, theta), C, wrench, point))
     if len(buckled):
-        raise _no_equilibrium("only an unstable equilibrium", q[buckled[0]], wrench[buckled[0]])
+        raise _no_equilibrium(
+            "only an unstable equilibrium", vjm.arm.words(q[buckled[0]]), wrench[buckled[0]]
+        )
     return LoadedEquilibrium(theta, step, iterations)
 
 
@@ -174,9 +176,9 @@ def _stable(where: Chain, C: Array, wrench: Array, point: Array) -> npt.NDArray[
     return np.asarray(eigenvalues.real.min(axis=1, initial=np.inf) > 0)
 
 
-def _no_equilibrium(problem: str, q: Array, wrench: Array) -> NoEquilibrium:
+def _no_equilibrium(problem: str, q: str, wrench: Array) -> NoEquilibrium:
     return NoEquilibrium(
-        f"{problem} at q = {np.rad2deg(q).round(2).tolist()} deg under wrench "
+        f"{problem} at q = {q} under wrench "
         f"{wrench.round(1).tolist()} N, N m: too soft for its load, or buckled"
     )
 

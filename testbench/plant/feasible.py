@@ -63,12 +63,9 @@ def check_poses(room: Room, q: Array) -> None:
         i, k = outside[0]
         joint = room.arm.joints[k]
         raise PoseError(
-            f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} rad, expected {joint.lower:.4f} to "
+            f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} {joint.unit}, expected {joint.lower:.4f} to "
             f"{joint.upper:.4f}"
         )
     for i, pair in enumerate(collisions(room, q)):
         if pair:
-            raise PoseError(
-                f"pose {i + 1}: {pair[0]} collides with {pair[1]} at "
-                f"q = {np.rad2deg(q[i]).round(2).tolist()} deg"
-            )
+            raise PoseError(f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {room.arm.words(q[i])}")

@@ -124,8 +124,8 @@ def _not_found(steps: int, size: float) -> str:
 
 
 def _no_equilibrium(problem: str, poses: Poses, pose: int) -> NoEquilibrium:
-    q, wrench = np.rad2deg(poses.held[pose, poses.plant.joints]), poses.wrench[pose]
+    q, wrench = poses.plant.arm.words(poses.held[pose, poses.plant.joints]), poses.wrench[pose]
     return NoEquilibrium(
-        f"{problem} at q = {q.round(2).tolist()} deg under wrench {wrench.round(1).tolist()} N, N m: "
+        f"{problem} at q = {q} under wrench {wrench.round(1).tolist()} N, N m: "
         "too soft for its load, or buckled"
     )

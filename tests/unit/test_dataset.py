@@ -228,7 +228,7 @@ def test_writing_into_a_missing_folder_or_over_a_folder_is_refused(tmp_path: Pat
 
 
 def test_header_needs_a_name_for_every_joint(tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match=r"joints: expected 6 names, got \['joint_1'\]"):
+    with pytest.raises(BenchError, match=r"joints: expected 6 names, got \['joint_1_rad'\]"):
         write_csv(dataset(), ("joint_1",), tmp_path / "dataset.csv")
     assert not list(tmp_path.iterdir())
 

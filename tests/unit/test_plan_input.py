@@ -1,8 +1,11 @@
 """What a plan is asked for in files and flags."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from testbench.arm.folder import Joint
 from testbench.bench.plan import hung, nearest_turn
 from testbench.bench.plan_input import box, place, read_payload, read_tasks
 from testbench.bench.plan_settings import PlanSettings
@@ -53,7 +56,7 @@ def test_loads_of_the_process_act_where_they_are_said_to(kr500, file):
 BROKEN = [
     (DEG, [], "line 2: expected 1 to 1000 tasks, got 0"),
     (DEG, np.tile(POSES, (501, 1)), "line 1002: expected 1 to 1000 tasks, got 1002"),
-    (RAD[:1] + DEG[1:], POSES, "line 1: expected the columns joint_1_rad"),
+    (["joint_1_mm", *DEG[1:]], POSES, "line 1: expected the columns joint_1_rad"),
     ([*DEG[:5], DEG[0]], POSES, "line 1: expected every column once, got ['joint_1_deg']"),
     (
         DEG + POINT,
@@ -87,6 +90,23 @@ def test_a_plan_is_read_like_any_poses_and_brings_its_loads(kr500, tmp_path):
     np.testing.assert_array_equal(read_poses(path, kr500.arm), np.deg2rad(POSES))
     np.testing.assert_array_equal(read_payload(path), [460.3, 460.3])
     assert read_payload(write(tmp_path / "poses.csv", RAD, np.deg2rad(POSES))) is None
+
+
+def test_poses_in_degrees_alone_are_the_same_poses(kr500, tmp_path):
+    path = write(tmp_path / "poses.csv", DEG, POSES)
+    np.testing.assert_array_equal(read_poses(path, kr500.arm), np.deg2rad(POSES))
+
+
+def test_a_slide_is_read_in_metres_or_millimetres(slides, tmp_path):
+    """Of the arm's joints the second and fourth slide, by 0 to 0.4 m."""
+    header = ["joint_1_deg", "joint_2_mm", "joint_3_rad", "joint_4_m", "joint_5_rad"]
+    path = write(tmp_path / "poses.csv", header, [[30, 250, 0.1, 0.3, 0.2]])
+    np.testing.assert_allclose(read_poses(path, slides.arm), [[np.pi / 6, 0.25, 0.1, 0.3, 0.2]], rtol=1e-15)
+    path = write(tmp_path / "poses.csv", [*header[:3], "joint_4_m", header[4]], [[30, 250, 0.1, 300, 0.2]])
+    with pytest.raises(
+        InputError, match=r"joint_4_m: expected 0.0000 to 0.4000 m, got 300; are these millim"
+    ):
+        read_poses(path, slides.arm)
 
 
 def test_an_angle_changed_in_one_unit_only_is_noticed(kr500, tmp_path):
@@ -125,9 +145,14 @@ def test_a_box_has_its_lower_corner_first():
         PlanSettings(loads_kg=(460.0,), box_m=box("1,1,1,0,2,2"))
 
 
-def test_the_nearest_turn_is_the_same_pose_within_the_limits():
-    limits = np.array([[-6.0, -1.0, 2.0], [6.0, 1.0, 6.0]])
-    q = np.array([[5.0, 0.9, 5.9], [-4.0, -1.0, 2.0]])
-    near = nearest_turn(q, limits)
-    np.testing.assert_allclose(np.exp(1j * near), np.exp(1j * q), atol=1e-15)
-    np.testing.assert_allclose(near, [[5.0 - 2 * np.pi, 0.9, 5.9], [2 * np.pi - 4.0, -1.0, 2.0]])
+def test_the_nearest_turn_is_the_same_pose_within_the_limits(kr500):
+    lower, upper = [-6.0, -1.0, 2.0, 2.0], [6.0, 1.0, 6.0, 6.0]
+    joints = tuple(
+        Joint(f"joint_{k}", *ends, 1e-6, prismatic=k == 3)
+        for k, ends in enumerate(zip(lower, upper, strict=True))
+    )
+    q = np.array([[5.0, 0.9, 5.9, 5.0], [-4.0, -1.0, 2.0, 4.0]])
+    near = nearest_turn(q, replace(kr500.arm, joints=joints))
+    np.testing.assert_allclose(np.exp(1j * near[:, :3]), np.exp(1j * q[:, :3]), atol=1e-15)
+    expected = [[5.0 - 2 * np.pi, 0.9, 5.9, 5.0], [2 * np.pi - 4.0, -1.0, 2.0, 4.0]]  # a slide has no turns
+    np.testing.assert_allclose(near, expected)

@@ -12,6 +12,7 @@ import pytest
 from checks import bands, check_report, check_table, curves, tables_of, unit_in
 from made_up import fill, filled
 
+from testbench.arm.folder import Joint
 from testbench.bench.plan import Planned
 from testbench.bench.plan_report import CurveRow, Expected, PlanReport, PoseRow, TaskRow
 from testbench.data.posefile import plan_columns
@@ -50,8 +51,8 @@ def angles(rng):
 @pytest.fixture
 def report(rng):
     """Numbers distinct, errors in another order than the tasks."""
-    poses = [{"run": k + 1, "q_deg": angles(rng), "q_rad": angles(rng)} for k in range(POSES)]
-    tasks = [{"task": k + 1, "q_deg": angles(rng)} for k in range(TASKS)]
+    poses = [{"run": k + 1, "q_shown": angles(rng), "q": angles(rng)} for k in range(POSES)]
+    tasks = [{"task": k + 1, "q_shown": angles(rng)} for k in range(TASKS)]
     error = sorted(rng.uniform(0.02, 0.9, MOST), reverse=True)
     counts = [{"poses": n, "greedy_mm": error[n - 1]} for n in (2, 4, MOST)]
     return fill(
@@ -59,6 +60,7 @@ def report(rng):
         rng,
         arm="heavy",
         joints=JOINTS,
+        units=["deg"] * len(JOINTS),
         poses=POSES,
         criterion="test",
         plan=filled(PoseRow, rng, poses, way="clear"),
@@ -73,6 +75,23 @@ def report(rng):
     )
 
 
+def test_a_slides_coordinate_is_told_in_millimetres(report):
+    sliding = replace(report, units=["deg", "mm", "deg", "deg", "deg", "deg"])
+    [row] = report.plan[1:2]
+    assert f"boom {row.q_shown[1]:.2f} mm, arm {row.q_shown[2]:.2f} deg" in words(sliding).block(
+        "step", row=row
+    )
+    joints = {
+        f"{name}, {unit}": f"q_shown.{k}"
+        for k, (name, unit) in enumerate(zip(JOINTS, sliding.units, strict=True))
+    }
+    behind = {key: path for key, path in BEHIND.items() if key != "way"} | {
+        "travel, mm": "travel_mm",
+        "way": "way",
+    }
+    check_table(tables(sliding)["poses"], sliding.plan, {"run": "run", **joints, **behind})
+
+
 def part(report, key, **changes):
     """The report with changes in one of its parts."""
     return replace(report, **{key: replace(getattr(report, key), **changes)})
@@ -84,7 +103,7 @@ def said(report, block="statements"):
 
 def test_tables_show_the_numbers_of_plan_json(report):
     found = tables(report)
-    joints = {f"{name}, deg": f"q_deg.{k}" for k, name in enumerate(JOINTS)}
+    joints = {f"{name}, deg": f"q_shown.{k}" for k, name in enumerate(JOINTS)}
     check_table(found["poses"], report.plan, {"run": "run", **joints, **BEHIND})
     short = {"error, mm" if path == "error_mm" else title: path for title, path in BEHIND.items()}
     del short["deflection, mm"]
@@ -297,22 +316,26 @@ def test_the_top_view_shows_x_and_y_of_everything(report):
     assert "tracker" not in curves(alone)
 
 
-def test_the_files_hold_the_numbers_of_the_report(report, tmp_path):
-    write_poses(report, tmp_path / "plan.csv")
-    write_tasks(report, tmp_path / "tasks.csv")
+@pytest.mark.parametrize("sliding", [None, "boom"])
+def test_the_files_hold_the_numbers_of_the_report(report, tmp_path, sliding):
+    joints = [Joint(name, -99, 99, 1e-6, name == sliding) for name in JOINTS]
+    write_poses(report, joints, tmp_path / "plan.csv")
+    write_tasks(report, joints, tmp_path / "tasks.csv")
     texts = [(tmp_path / name).read_text().splitlines() for name in ("plan.csv", "tasks.csv")]
     plan, tasks = ([*csv.DictReader(lines)] for lines in texts)
-    assert list(plan[0]) == plan_columns(tuple(JOINTS))
-    assert list(tasks[0]) == ["task", *(f"{j}_deg" for j in JOINTS), *list(plan[0])[-6:-2]]
+    assert list(plan[0]) == plan_columns(joints)
+    assert ("travel_mm" in plan[0]) == (sliding is not None)
+    assert list(tasks[0]) == ["task", *(j.shown_column for j in joints), *list(plan[0])[14:18]]
+    units = dict.fromkeys(("rad", "m"), "q") | dict.fromkeys(("deg", "mm"), "q_shown")
     for own, row in zip(plan + tasks, report.plan + report.tasks, strict=True):
         for key, text in own.items():
             joint, _, unit = key.rpartition("_")
-            value = getattr(row, f"q_{unit}")[JOINTS.index(joint)] if joint in JOINTS else getattr(row, key)
+            value = getattr(row, units[unit])[JOINTS.index(joint)] if joint in JOINTS else getattr(row, key)
             assert (
                 text == value if isinstance(value, str) else float(text) == pytest.approx(value, abs=0.0051)
             )
     for own, row in zip(plan, report.plan, strict=True):  # read back bit by bit
-        assert [float(own[f"{j}_rad"]) for j in JOINTS] == row.q_rad
+        assert [float(own[j.column]) for j in joints] == row.q
 
 
 @pytest.fixture
@@ -344,7 +367,7 @@ def test_the_documents_of_the_recording_are_blocks_of_the_page(recorded, report)
 def test_every_step_of_the_recording_tells_its_run(recorded, report):
     steps = columns(recorded, "/this_step")["TextDocument:text"]
     for [step], row in zip(steps, report.plan, strict=True):
-        angles = ", ".join(f"{j} {a:.2f}" for j, a in zip(JOINTS, row.q_deg, strict=True))
+        angles = ", ".join(f"{j} {a:.2f}" for j, a in zip(JOINTS, row.q_shown, strict=True))
         error = [row.expected_error_mm, row.expected_error_p05_mm, row.expected_error_p95_mm]
         assert f"**Run {row.run}**: hang {row.load_kg:g} kg. " in step
         assert f"deflection {row.expected_deflection_mm:.2f} mm" in step

@@ -8,6 +8,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from testbench import files
+from testbench.arm.folder import Joint
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import Planned
 from testbench.bench.plan_report import PlanReport, Row
@@ -31,8 +32,8 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
     asked = {"task": task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position
     with files.whole_folder(out) as folder:
-        write_poses(report, folder / "plan.csv")
-        write_tasks(report, folder / "tasks_expected.csv")
+        write_poses(report, cell.arm.joints, folder / "plan.csv")
+        write_tasks(report, cell.arm.joints, folder / "tasks_expected.csv")
         files.write_json(asdict(report), folder / "plan.json")
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png", dpi=120)
@@ -42,23 +43,25 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
         files.write_manifest(folder, command=command, scenario=asked, seeds=seeds, arms=[arm])
 
 
-def write_poses(report: PlanReport, path: Path) -> None:
-    """plan.csv: `posefile.plan_columns`; radians in full, so that reading gives them back bit by bit."""
+def write_poses(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:
+    """plan.csv: `posefile.plan_columns`; rad and m in full, so that reading gives them back bit by bit."""
     rows: list[list[object]] = []
+    slides = any(joint.prismatic for joint in joints)
     for row in report.plan:
-        asked = [row.run, *map(repr, row.q_rad), *_degrees(row), repr(row.load_kg)]
-        rows.append([*asked, *_expected(row), f"{row.travel_deg:.2f}", row.way])
-    _write(plan_columns(tuple(report.joints)), rows, path)
+        asked = [row.run, *map(repr, row.q), *_shown(row), repr(row.load_kg)]
+        travel = [f"{row.travel_deg:.2f}", *[f"{row.travel_mm:.2f}"] * slides]
+        rows.append([*asked, *_expected(row), *travel, row.way])
+    _write(plan_columns(joints), rows, path)
 
 
-def write_tasks(report: PlanReport, path: Path) -> None:
+def write_tasks(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:
     """tasks_expected.csv: of every task its pose and the error to expect."""
-    head = ["task", *(f"{joint}_deg" for joint in report.joints), *EXPECTED]
-    _write(head, [[row.task, *_degrees(row), *_expected(row)] for row in report.tasks], path)
+    head = ["task", *(joint.shown_column for joint in joints), *EXPECTED]
+    _write(head, [[row.task, *_shown(row), *_expected(row)] for row in report.tasks], path)
 
 
-def _degrees(row: Row) -> list[str]:
-    return [f"{angle:.4f}" for angle in row.q_deg]
+def _shown(row: Row) -> list[str]:
+    return [f"{value:.4f}" for value in row.q_shown]
 
 
 def _expected(row: Row) -> list[str]:

@@ -25,9 +25,10 @@ POSES = (
     DEFLECTION,
     ERROR,
     Column("travel_deg", "travel", "deg", ".0f"),
-    Column("way", "way"),
 )
-"""What a plan says of a pose, behind its joint angles."""
+"""What a plan says of a pose, behind its joints."""
+SLID = Column("travel_mm", "travel", "mm", ".0f")
+WAY = Column("way", "way")
 TASKS = (Column("task", "task", form="d"), DEFLECTION, ERROR)
 CURVE = (
     Column("poses", "poses", form="d"),
@@ -42,22 +43,23 @@ CURVE = (
 def tables(report: PlanReport) -> dict[str, Table]:
     """The poses in full and for 80 columns, the worst tasks, the errors of other plans."""
     shown = report.plan[:MOST_ROWS]
-    narrow = tuple(replace(c, exact=True, heading="error") if c is ERROR else c for c in POSES)
+    columns = (*POSES, *[SLID] * ("mm" in report.units), WAY)
+    narrow = tuple(replace(c, exact=True, heading="error") if c is ERROR else c for c in columns)
     return {
-        "poses": Table((*_angles(report, ".2f"), *POSES), shown),
-        "short": Table((*_angles(report, ".1f"), *(c for c in narrow if c is not DEFLECTION)), shown),
+        "poses": Table((*_joints(report, ".2f"), *columns), shown),
+        "short": Table((*_joints(report, ".1f"), *(c for c in narrow if c is not DEFLECTION)), shown),
         "tasks": Table(TASKS, report.worst[:WORST]),
         "curve": Table(CURVE, report.curve),
     }
 
 
-def _angles(report: PlanReport, form: str) -> list[Column]:
-    """Number of a run and its joint angles; a terminal has room for q1, q2, ... only."""
+def _joints(report: PlanReport, form: str) -> list[Column]:
+    """Number of a run and its joints; a terminal has room for q1, q2, ... only."""
     return [
         Column("run", "run", form="d"),
         *(
-            Column(f"q_deg.{k}", name, "deg", form, short=f"q{k + 1}\ndeg")
-            for k, name in enumerate(report.joints)
+            Column(f"q_shown.{k}", name, unit, form, short=f"q{k + 1}\n{unit}")
+            for k, (name, unit) in enumerate(zip(report.joints, report.units, strict=True))
         ),
     ]
 
