@@ -1,0 +1,143 @@
+"""Where the base stands in the tracker's frame, and where the targets sit on the tool: the closed form.
+
+A reading of target k in pose r by station s, unloaded, is p_rk = R_s (R_r m_k + p_r) + t_s. The tool's pose
+R_r, p_r is the arm's; R_s, t_s and the target m_k are unknown. With R_s^T and R_s^T t_s as unknowns it is
+linear. Where m_k is about known, Kabsch's rotation between two sets of points does with fewer poses.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Ids
+from testbench.errors import Array
+from testbench.model.vjm import Vjm, tool_pose
+
+LEAST_POINTS = 3  #: That fix a frame, as long as they are on no line.
+BLIND = 1e-6
+"""Least singular value of the linear form over its largest, below which it is not taken."""
+
+
+@dataclass(frozen=True)
+class Unloaded:
+    """Unloaded readings, one of each target in each pose by each station: the mean where it was read again.
+
+    What the geometry of the arm does to a reading is the same in every run of a pose: more runs there say no
+    more of it.
+    """
+
+    station: Ids  #: Index of the station, (n,).
+    target: Ids  #: Index of the target, (n,).
+    y: Array  #: Position, the station's axes, (n, 3) [m].
+    covariance: Array  #: Of its noise, the station's axes, (n, 3, 3) [m^2].
+    rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
+    position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
+
+
+@dataclass(frozen=True)
+class Found:
+    """Frames and targets; NaN where one is not known yet."""
+
+    rotation: Array  #: R_s, station from base, (stations, 3, 3).
+    translation: Array  #: t_s, base in the station's frame, (stations, 3) [m].
+    targets: Array  #: m_k in the tool's frame, (targets, 3) [m].
+
+
+def unloaded(vjm: Vjm, data: Dataset) -> Unloaded:
+    """The unloaded readings of a dataset; stations and targets by their place in order."""
+    seen = data.seen
+    run, target = np.nonzero(seen)
+    station = np.zeros(data.runs, dtype=int)
+    if data.station is not None:
+        station = np.unique(data.station, return_inverse=True)[1].ravel()
+    keys = np.column_stack([station, data.q])[run]
+    keys = np.column_stack([keys, target])
+    _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    group, count = group.ravel(), np.bincount(group.ravel())[:, None]
+    y, C = np.zeros((len(first), 3)), np.zeros((len(first), 3, 3))
+    np.add.at(y, group, data.before[seen])
+    np.add.at(C, group, _covariance(data)[seen])
+    position, rotation = tool_pose(vjm, data.q)
+    at = run[first]
+    return Unloaded(
+        station[at], target[first], y / count, C / count[..., None] ** 2, rotation[at], position[at]
+    )
+
+
+def _covariance(data: Dataset) -> Array:
+    """Of one reading, (runs, m, 3, 3) [m^2]: half of its deflection's."""
+    if data.precision is None:
+        return np.broadcast_to(data.sigma**2 * np.eye(3), (*data.before.shape, 3))
+    return np.asarray(np.linalg.inv(np.where(data.seen[..., None, None], data.precision, np.eye(3))) / 2)
+
+
+def starts(seen: Unloaded, known: Found) -> Iterator[Found]:
+    """Complete sets of frames and targets to refine, from the targets that are known and from none."""
+    for targets in (known.targets, _linear(seen, len(known.targets))):
+        found = _complete(seen, replace(known, targets=targets))
+        if all(np.isfinite(part).all() for part in (found.rotation, found.translation, found.targets)):
+            yield found
+
+
+def _linear(seen: Unloaded, targets: int) -> Array:
+    """Targets by the linear form in the station with most readings, (targets, 3) [m]; NaN for all others.
+
+    Its equations are R_s^T p_rk - R_s^T t_s - R_r m_k = p_r.
+    """
+    found = np.full((targets, 3), np.nan)
+    own = seen.station == np.bincount(seen.station).argmax()
+    names, column = np.unique(seen.target[own], return_inverse=True)
+    n = own.sum()
+    rows = np.zeros((n, 3, 12 + 3 * len(names)))
+    for axis in range(3):
+        rows[:, axis, 3 * axis : 3 * axis + 3] = seen.y[own]
+        rows[:, axis, 9 + axis] = -1
+    for axis in range(3):
+        rows[np.arange(n), :, 12 + 3 * column.ravel() + axis] = -seen.rotation[own, :, axis]
+    A = rows.reshape(3 * n, -1)
+    if len(A) < A.shape[1]:
+        return found
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    if s[-1] > BLIND * s[0]:
+        x = Vt.T @ ((U.T @ seen.position[own].ravel()) / s)
+        found[names] = x[12:].reshape(-1, 3)
+    return found
+
+
+def _complete(seen: Unloaded, found: Found) -> Found:
+    """Frames by the known targets and targets by the known frames, in turn, until neither finds more."""
+    rotation, translation, targets = (
+        part.copy() for part in (found.rotation, found.translation, found.targets)
+    )
+    while True:
+        missing = np.isnan(translation).sum() + np.isnan(targets).sum()
+        for s in np.flatnonzero(np.isnan(translation[:, 0])):
+            use = (seen.station == s) & np.isfinite(targets[seen.target, 0])
+            if use.sum() >= LEAST_POINTS:
+                rotation[s], translation[s] = kabsch(points(seen, targets)[use], seen.y[use])
+        for k in np.flatnonzero(np.isnan(targets[:, 0])):
+            use = (seen.target == k) & np.isfinite(translation[seen.station, 0])
+            if use.any():
+                at = seen.station[use]
+                base = np.einsum("nyx,ny->nx", rotation[at], seen.y[use] - translation[at])
+                tool = np.einsum("nyx,ny->nx", seen.rotation[use], base - seen.position[use])
+                targets[k] = np.median(tool, axis=0)
+        if missing == np.isnan(translation).sum() + np.isnan(targets).sum():
+            return Found(rotation, translation, targets)
+
+
+def points(seen: Unloaded, targets: Array) -> Array:
+    """Where the arm has the targets, base axes, (n, 3) [m]."""
+    return np.asarray(seen.position + np.einsum("nxy,ny->nx", seen.rotation, targets[seen.target]))
+
+
+def kabsch(points: Array, read: Array) -> tuple[Array, Array]:
+    """Rotation, (3, 3), and translation, (3,) [m], that take points to readings with the least squares.
+
+    Both are (n, 3) [m] (Kabsch 1976; Arun, Huang, Blostein 1987).
+    """
+    centre, seen = points.mean(axis=0), read.mean(axis=0)
+    U, _, Vt = np.linalg.svd((read - seen).T @ (points - centre))
+    R = U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return R, seen - R @ centre
