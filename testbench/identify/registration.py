@@ -23,13 +23,20 @@ from testbench.model.vjm import Vjm
 ROUGH = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
 BEND = 3.0
-"""Length of a residual, in standard deviations, beyond which its reading pulls no harder: 3 % of sound ones."""
+"""Length of a residual, in standard deviations, beyond which a reading pulls no harder: 3 % of sound ones."""
 MEAN_SQUARE = 2.936
 """Mean of min(|z|, BEND)^2 of normal 3-vectors z."""
 ASSUMED = 1e-3  #: Noise by geometric errors where the readings cannot tell [m].
 SPARE = 6  #: Fewer equations beyond the unknowns tell nothing of the noise.
 STEP = 1e-9  #: A Gauss-Newton step below this is the last [m, rad].
 MOST_STEPS = 200
+NEAR, FAR_STEPS = 1e-4, 60
+"""After a step below NEAR [m, rad], or so many, wild readings are dropped and the noise is estimated too.
+
+Before, residuals are those of the start: they would let nominal targets and wild readings win.
+"""
+FAR = 10.0
+"""Length of a residual over the median, or over ASSUMED if that is more, beyond which a reading is dropped."""
 BISECTIONS = 80
 TURNED = 1e-3  #: A joint that moves less stands still [rad, m].
 POSES = 6  #: That fix one station and one target without a nominal position.
@@ -61,7 +68,7 @@ class Registration:
     rms: float  #: RMS distance of readings from where arm, frames and targets have them [m].
     typical: float  #: Median of these distances [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
-    wild: int  #: Readings that pull less, as they are more than BEND standard deviations off.
+    wild: int  #: Readings that pull less or not at all, as they are more than BEND standard deviations off.
 
     @property
     def target_deviations(self) -> Array:
@@ -127,7 +134,9 @@ def _unsolved(vjm: Vjm, data: Dataset, tried: list["_Solved"]) -> str:
     """Why no registration was found, and what would help."""
     if any(one.status == "no convergence" for one in tried):
         return "registration: no convergence; a wrong unit, order of joints or sign of an angle?"
-    turning = [j.name for j, size in zip(vjm.arm.joints, np.ptp(data.q, axis=0), strict=True) if size > TURNED]
+    turning = [
+        j.name for j, size in zip(vjm.arm.joints, np.ptp(data.q, axis=0), strict=True) if size > TURNED
+    ]
     return (
         f"registration: {len(np.unique(data.q, axis=0))} poses, in which {', '.join(turning) or 'no joint'} "
         f"turns, leave a frame or a target open; expected at least {POSES} poses that turn three joints, or "
@@ -156,26 +165,46 @@ class _Solved:
 def _refine(seen: Unloaded, found: Found, nominal: Array, free: Mask) -> _Solved:
     """Gauss-Newton from a start; "open" when readings and nominal targets leave a direction without bound."""
     column = np.concatenate([np.repeat(free, 6), np.ones(nominal.size, dtype=bool)])
-    held = np.concatenate([np.zeros(6 * free.sum()), np.isfinite(nominal).ravel() / ROUGH**2])
     values, V = np.linalg.eigh(seen.covariance)
-    noise, status = ASSUMED, "no convergence"
-    for _ in range(MOST_STEPS):
+    noise, status, kept = ASSUMED, "no convergence", None
+    for k in range(MOST_STEPS):
         e, J = _linearised(seen, found)
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u, B = (root @ e[..., None])[..., 0], root @ J[:, :, column]
         pull = np.minimum(1, BEND / np.maximum(np.linalg.norm(u, axis=1), BEND))
+        pull = pull if kept is None else pull * kept
         information = np.einsum("nxi,n,nxj->ij", B, pull, B, optimize=True)
+        held, off = _nominal(nominal - found.targets, 6 * free.sum())
         P = _inverse(information + np.diag(held))
         if P is None:
-            return _Solved(found, held, e, noise, 0, "open")
-        off = np.concatenate([np.zeros(6 * free.sum()), np.nan_to_num(nominal - found.targets).ravel()])
+            return _Solved(found, np.diag(held), e, noise, 0, "open")
         step = P @ (np.einsum("nxi,n,nx->i", B, pull, u, optimize=True) + held * off)
         found, before = _moved(found, free, step), noise
-        noise = _noise(np.einsum("nxk,nx->nk", V, e), values, 3 * len(e) - float(np.sum(P * information)))
-        if np.abs(step).max() < STEP and abs(noise - before) <= STEP:
-            status = "solved"
-            break
+        if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
+            kept = _plausible(e)
+        if kept is not None:
+            spare = 3 * kept.sum() - float(np.sum(P * information))
+            noise = _noise(np.einsum("nxk,nx->nk", V, e)[kept], values[kept], spare)
+            if np.abs(step).max() < STEP and abs(noise - before) <= STEP:
+                status = "solved"
+                break
     return _Solved(found, P, np.linalg.norm(e, axis=1), noise, int((pull < 1).sum()), status)
+
+
+def _plausible(residual: Array) -> Mask:
+    """Readings that are not far off all others, by their residuals, (n, 3) [m]."""
+    length = np.linalg.norm(residual, axis=1)
+    return np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
+
+
+def _nominal(off: Array, frames: int) -> tuple[Array, Array]:
+    """Weights of the nominal targets and their distances, of all unknowns: none of frames and new targets.
+
+    Beyond BEND ROUGH a nominal position pulls no harder either: it is wrong, not rough.
+    """
+    length = np.linalg.norm(off, axis=1, keepdims=True) / ROUGH
+    weight = np.where(np.isfinite(off), np.minimum(1, BEND / np.maximum(length, BEND)), 0) / ROUGH**2
+    return tuple(np.concatenate([np.zeros(frames), part.ravel()]) for part in (weight, np.nan_to_num(off)))
 
 
 def _linearised(seen: Unloaded, found: Found) -> tuple[Array, Array]:
@@ -216,7 +245,7 @@ def _inverse(information: Array) -> Array | None:
 
 
 def _noise(residual: Array, values: Array, spare: float) -> float:
-    """s of Huber's proposal 2 [m]: mean min(|u|, BEND)^2 of the weighted residuals u is what noise gives.
+    """Noise s by Huber's proposal 2 [m]: the mean of min(|u|, BEND)^2, u weighted, is what noise gives.
 
     Of residuals and variances along the readings' principal axes, (n, 3), and the equations to spare.
     """
