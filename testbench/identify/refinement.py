@@ -1,0 +1,154 @@
+"""The refinement of a registration: frames and targets together, by Gauss-Newton.
+
+It minimises
+
+    sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| / ROUGH)
+
+with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
+the residuals show beyond it: the arm's geometric errors and its own sag. It is estimated with the rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.data.dataset import Mask
+from testbench.errors import Array
+from testbench.identify.frames import Found, Unloaded, points
+
+ROUGH = 0.02
+"""Standard deviation of a nominal target position along each axis [m]."""
+BEND = 3.0
+"""Length of a residual, in standard deviations, beyond which a reading pulls no harder: 3 % of sound ones."""
+MEAN_SQUARE = 2.936
+"""Mean of min(|z|, BEND)^2 of normal 3-vectors z."""
+ASSUMED = 1e-3  #: Noise by geometric errors where the readings cannot tell [m].
+SPARE = 6  #: Fewer equations beyond the unknowns tell nothing of the noise.
+STEP = 1e-9  #: A Gauss-Newton step below this is the last [m, rad].
+MOST_STEPS = 200
+NEAR, FAR_STEPS = 1e-4, 60
+"""After a step below NEAR [m, rad], or so many, wild readings are dropped and the noise is estimated too.
+
+Before, residuals are those of the start: they would let nominal targets and wild readings win.
+"""
+FAR = 10.0
+"""Length of a residual over the median, or over ASSUMED if that is more, beyond which it is dropped."""
+BISECTIONS = 80
+SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A minimum of the cost, or where the search for it ended."""
+
+    found: Found
+    covariance: Array  #: Of the free unknowns [rad, m].
+    distance: Array  #: Of every reading from the model, (n,) [m].
+    noise: float  #: s [m].
+    wild: int  #: Readings that pull less.
+    status: str  #: "solved", "open" or "no convergence".
+
+
+def refine(seen: Unloaded, found: Found, nominal: Array, free: Mask) -> Solved:
+    """Gauss-Newton from a start; "open" when readings and nominal targets leave a direction without bound."""
+    column = np.concatenate([np.repeat(free, 6), np.ones(nominal.size, dtype=bool)])
+    values, V = np.linalg.eigh(seen.covariance)
+    noise, status, kept = ASSUMED, "no convergence", None
+    for k in range(MOST_STEPS):
+        e, J = _linearised(seen, found)
+        root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
+        u, B = (root @ e[..., None])[..., 0], root @ J[:, :, column]
+        pull = np.minimum(1, BEND / np.maximum(np.linalg.norm(u, axis=1), BEND))
+        pull = pull if kept is None else pull * kept
+        information = np.einsum("nxi,n,nxj->ij", B, pull, B, optimize=True)
+        held, off = _nominal(nominal - found.targets, 6 * free.sum())
+        P = _inverse(information + np.diag(held))
+        if P is None:
+            return Solved(found, np.diag(held), np.linalg.norm(e, axis=1), noise, 0, "open")
+        step = P @ (np.einsum("nxi,n,nx->i", B, pull, u, optimize=True) + held * off)
+        found, before = _moved(found, free, step), noise
+        if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
+            kept = _plausible(e)
+        if kept is not None:
+            spare = 3 * kept.sum() - float(np.sum(P * information))
+            noise = _noise(np.einsum("nxk,nx->nk", V, e)[kept], values[kept], spare)
+            if np.abs(step).max() < STEP and abs(noise - before) <= STEP:
+                status = "solved"
+                break
+    assert P is not None
+    return Solved(found, P, np.linalg.norm(e, axis=1), noise, int((pull < 1).sum()), status)
+
+
+def _plausible(residual: Array) -> Mask:
+    """Readings that are not far off all others, by their residuals, (n, 3) [m]."""
+    length = np.linalg.norm(residual, axis=1)
+    return np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
+
+
+def _nominal(off: Array, frames: int) -> tuple[Array, Array]:
+    """Weights of the nominal targets and their distances, of all unknowns: none of frames and new targets.
+
+    Beyond BEND ROUGH a nominal position pulls no harder either: it is wrong, not rough.
+    """
+    length = np.linalg.norm(off, axis=1, keepdims=True) / ROUGH
+    weight = np.where(np.isfinite(off), np.minimum(1, BEND / np.maximum(length, BEND)), 0) / ROUGH**2
+    none = np.zeros(frames)
+    return np.concatenate([none, weight.ravel()]), np.concatenate([none, np.nan_to_num(off).ravel()])
+
+
+def _linearised(seen: Unloaded, found: Found) -> tuple[Array, Array]:
+    """Residuals, (n, 3) [m], and derivatives of the modelled readings by all unknowns, (n, 3, 6 s + 3 m)."""
+    n, stations = len(seen.y), len(found.rotation)
+    R, x = found.rotation[seen.station], points(seen, found.targets)
+    J = np.zeros((n, 3, 6 * stations + found.targets.size))
+    every = np.arange(n)
+    turned = R @ np.cross(np.eye(3), x[:, None]).swapaxes(1, 2)
+    moved = R @ seen.rotation
+    for axis in range(3):
+        J[every, :, 6 * seen.station + axis] = turned[:, :, axis]
+        J[every, axis, 6 * seen.station + 3 + axis] = 1
+        J[every, :, 6 * stations + 3 * seen.target + axis] = moved[:, :, axis]
+    return seen.y - np.einsum("nxy,ny->nx", R, x) - found.translation[seen.station], J
+
+
+def _moved(found: Found, free: Mask, step: Array) -> Found:
+    """Frames turned about their own axes and shifted, targets shifted, by a step of the free unknowns."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    frames, targets = np.split(step, [6 * free.sum()])
+    rotation, translation = found.rotation.copy(), found.translation.copy()
+    rotation[free] = rotation[free] @ Rotation.from_rotvec(frames.reshape(-1, 6)[:, :3]).as_matrix()
+    translation[free] += frames.reshape(-1, 6)[:, 3:]
+    return Found(rotation, translation, found.targets + targets.reshape(-1, 3))
+
+
+def _inverse(information: Array) -> Array | None:
+    """Covariance of the unknowns; None where one of their directions is not seen."""
+    size = np.sqrt(np.diag(information))
+    if not size.all():
+        return None
+    values, V = np.linalg.eigh(information / np.outer(size, size))
+    if values[0] < SINGULAR:
+        return None
+    return np.asarray(V / values @ V.T / np.outer(size, size))
+
+
+def _noise(residual: Array, values: Array, spare: float) -> float:
+    """Noise s by Huber's proposal 2 [m]: the mean of min(|u|, BEND)^2, u weighted, is what noise gives.
+
+    Of residuals and variances along the readings' principal axes, (n, 3), and the equations to spare.
+    """
+    if spare < SPARE:
+        return ASSUMED
+
+    def excess(s: float) -> float:
+        length = np.square(residual / np.sqrt(values + s**2)).sum(axis=1)
+        return float(np.minimum(length, BEND**2).mean() - MEAN_SQUARE * spare / residual.size)
+
+    low, high = 0.0, 10 * float(np.abs(residual).max())
+    if excess(low) <= 0:
+        return low
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high

@@ -1,0 +1,118 @@
+"""Runs in the base's frame, whatever frame they were read in, and the model with its targets as they are.
+
+Sizes, on a KR 500 with 10 mm of deflection: the frame's rotation is known to 0.01 to 0.04 deg, 2 to 7 um of
+a deflection, and that is added to its covariance. A target known to 1 mm costs 5 um by the tool's rotation
+of 5 mrad: it is not. What the arm's sag and geometric errors have in common with a rotation is in neither:
+0.1 deg with its own weight alone, 0.2 deg with joints 1 mm and 1 mrad off.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from testbench.data.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.identify.in_base import in_base, of_station, with_targets
+from testbench.identify.registration import Frame, Registration, register, spread, station_names
+from testbench.identify.registration_notes import frame_notes, target_notes
+from testbench.identify.weighed import marker_points
+from testbench.model.vjm import Vjm, skew
+
+Choice = Literal["auto", "base", "tracker"]
+
+TURN, SHIFT = math.radians(0.5), 0.03
+"""A frame nearer to the base than this, at the targets, is the base [rad, m].
+
+Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm, those of a heavy arm with
+`plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns of a KR 500).
+"""
+MOVED = 0.01
+"""Distance from its nominal position beyond which a target of readings in the base's frame is taken as found
+[m]: with joints 1 mm and 1 mrad off it seems moved by up to 7 mm."""
+SURE = 3.0  #: Standard deviations within which a frame may be the base.
+LOOSE = math.radians(1.0)  #: Standard deviation of a frame's rotation beyond which it is not known [rad].
+FAR = 0.05  #: Median distance of readings from an arm that is another, or has other joint angles [m].
+
+
+@dataclass(frozen=True)
+class Registered:
+    """Runs and model that fit together."""
+
+    vjm: Vjm  #: The model, with targets where the readings have them.
+    data: Dataset  #: The runs in the base's frame.
+    registration: Registration | None  #: How they fit; None where nothing was found.
+    frame: Literal["base", "tracker"]  #: What the readings were in.
+    notes: tuple[str, ...]  #: What was understood.
+
+
+def registered(vjm: Vjm, data: Dataset, frame: Choice | tuple[Frame, ...] = "auto") -> Registered:
+    """Find out what frame runs were read in, and bring them into the base's.
+
+    Args:
+        vjm: The arm.
+        data: The runs.
+        frame: "base" or "tracker"; the frames themselves where they are known; "auto" to find out.
+
+    Returns:
+        Runs as they are, and the arm's own targets, where both agree with the arm's kinematics.
+
+    Raises:
+        BenchError: When a frame or a target that must be found cannot be.
+    """
+    if frame == "base":
+        return _in_base(vjm, data)
+    if frame != "auto":
+        return _in_tracker(vjm, data, register(vjm, data, () if frame == "tracker" else frame))
+    try:
+        found = register(vjm, data)
+    except BenchError as why:
+        return _unknown(vjm, data, str(why))
+    if found.typical > FAR:
+        return _unknown(
+            vjm, data, f"in no frame do the unloaded readings fit the arm ({1e3 * found.rms:.3g} mm RMS)"
+        )
+    if all(_is_base(one, data) for one in found.frames):
+        return _in_base(vjm, data)
+    return _in_tracker(vjm, data, found)
+
+
+def _unknown(vjm: Vjm, data: Dataset, why: str) -> Registered:
+    """Runs as they are; BenchError for a target that the arm lacks."""
+    marker_points(vjm, data.markers)
+    return Registered(vjm, data, None, "base", (f"readings are taken to be in the base's frame: {why}",))
+
+
+def _is_base(frame: Frame, data: Dataset) -> bool:
+    """Whether a frame is the base's but for the arm's errors, or cannot be told from it."""
+    own = data.seen & of_station(frame, data)[:, None]
+    y = data.before[own]
+    x = (y - frame.translation) @ frame.rotation
+    at_targets = np.hstack([-frame.rotation @ skew(x.mean(axis=0)), np.eye(3)])
+    turn, shift = frame.deviation, spread(at_targets @ frame.covariance @ at_targets.T)
+    moved = float(np.median(np.linalg.norm(y - x, axis=1)))
+    return frame.angle < TURN + SURE * turn and moved < SHIFT + SURE * shift
+
+
+def _in_base(vjm: Vjm, data: Dataset) -> Registered:
+    """Runs as they are; targets that are new, or far from where the arm's folder has them, as found."""
+    names, zero = station_names(data), np.zeros((6, 6))
+    found = register(vjm, data, tuple(Frame(name, np.eye(3), np.zeros(3), zero) for name in names))
+    far = ~(np.linalg.norm(found.targets - found.nominal, axis=1) <= MOVED)
+    notes = ("readings are in the base's frame", *target_notes(found, far))
+    return Registered(with_targets(vjm, found, far), data, found, "base", notes)
+
+
+def _in_tracker(vjm: Vjm, data: Dataset, found: Registration) -> Registered:
+    """Runs turned into the base's frame, all targets as found; BenchError where a frame is not known."""
+    for frame in found.frames:
+        if frame.deviation > LOOSE:
+            raise BenchError(
+                f"registration: the frame of station {frame.station} is known to "
+                f"{math.degrees(frame.deviation):.1f} deg only; expected more poses, over more joints, "
+                "or the frame itself"
+            )
+    every = np.ones(len(found.markers), dtype=bool)
+    notes = (*frame_notes(found), *target_notes(found, every))
+    return Registered(with_targets(vjm, found, every), in_base(found, data), found, "tracker", notes)

@@ -1,0 +1,39 @@
+"""A registration in words."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from testbench.data.dataset import Mask
+from testbench.identify.registration import Registration, spread
+
+SMALL = 1e-9  #: Rotation that has no axis [rad].
+
+
+def frame_notes(found: Registration) -> Iterator[str]:
+    """Where the base is in every station's frame, how well that is known, and how well all readings fit."""
+    for frame in found.frames:
+        axis = frame.rotation_vector / max(frame.angle, SMALL)
+        at = ", ".join(f"{1e3 * x:.1f}" for x in frame.translation)
+        about = ", ".join(f"{x:.3f}" for x in axis)
+        text = f"station {frame.station}: base at ({at}) mm in the tracker's frame, turned by "
+        text += f"{math.degrees(frame.angle):.3f} deg about ({about})"
+        if frame.covariance.any():
+            where = 1e3 * spread(frame.covariance[3:, 3:])
+            text += f"; standard deviations up to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
+        yield text
+    text = f"unloaded readings fit the arm's kinematics to {1e3 * found.rms:.2f} mm RMS"
+    wild = f"; {found.wild} of {found.readings} are wild and count less" if found.wild else ""
+    yield text + wild
+
+
+def target_notes(found: Registration, taken: Mask) -> Iterator[str]:
+    """Where targets taken as found, (m,), are, and how far from where the arm's folder has them."""
+    deviations = found.target_deviations.max(axis=1)
+    for k in np.flatnonzero(taken):
+        at = ", ".join(f"{1e3 * x:.1f}" for x in found.targets[k])
+        away = float(np.linalg.norm(found.targets[k] - found.nominal[k]))
+        new = "new" if math.isnan(away) else f"{1e3 * away:.1f} mm from nominal"
+        text = f"target {found.markers[k]} at ({at}) mm in the tool's frame, {new}, standard deviation up to"
+        yield f"{text} {1e3 * deviations[k]:.2f} mm"
