@@ -33,7 +33,8 @@ Before, residuals are those of the start: they would let nominal targets and wil
 """
 FAR = 10.0
 """Length of a residual over the median, or over ASSUMED if that is more, beyond which it is dropped."""
-BISECTIONS = 80
+BISECTIONS = 40
+SAME = 1e-6  #: Relative change of the noise that ends the search.
 SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
 
 
@@ -60,19 +61,21 @@ def refine(seen: Unloaded, found: Found, nominal: Array, free: Mask) -> Solved:
         u, B = (root @ e[..., None])[..., 0], root @ J[:, :, column]
         pull = np.minimum(1, BEND / np.maximum(np.linalg.norm(u, axis=1), BEND))
         pull = pull if kept is None else pull * kept
-        information = np.einsum("nxi,n,nxj->ij", B, pull, B, optimize=True)
+        columns = B.reshape(-1, B.shape[-1])
+        weighted = (pull[:, None, None] * B).reshape(columns.shape).T
+        information = weighted @ columns
         held, off = _nominal(nominal - found.targets, 6 * free.sum())
         P = _inverse(information + np.diag(held))
         if P is None:
             return Solved(found, np.diag(held), np.linalg.norm(e, axis=1), noise, 0, "open")
-        step = P @ (np.einsum("nxi,n,nx->i", B, pull, u, optimize=True) + held * off)
+        step = P @ (weighted @ u.ravel() + held * off)
         found, before = _moved(found, free, step), noise
         if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
             kept = _plausible(e)
         if kept is not None:
             spare = 3 * kept.sum() - float(np.sum(P * information))
             noise = _noise(np.einsum("nxk,nx->nk", V, e)[kept], values[kept], spare)
-            if np.abs(step).max() < STEP and abs(noise - before) <= STEP:
+            if np.abs(step).max() < STEP and abs(noise - before) <= SAME * noise:
                 status = "solved"
                 break
     assert P is not None

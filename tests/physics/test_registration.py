@@ -1,0 +1,228 @@
+"""Registration: frames and targets given back exactly, known as well as is said, or refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+from serial_arms import write_arm
+
+from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.data.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.identify import gco
+from testbench.identify.evaluate import predict
+from testbench.identify.in_base import in_base
+from testbench.identify.method import with_prior
+from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.registered import LOOSE, registered
+from testbench.identify.registration import Frame, register
+from testbench.model.structure import mgco68
+from testbench.model.vjm import tool_pose
+
+FINE = 1e-7  #: Noise said of exact readings [m]: nominal positions then pull by less than 1e-11 m.
+
+
+@pytest.fixture(scope="module")
+def arm_7r(tmp_path_factory):
+    return build_cell(write_arm(tmp_path_factory.mktemp("arm") / "arm", "zyzyzyz", mount='euler="0.3 1 2"'))
+
+
+def frames(rng, stations):
+    """A random pose of the base for every station."""
+    return Rotation.random(stations, rng=rng).as_matrix(), 5 * rng.standard_normal((stations, 3))
+
+
+def read(data, R, t):
+    """A dataset in base axes as its stations, numbered from 0, read it."""
+    k = data.station
+    turn = {}
+    if data.rotation_before is not None:
+        turn = {
+            name: (Rotation.from_matrix(R[k]) * Rotation.from_rotvec(getattr(data, name))).as_rotvec()
+            for name in ("rotation_before", "rotation_after")
+        }
+    before, after = (np.einsum("rxy,rmy->rmx", R[k], x) + t[k][:, None] for x in (data.before, data.after))
+    return replace(data, before=before, after=after, **turn)
+
+
+def unloaded(cell, rng, poses, *, targets=3, stations=1, noise=0.0, joints=None):
+    """A model whose targets are nominally off by 20 mm an axis; readings by stations of the true ones."""
+    vjm = cell.vjm
+    lower, upper = vjm.arm.limits
+    q = rng.uniform(lower, upper, (poses, len(lower)))
+    if joints is not None:
+        q[:, [j for j in range(len(lower)) if j not in joints]] = (lower + upper)[0] / 3
+    p, R = tool_pose(vjm, q)
+    x = p[:, None] + vjm.markers[:targets] @ R.transpose(0, 2, 1)
+    ids, zero = np.arange(poses), np.zeros((poses, 6))
+    x = x + noise * rng.standard_normal(x.shape)
+    data = Dataset(
+        vjm.arm.markers[:targets], ids, ids, q, zero, zero[:, :3], x, x, FINE, station=ids % stations
+    )
+    rough = replace(vjm, markers=vjm.markers + 0.02 * rng.standard_normal(vjm.markers.shape))
+    return rough, data
+
+
+@pytest.mark.parametrize("arm", ["kr500", "arm_7r", "slides"])
+@pytest.mark.parametrize("targets", [1, 2, 3])
+@pytest.mark.parametrize("stations", [1, 2, 3])
+@pytest.mark.parametrize("named", [True, False])
+def test_exact_readings_give_back_frames_and_targets(arm, targets, stations, named, request, rng):
+    """Six poses a station; targets 20 mm off an axis, or not in the arm's folder at all."""
+    cell = request.getfixturevalue(arm)
+    vjm, data = unloaded(cell, rng, 6 * stations, targets=targets, stations=stations)
+    if not named:
+        names = tuple(f"T{k}" for k in range(targets))
+        data = replace(data, markers=names)
+    R, t = frames(rng, stations)
+    found = register(vjm, read(data, R, t))
+    np.testing.assert_allclose(found.targets, cell.vjm.markers[:targets], rtol=0, atol=1e-9)
+    for k, frame in enumerate(found.frames):
+        np.testing.assert_allclose(frame.rotation, R[k], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(frame.translation, t[k], rtol=0, atol=1e-9)
+    back = registered(vjm, read(data, R, t))
+    np.testing.assert_allclose(back.data.before, data.before, rtol=0, atol=1e-9)
+    for name, target in zip(data.markers, cell.vjm.markers, strict=False):
+        at = back.vjm.markers[back.vjm.arm.markers.index(name)]
+        np.testing.assert_allclose(at, target, rtol=0, atol=1e-9)
+
+
+def errors(found, vjm, R, t):
+    parts = [
+        (Rotation.from_matrix(R[k].T @ frame.rotation).as_rotvec(), frame.translation - t[k])
+        for k, frame in enumerate(found.frames)
+    ]
+    return np.concatenate([*np.ravel(parts).reshape(-1, 6), (found.targets - vjm.markers).ravel()])
+
+
+def test_covariance_is_that_of_the_errors(kr500):
+    """Mean normalised squared error of 60 campaigns, noise of 1 mm that no reading states.
+
+    The band is chi-square's with one chance in 10^6, widened by 2 % for the noise being estimated.
+    """
+    found = []
+    for seed in range(500, 560):
+        rng = np.random.default_rng(seed)
+        vjm, data = unloaded(kr500, rng, 30, stations=2, noise=1e-3)
+        R, t = frames(rng, 2)
+        one = register(vjm, read(data, R, t))
+        e = errors(one, kr500.vjm, R, t)
+        found.append(e @ np.linalg.solve(one.covariance, e))
+        assert one.noise == pytest.approx(1e-3, rel=0.3)
+    low, high = chi2.ppf([5e-7, 1 - 5e-7], 21 * len(found)) / len(found)
+    assert low < np.mean(found) < 1.02 * high
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 100.0])
+def test_wild_readings_hardly_move_anything(size, kr500, rng):
+    """Every tenth reading off by `size`: errors stay within five of the deviations that are stated."""
+    vjm, data = unloaded(kr500, rng, 20, noise=3e-4)
+    R, t = frames(rng, 1)
+    data = read(data, R, t)
+    data.before.reshape(-1, 3)[::10] += size * rng.standard_normal((6, 3))
+    found = register(vjm, data)
+    e = errors(found, kr500.vjm, R, t)
+    assert (np.abs(e) < 5 * np.sqrt(np.diag(found.covariance))).all()
+    assert found.wild >= 5
+    assert found.noise < 4e-4
+
+
+def test_same_reading_again_tells_nothing_new(kr500, rng):
+    vjm, data = unloaded(kr500, rng, 8, noise=1e-3)
+    again = {name: np.concatenate([getattr(data, name)] * 3) for name in ("q", "wrench", "point", "before")}
+    ids = np.arange(24)
+    more = replace(data, run=ids, pose=ids % 8, after=again["before"], station=0 * ids, **again)
+    few, many = register(vjm, data), register(vjm, more)
+    np.testing.assert_allclose(many.targets, few.targets, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-4)
+
+
+def test_one_joint_alone_leaves_a_new_target_open(kr500, rng):
+    vjm, data = unloaded(kr500, rng, 20, targets=1, joints=[0], noise=1e-4)
+    with pytest.raises(BenchError, match=r"20 poses, in which joint_1 turns, leave a frame or a target open"):
+        registered(vjm, replace(data, markers=("T",)), "tracker")
+
+
+def test_frame_that_is_hardly_known_is_refused_or_the_base(kr500, rng):
+    """One pose: three targets 20 mm off tell a rotation to some degrees."""
+    vjm, data = unloaded(kr500, rng, 1)
+    (found,) = register(vjm, data).frames
+    assert found.deviation > LOOSE
+    with pytest.raises(
+        BenchError, match=r"frame of station 0 is known to \d\.\d deg only; expected more poses"
+    ):
+        registered(vjm, data, "tracker")
+    assert registered(vjm, data).frame == "base"
+
+
+def test_readings_in_the_bases_frame_stay_as_they_are(kr500):
+    data = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1), 500).measured
+    for choice in ("auto", "base"):
+        found = registered(kr500.vjm, data, choice)
+        assert (found.frame, found.data, found.vjm) == ("base", data, kr500.vjm)
+
+
+@pytest.mark.parametrize("degrees", [1.0, 90.0])
+def test_frame_turned_about_the_vertical_is_seen(degrees, kr500, rng):
+    vjm, data = unloaded(kr500, rng, 10, noise=5e-4)
+    R = Rotation.from_rotvec([0, 0, degrees], degrees=True).as_matrix()[None]
+    found = registered(vjm, read(data, R, np.zeros((1, 3))))
+    assert found.frame == "tracker"
+    assert f"{degrees:.0f}" in f"{np.degrees(found.registration.frames[0].angle):.1f}"
+    np.testing.assert_allclose(found.data.before, data.before, rtol=0, atol=2e-3)
+
+
+def test_readings_of_another_arm_are_left_alone_and_said(kr500, rng):
+    vjm, data = unloaded(kr500, rng, 10)
+    found = registered(vjm, replace(data, q=data.q[:, ::-1].copy()))
+    assert found.data.before is data.before
+    assert "in no frame do the unloaded readings fit the arm" in found.notes[0]
+
+
+def test_given_frame_is_taken_and_other_stations_are_found(kr500, rng):
+    vjm, data = unloaded(kr500, rng, 12, stations=2, noise=1e-3)
+    R, t = frames(rng, 2)
+    given = Frame(1, R[1], t[1], np.zeros((6, 6)))
+    found = registered(vjm, read(data, R, t), (given,)).registration
+    np.testing.assert_array_equal(found.frames[1].rotation, R[1])
+    assert np.linalg.norm(found.frames[0].translation - t[0]) < 3e-3
+    with pytest.raises(BenchError, match=r"frame of station 7: the readings are of stations \[0, 1\]"):
+        register(vjm, data, (replace(given, station=7),))
+
+
+def test_uncertain_rotation_is_added_to_every_deflection(kr500, rng):
+    """Against 20 000 draws of a frame that is off by its covariance; 5 % is six deviations."""
+    vjm, data = unloaded(kr500, rng, 8)
+    data = replace(data, after=data.before + 0.01 * rng.standard_normal(data.before.shape), sigma=1e-5)
+    R, t = frames(rng, 1)
+    found, y = register(vjm, read(data, R, t)), read(data, R, t)
+    C = np.zeros((6, 6))
+    C[:3, :3] = np.diag([1, 4, 9]) * 1e-6
+    own = replace(found.frames[0], covariance=C)
+    got = np.linalg.inv(in_base(replace(found, frames=(own,)), y).precision[0, 0])
+    off = Rotation.from_rotvec(rng.standard_normal((20_000, 3)) * [1e-3, 2e-3, 3e-3])
+    drawn = off.apply(data.deflection[0, 0]) + np.sqrt(2) * data.sigma * rng.standard_normal((20_000, 3))
+    np.testing.assert_allclose(got, np.cov(drawn.T), rtol=0, atol=0.05 * got.max())
+
+
+def test_model_is_that_of_readings_in_the_bases_frame(kr500, rng):
+    """Two stations, orientations too: predictions agree to 1 %, where noise costs 3 %."""
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=50, truth="linear"), 500)
+    data = campaign.identification
+    turned = {
+        name: 0.1 * rng.standard_normal((data.runs, 3)) for name in ("rotation_before", "rotation_after")
+    }
+    data = replace(data, station=np.arange(data.runs) % 2, sigma_rotation=1.0, **turned)
+    found = registered(kr500.vjm, read(data, *frames(rng, 2)))
+    assert found.frame == "tracker"
+    np.testing.assert_allclose(found.data.rotation, data.rotation, rtol=0, atol=1e-3)
+    method = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))
+    own = {"rotation_before": None, "rotation_after": None, "sigma_rotation": None}
+    model = [
+        predict(vjm, method(vjm, mgco68(vjm.arm), replace(runs, **own)), campaign.truth)
+        for vjm, runs in ((kr500.vjm, data), (found.vjm, found.data))
+    ]
+    off = np.linalg.norm(model[1] - model[0], axis=-1)
+    assert np.sqrt((off**2).mean()) < 0.01 * np.sqrt((model[0] ** 2).sum(axis=-1).mean())
