@@ -91,12 +91,12 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
         size=size,
         position=model.geom_pos[g].copy(),
         rotation=_matrix(model.geom_quat[g]),
-        rgba=_rgba(model, g),
+        rgba=geom_rgba(model, g),
         mesh=_mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else None,
     )
 
 
-def _rgba(model: mujoco.MjModel, g: int) -> Array:
+def geom_rgba(model: mujoco.MjModel, g: int) -> Array:
     """The geom's own colour, or its material's where the geom has MuJoCo's default."""
     material, rgba = int(model.geom_matid[g]), model.geom_rgba[g]
     own = material < 0 or not np.array_equal(rgba, [0.5, 0.5, 0.5, 1])

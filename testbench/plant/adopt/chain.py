@@ -10,6 +10,15 @@ from testbench.errors import Array
 
 
 @dataclass(frozen=True, eq=False)
+class Solid:
+    """A primitive of the file."""
+
+    kind: Literal["box", "sphere", "cylinder", "capsule", "ellipsoid"]  #: As MuJoCo names it.
+    size: tuple[float, ...]  #: As MuJoCo counts it: half sizes, radius, radius and half length [m].
+    pose: Array  #: In the part's frame, (4, 4) [m].
+
+
+@dataclass(frozen=True, eq=False)
 class Shape:
     """A triangle surface fixed in a part; a primitive of the file is one too."""
 
@@ -18,6 +27,7 @@ class Shape:
     rgba: Array  #: Colour, (4,) [1].
     visual: bool  #: It is drawn.
     collides: bool  #: It keeps others out.
+    solid: Solid | None = None  #: The primitive that the surface stands for, where it is one.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,160 @@
+"""A stranger's mesh files: STL, OBJ, PLY and COLLADA as triangles with one colour, and written small."""
+
+import io
+import logging
+import stat
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array
+
+MAX_BYTES = 64_000_000  #: Of one mesh file.
+MAX_TOTAL = 512_000_000  #: Of all mesh files of a robot.
+LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
+TOLD = 4  #: Meshes that a note names; the others it counts.
+READ = ("stl", "obj", "ply", "dae")
+
+Faces = npt.NDArray[np.int_]
+
+
+class MeshError(Exception):
+    """A mesh that cannot be read; the reader goes on without it and says so."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles of a file, in its own unit."""
+
+    vertices: Array  #: (v, 3)
+    faces: Faces  #: (f, 3)
+    rgba: Array | None  #: Its colour where the file has one, (4,) [1].
+
+
+@dataclass(eq=False)
+class Meshes:
+    """The mesh files that were read, each once; those that could not be, and why."""
+
+    read: dict[Path, Mesh] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    size: int = 0  #: Of all that was read [byte].
+
+    def load(self, file: Path) -> Mesh:
+        """The triangles of a file.
+
+        Raises:
+            MeshError: When it cannot be read.
+        """
+        if file not in self.read:
+            data = _bytes(file)
+            self.size += len(data)
+            if self.size > MAX_TOTAL:
+                raise MeshError(f"all meshes together have more than {MAX_TOTAL} bytes")
+            self.read[file] = _parsed(data, file.suffix[1:].lower())
+        return self.read[file]
+
+    def notes(self) -> list[str]:
+        """Which meshes the arm goes without, and why."""
+        if not self.failed:
+            return []
+        told = [f"{name} ({why})" for name, why in list(self.failed.items())[:TOLD]]
+        rest = [f"and {len(self.failed) - TOLD} more"] if len(self.failed) > TOLD else []
+        return [f"meshes not read, the link's other shapes stand in: {', '.join(told + rest)}"]
+
+
+def _bytes(file: Path) -> bytes:
+    if file.suffix[1:].lower() not in READ:
+        raise MeshError(f"expected {', '.join(READ)}")
+    try:
+        status = file.stat()
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
+            raise MeshError(f"expected a file of at most {MAX_BYTES} bytes")
+        return file.read_bytes()
+    except (OSError, ValueError) as err:
+        raise MeshError(str(getattr(err, "strerror", None) or err)) from err
+
+
+def _parsed(data: bytes, kind: str) -> Mesh:
+    """The triangles of a mesh file; whatever goes wrong inside of a parser is a MeshError."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
+    if kind == "dae" and (b"<!DOCTYPE" in data or b"<!ENTITY" in data):
+        raise MeshError("document types and entities are not allowed")
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        scale = _metre(data) if kind == "dae" else 1.0
+        vertices = np.concatenate([np.asarray(part.vertices, dtype=float) for part in parts]) * scale
+        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = np.concatenate([np.asarray(p.faces, dtype=int) + first[k] for k, p in enumerate(parts)])
+        rgba = _colour(max(parts, key=lambda part: part.area))
+    except MeshError:
+        raise
+    except Exception as err:  # parsers of strangers' files fail in every way
+        why = " ".join(str(err).split())[:120] or type(err).__name__
+        raise MeshError(f"not read as {kind}: {why}") from err
+    if not np.isfinite(vertices).all():
+        raise MeshError("expected finite numbers")
+    return Mesh(*_welded(vertices, faces), rgba)
+
+
+def _metre(data: bytes) -> float:
+    """Metres in a unit of COLLADA; its up axis is ignored, as by every robot's viewer."""
+    import collada
+
+    return float(collada.Collada(io.BytesIO(data)).assetInfo.unitmeter or 1.0)
+
+
+def _colour(part: object) -> Array | None:
+    """The main colour of a part of a COLLADA or OBJ file."""
+    visual = getattr(part, "visual", None)
+    material = getattr(visual, "material", None)
+    colour = getattr(material, "main_color", None)
+    if colour is None or getattr(material, "name", "") == "material_0":
+        return None
+    return np.asarray(colour, dtype=float)[:4] / 255
+
+
+def _welded(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    """Corners in one place as one; triangles without area go."""
+    unit = float(np.abs(vertices).max()) * 1e-7 or 1.0
+    _, first, inverse = np.unique(np.round(vertices / unit), axis=0, return_index=True, return_inverse=True)
+    faces = inverse.reshape(-1)[faces]
+    a, b, c = faces.T
+    return vertices[first], faces[(a != b) & (b != c) & (c != a)]
+
+
+def decimated(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
+    """A surface of at most about so many triangles."""
+    if len(faces) <= most:
+        return vertices, faces
+    import fast_simplification
+
+    thin, kept = fast_simplification.simplify(
+        np.ascontiguousarray(vertices, dtype=np.float32),
+        np.ascontiguousarray(faces, dtype=np.int32),
+        target_count=most,
+    )
+    return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)
+
+
+def stl_bytes(vertices: Array, faces: Faces) -> bytes:
+    """A surface as a binary STL file."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.where(size > 0, size, 1)
+    rows = np.zeros(len(faces), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("spare", "<u2")])
+    rows["n"], rows["v"] = normals, corners
+    return bytes(80) + struct.pack("<I", len(faces)) + rows.tobytes()
+
+
+def check_size(vertices: Array) -> None:
+    """Refuse a surface that cannot be a robot's in metres with a MeshError."""
+    size = float(np.ptp(vertices, axis=0).max())
+    if not size <= LARGEST or not float(np.abs(vertices).max()) <= 2 * LARGEST:
+        raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")

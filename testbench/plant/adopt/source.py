@@ -1,0 +1,100 @@
+"""A stranger's XML, as far as any format goes: a file that is small, well-formed and of numbers."""
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+
+from testbench.errors import Array, InputError, read_text
+from testbench.plant.adopt.tree import pose_of
+
+MAX_BYTES = 16_000_000
+MAX_ELEMENTS = 50_000
+MAX_DEPTH = 150
+LARGEST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
+
+
+def read_xml(file: Path) -> ET.Element:
+    """The root element of a file.
+
+    Raises:
+        InputError: When it is missing, too large, not well-formed, or says more than a robot can have.
+    """
+    text = read_text(file, MAX_BYTES)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(file, "", "document types and entities are not allowed")
+    if "<xacro:" in text or file.suffix == ".xacro":
+        target = file.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
+        raise InputError(file, "", f"this is xacro; expand it first: xacro {file.name} > {target}")
+    try:
+        root = ET.fromstring(text)
+    except (ET.ParseError, LookupError, ValueError) as err:
+        raise InputError(file, "", f"not well-formed XML: {err}") from err
+    level, count = [root], 0
+    for _ in range(MAX_DEPTH):
+        count += len(level)
+        level = [child for e in level for child in e]
+    if level or count > MAX_ELEMENTS:
+        raise InputError(file, "", f"expected at most {MAX_ELEMENTS} elements, {MAX_DEPTH} deep")
+    return root
+
+
+def where(e: ET.Element) -> str:
+    """An element, for a message."""
+    return f"<{e.tag} name={e.get('name')!r}>" if e.get("name") else f"<{e.tag}>"
+
+
+def read_numbers(file: Path, e: ET.Element, key: str, default: str, count: int) -> Array:
+    """An attribute as so many numbers, (count,).
+
+    Raises:
+        InputError: When it is something else.
+    """
+    text = e.get(key, default)
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or "_" in text or not all(abs(x) <= LARGEST for x in values):
+        problem = f"{key}: expected {count} number(s) up to {LARGEST:g}, got {text[:80]!r}"
+        raise InputError(file, where(e), problem)
+    return np.array(values)
+
+
+def read_number(file: Path, e: ET.Element, key: str, default: float) -> float:
+    """An attribute as a number; the default where it is missing."""
+    return float(read_numbers(file, e, key, repr(default), 1)[0])
+
+
+def need(file: Path, e: ET.Element, key: str) -> str:
+    """An attribute that must be there.
+
+    Raises:
+        InputError: When it is not, or is empty.
+    """
+    text = e.get(key, "")
+    if not text.strip():
+        raise InputError(file, where(e), f"expected an attribute {key}")
+    return text
+
+
+def turned(rpy: Array) -> Array:
+    """Rotation by roll, pitch, yaw about the fixed x, y, z, (3, 3)."""
+    (a, b, c), (u, v, w) = map(math.cos, rpy), map(math.sin, rpy)
+    return np.array(
+        [
+            [b * c, u * v * c - a * w, a * v * c + u * w],
+            [b * w, u * v * w + a * c, a * v * w - u * c],
+            [-v, u * b, a * b],
+        ]
+    )
+
+
+def read_origin(file: Path, e: ET.Element) -> Array:
+    """The pose of an element's <origin>, (4, 4) [m]; the identity where it has none."""
+    origin = e.find("origin")
+    if origin is None:
+        return np.eye(4)
+    rpy = read_numbers(file, origin, "rpy", "0 0 0", 3)
+    return pose_of(turned(rpy), read_numbers(file, origin, "xyz", "0 0 0", 3))
