@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 import tempfile
@@ -46,6 +47,33 @@ def whole_folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
         if fresh and not any(out.iterdir()):
             out.rmdir()
+
+
+@contextlib.contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A scratch folder that becomes `out` once the block has ended well; nothing is left of it otherwise.
+
+    Args:
+        out: A folder that does not exist yet.
+
+    Raises:
+        InputError: When it exists, or cannot be made or written.
+    """
+    if os.path.lexists(out):
+        raise InputError(out, "", "exists already; expected the name of a new folder")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=".new-", dir=out.parent))
+    except OSError as err:
+        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
+    try:
+        (scratch / out.name).mkdir()
+        yield scratch / out.name
+        (scratch / out.name).rename(out)
+    except OSError as err:
+        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def write_whole(text: str, path: Path) -> None:

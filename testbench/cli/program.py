@@ -10,6 +10,7 @@ import typer
 from testbench import __version__
 
 COMMANDS = {
+    "new": "Make an arm's folder from a robot's URDF or MJCF.",
     "check": "Read an arm's folder; say what is in it, or what is wrong.",
     "elastic": "Write the elastic arm as MJCF for MuJoCo's own viewer.",
     "plan": "Choose the poses to measure; say what they promise.",

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import Chain, JointOf, Part, Shape, Site, Solid
+from testbench.plant.adopt.names import with_fit_names
 from testbench.plant.adopt.tree import Body, Tip, Tree, named_tips, path_to, pose_of, usual_tip
 from testbench.plant.adopt.weigh import weigh
 
@@ -37,7 +38,7 @@ def reduce_tree(file: Path, tree: Tree, tip: str | None = None) -> Chain:
     carriers = [k for k in path if bodies[k].joint is not None]
     base = path[path.index(carriers[0]) - 1]
     parts = tuple(_part(bodies, placed, k, carrier) for k, carrier in enumerate([base, *carriers]))
-    return Chain(
+    chain = Chain(
         name=tree.name,
         parts=parts,
         tip=placed[end.body].pose @ end.pose,
@@ -45,6 +46,7 @@ def reduce_tree(file: Path, tree: Tree, tip: str | None = None) -> Chain:
         base=_in_world(bodies, base),
         notes=(*tree.notes, *notes, *_merged(bodies, placed, path, parts)),
     )
+    return with_fit_names(chain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +150,7 @@ def _part(bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, carri
         inertia=inertia,
         inertia_from="file" if mass and all(b.weighed or b.mass == 0 for b, _ in own) else "geometry",
         shapes=tuple(_moved(shape, pose) for body, pose in own for shape in body.shapes),
-        sites=tuple(site for body, pose in own for site in _sites(body, pose, bodies[carrier])),
+        sites=tuple(_site(site, pose) for body, pose in own for site in body.sites),
     )
 
 
@@ -172,11 +174,10 @@ def _moved(shape: Shape, pose: Array) -> Shape:
     return replace(shape, vertices=shape.vertices @ pose[:3, :3].T + pose[:3, 3], solid=solid)
 
 
-def _sites(body: Body, pose: Array, carrier: Body) -> list[Site]:
-    """The sites of a body, and itself where it is merged into another."""
-    own = [(s.name, pose @ pose_of(s.rotation, s.position)) for s in body.sites]
-    named = [(body.name, pose)] if body is not carrier else []
-    return [Site(name, x[:3, 3], x[:3, :3]) for name, x in named + own]
+def _site(site: Site, pose: Array) -> Site:
+    """A site of a body in the frame of its part."""
+    placed = pose @ pose_of(site.rotation, site.position)
+    return Site(site.name, placed[:3, 3], placed[:3, :3])
 
 
 def _merged(

@@ -51,7 +51,9 @@ def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple
         names, total = ", ".join(bodies[k].name for k in missing), sum(weighed[k].mass for k in missing)
         said = f"{DENSITY:g} kg/m^3 inside of the shapes stand in, {total:.3g} kg in all"
         notes.append(f"no mass in the file: {said}: {names}")
-    if drawn := [bodies[k].name for k in own if not weighed[k].weighed and bodies[k].mass > 0 and k not in missing]:
+    if drawn := [
+        bodies[k].name for k in own if not weighed[k].weighed and bodies[k].mass > 0 and k not in missing
+    ]:
         notes.append(f"no <inertial> in the file, so MuJoCo weighs the geoms: {', '.join(drawn)}")
     return tuple(weighed), notes + _doubt([weighed[k] for k in own if k not in missing])
 
@@ -63,7 +65,9 @@ def _doubt(bodies: Sequence[Body]) -> list[str]:
     low, high = PLAUSIBLE
     if volume == 0 or low <= mass / volume <= high:
         return []
-    return [f"{mass:.4g} kg in the file are {mass / volume:.3g} kg/m^3 inside of the shapes: check the masses"]
+    return [
+        f"{mass:.4g} kg in the file are {mass / volume:.3g} kg/m^3 inside of the shapes: check the masses"
+    ]
 
 
 def _integrals(shapes: Sequence[Shape]) -> tuple[float, Array, Array]:

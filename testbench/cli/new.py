@@ -1,0 +1,42 @@
+"""testbench new NAME --from FILE: a robot's URDF or MJCF as an arm's folder."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.bench.campaign import build_cell
+from testbench.errors import BenchError
+from testbench.files import new_folder
+from testbench.plant.adopt.folder import write_arm
+from testbench.plant.adopt.read import read_chain
+from testbench.plant.adopt.wishes import read_wishes
+
+
+def command(  # noqa: PLR0913
+    name: Annotated[Path, typer.Argument(help="Folder to make.")],
+    source: Annotated[Path, typer.Option("--from", help="The robot: URDF, or MJCF.")],
+    tip: Annotated[
+        str | None, typer.Option(help="Link, body or site where the tool is; else the end of the arm.")
+    ] = None,
+    payload_kg: Annotated[float | None, typer.Option(help="Rated payload; else by the arm's size.")] = None,
+    tool: Annotated[
+        str | None, typer.Option(help="x,y,z[,rx,ry,rz] of the tool from the tip, m, deg.")
+    ] = None,
+    marker: Annotated[list[str] | None, typer.Option(help="NAME=x,y,z in the tool's frame, m.")] = None,
+    load: Annotated[str | None, typer.Option(help="x,y,z of the load point in the tool's frame, m.")] = None,
+) -> None:
+    """Make an arm's folder from a robot's URDF or MJCF."""
+    if not name.name:
+        raise BenchError(f"NAME: expected the name of a new folder, got {str(name)!r}")
+    wishes = read_wishes(payload_kg, tool, marker or [], load)
+    with new_folder(name) as folder:
+        chain = read_chain(source, tip)
+        more = write_arm(chain, wishes, folder)
+        arm = build_cell(folder).arm
+    console = Console(highlight=False)
+    console.print(f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg")
+    for note in (*chain.notes, *more):
+        console.print(f"  {note}", soft_wrap=True, markup=False)
+    console.print(f"see it and what to confirm: testbench check {name}", soft_wrap=True, markup=False)

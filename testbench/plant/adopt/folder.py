@@ -1,0 +1,39 @@
+"""The arm's folder of a stranger's robot: rigid.xml, elastic.toml and meshes."""
+
+from pathlib import Path
+
+from testbench.plant.adopt.chain import Chain
+from testbench.plant.adopt.propose import propose
+from testbench.plant.adopt.touching import always_touching
+from testbench.plant.adopt.wishes import Wishes
+from testbench.plant.adopt.write import rigid_mjcf
+
+
+def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
+    """Write everything of an arm's folder.
+
+    Args:
+        chain: The robot, as its file has it.
+        wishes: What the engineer said of it.
+        folder: An empty one.
+
+    Returns:
+        What was done beyond the chain's own notes, a sentence each.
+
+    Raises:
+        BenchError: When MuJoCo refuses the arm.
+        OSError: When the folder cannot be written.
+    """
+    proposal = propose(chain, wishes)
+    rigid = rigid_mjcf(chain, proposal)
+    touching = always_touching(chain, rigid)
+    if touching:
+        rigid = rigid_mjcf(chain, proposal, touching)
+    (folder / "rigid.xml").write_text(rigid.xml, encoding="utf-8")
+    (folder / "elastic.toml").write_text(proposal.elastic, encoding="utf-8")
+    if rigid.meshes:
+        (folder / "meshes").mkdir()
+    for name, data in rigid.meshes.items():
+        (folder / "meshes" / name).write_bytes(data)
+    pairs = ", ".join(f"{one} and {other}" for one, other in touching)
+    return (f"hulls that touch in most poses, so their collisions do not count: {pairs}",) if pairs else ()
