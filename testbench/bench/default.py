@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
-from testbench.bench.models import MODELS, Model, named_models
+from testbench.bench.models import EVERY, MODELS, Model, named_models, own_name, right_name
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, check_array
 from testbench.identify import Estimate, Method, with_prior
 from testbench.identify.crossval import Candidate, Duel, every_fold, held_out_errors, unless_beaten
 from testbench.identify.prior import Prior, Strength
@@ -23,7 +24,7 @@ from testbench.identify.regression import Regression, f_m
 from testbench.identify.regularised import fit_each
 
 FILLED = " + prior"
-DEFAULT = f"ALL153{FILLED}"
+DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
 PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 WITH_PRIOR = (JOINTS, "MGCO56", "MGCO68", "ALL153")
 """What is fitted to a user's runs where no model is named, without and with a prior."""
@@ -62,17 +63,14 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
     return [*plain, *with_priors(filled, prior, strength)]
 
 
-def _possible(cell: Cell, names: Sequence[str]) -> list[str]:
-    """Those models whose links and joints the arm has."""
+def default_name(arm: Arm) -> str:
+    """What the default of an arm is called, such as ALL153 + prior."""
+    return f"{right_name(arm, EVERY)}{FILLED}"
 
-    def there(name: str) -> bool:
-        try:
-            MODELS[name](cell)
-        except BenchError:
-            return False
-        return True
 
-    return [name for name in names if there(name)]
+def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
+    """Names of those kinds of models that the arm has."""
+    return [name for kind in kinds if (name := own_name(cell.arm, kind))]
 
 
 def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
@@ -92,9 +90,9 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
         prior: Expected compliances.
 
     Returns:
-        `DEFAULT`, or joints alone where these predict what is held out clearly better.
+        The default, or joints alone where these predict what is held out clearly better.
     """
-    models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, ("ALL153",)), prior)]
+    models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
     return Choice(model.name, model.estimator(cell.vjm, model.structure, data), found.why)
@@ -111,20 +109,21 @@ def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendat
         data: The runs.
     """
     poses = len(np.unique(data.pose))
-    first = min(models, key=lambda m: (m.name != DEFAULT, m.structure.n))
+    default = default_name(cell.arm)
+    first = min(models, key=lambda m: (m.name != default, m.structure.n))
     if poses < LEAST_POSES or len(models) == 1:
         few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
         why = few if poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
     every = tuple(Candidate(m.name, m.structure.n, _errors(cell, m, data)) for m in models)
-    rivals = [c for c in every if first.name != DEFAULT or c.name in (DEFAULT, JOINTS)]
+    rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
     duel = unless_beaten(rivals, first.name)
-    return Recommendation(duel.name, _why(duel, first.name), every)
+    return Recommendation(duel.name, _why(duel, first.name, default), every)
 
 
-def _why(duel: Duel, first: str) -> str:
+def _why(duel: Duel, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
-    taken = "the default" if first == DEFAULT else "the one of fewest unknowns"
+    taken = "the default" if first == default else "the one of fewest unknowns"
     if duel.name == first:
         return f"{taken}: no rival predicts what is held out in turn better by more than chance"
     return (

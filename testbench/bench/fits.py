@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.campaign import Cell
-from testbench.bench.default import DEFAULT, recommend
+from testbench.bench.default import default_name, recommend
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
@@ -19,7 +19,7 @@ from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric
 from testbench.identify.plausibility import doubts
 
-UNITS = "link compliances in their beam frames, m/N and rad/(N m); joints rad/(N m)"
+UNITS = "link compliances in their beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N"
 Bound = float | None
 
 
@@ -140,18 +140,20 @@ def fit(
         recommended=taken.name,
         why=taken.why,
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
-        doubts=(*looks, *_of_prior(models, found, taken.name)),
+        doubts=(*looks, *_of_prior(models, found, taken.name, default_name(cell.arm))),
         unchecked=_unchecked(cell, model, best),
     )
 
 
-def _of_prior(models: Sequence[Model], found: Sequence[tuple[Estimate, float]], taken: str) -> list[str]:
+def _of_prior(
+    models: Sequence[Model], found: Sequence[tuple[Estimate, float]], taken: str, default: str
+) -> list[str]:
     """What the readings say against the prior of the default, or of the model that is taken."""
     by_name = {m.name: e for m, (e, _) in zip(models, found, strict=True)}
-    belief = by_name[DEFAULT if DEFAULT in by_name else taken].belief
+    belief = by_name[default if default in by_name else taken].belief
     said = list(contradictions(belief)) if belief else []
-    if DEFAULT in by_name and taken != DEFAULT:
-        said.append(f"{taken} predicts better than {DEFAULT}: is the arm's folder that of this arm?")
+    if default in by_name and taken != default:
+        said.append(f"{taken} predicts better than {default}: is the arm's folder that of this arm?")
     return said
 
 

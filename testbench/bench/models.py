@@ -2,12 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from string import digits
 
+from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.errors import BenchError
 from testbench.identify import Estimator, gco, least_squares
 from testbench.identify.reduction import non_redundant
 from testbench.model.structure import (
+    FULL,
+    TEMPLATE,
     Structure,
     all153,
     joints_only,
@@ -33,39 +38,81 @@ def _mls32(cell: Cell) -> Model:
     return Model("MLS32", kept, least_squares)
 
 
+def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callable[[Cell], Model]:
+    def make(cell: Cell) -> Model:
+        unknowns = structure(cell.arm)
+        return Model(unknowns.name, unknowns, estimator)
+
+    return make
+
+
 MODELS: dict[str, Callable[[Cell], Model]] = {
-    "Joints": lambda cell: Model("Joints", joints_only(cell.arm), least_squares),
+    "Joints": _made(joints_only, least_squares),
     "MLS32": _mls32,
-    "MLS56": lambda cell: Model("MLS56", template56(cell.arm, name="MLS56"), least_squares),
-    "MGCO47": lambda cell: Model("MGCO47", mgco47(cell.arm), gco),
-    "MGCO56": lambda cell: Model("MGCO56", template56(cell.arm), gco),
-    "MGCO68": lambda cell: Model("MGCO68", mgco68(cell.arm), gco),
-    "MGCO69": lambda cell: Model("MGCO69", mgco69(cell.arm), gco),
-    "MGCO147": lambda cell: Model("MGCO147", mgco147(cell.arm), gco),
-    "ALL153": lambda cell: Model("ALL153", all153(cell.arm), gco),
+    "MLS56": _made(partial(template56, name="MLS56"), least_squares),
+    "MGCO47": _made(mgco47, gco),
+    "MGCO56": _made(template56, gco),
+    "MGCO68": _made(mgco68, gco),
+    "MGCO69": _made(mgco69, gco),
+    "MGCO147": _made(mgco147, gco),
+    "ALL153": _made(all153, gco),
 }
-"""Models by name, the paper's, "Joints" and "ALL153": MODELS["MGCO56"](cell) has structure and method."""
+"""Models by name, the paper's, "Joints" and "ALL153": MODELS["MGCO56"](cell) has structure and method.
+
+The names count the unknowns of an arm of six joints; of another arm they are kinds, and the model's own name
+has its own count.
+"""
 
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""
+PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and parameters.
+ANY_ARM = ("Joints", "MLS56", "MGCO56", "MGCO147", "ALL153")
+"""Kinds of models that take all links or none, and so are of any arm."""
+EVERY = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
+
+
+def own_names(arm: Arm) -> dict[str, str]:
+    """Names of the models of an arm, and their kinds, keys of `MODELS`."""
+    if arm.n_joints == PAPERS_JOINTS:
+        return {name: name for name in MODELS}
+    full, single = len(FULL) * len(arm.links), len(TEMPLATE) * len(arm.links)
+    counts = ("", single, single, full, full + arm.n_joints)
+    names = (f"{kind.rstrip(digits)}{count}" for kind, count in zip(ANY_ARM, counts, strict=True))
+    found = dict(zip(names, ANY_ARM, strict=True))
+    return found if arm.joints else {name: kind for name, kind in found.items() if kind != "Joints"}
+
+
+def own_name(arm: Arm, kind: str) -> str | None:
+    """What an arm calls its model of a kind, a key of `MODELS`; None where it has none."""
+    return next((name for name, own in own_names(arm).items() if own == kind), None)
+
+
+def plain_name(arm: Arm) -> str:
+    """The model that is asked for where none is named and no prior fills it."""
+    found = own_name(arm, "MGCO68") or own_name(arm, "MGCO56")
+    assert found  # of any arm
+    return found
 
 
 def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
-    """Models of the paper by name, in any case.
+    """Models by the names that the arm gives them, in any case; "ALL" for all links and joints.
 
     Raises:
-        BenchError: When there is no such model, or the arm has too few links for it.
+        BenchError: When the arm has no such model.
     """
-    return [MODELS[right_name(name)](cell) for name in names]
+    return [MODELS[own_names(cell.arm)[right_name(cell.arm, name)]](cell) for name in names]
 
 
-def right_name(name: str) -> str:
-    """The name of a model as it is written, from one in any case.
+def right_name(arm: Arm, name: str) -> str:
+    """The name of an arm's model as it is written, from one in any case.
 
     Raises:
         BenchError: When there is no such model.
     """
-    for known in MODELS:
-        if known.casefold() == name.casefold():
-            return known
-    raise BenchError(f"no model {name!r}; models are {', '.join(MODELS)}")
+    names = own_names(arm)
+    every = {known.casefold(): known for known in names}
+    every |= {EVERY.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}
+    if name.casefold() in every:
+        return every[name.casefold()]
+    of = "" if arm.n_joints == PAPERS_JOINTS else f" of {arm.name}, {arm.n_joints} joints"
+    raise BenchError(f"no model {name!r}{of}; models are {', '.join(names)}")

@@ -192,13 +192,15 @@ class Advice:
 class PlanReport(PlanSettings):
     """A plan, what it promises, and what stands beside it; the fields are the keys of plan.json.
 
-    The prior is said by its name, None without one; the arm stands at base_m. Expected errors are root mean
+    Whether the model has every link and joint; the prior is said by its name, None without one; the arm
+    stands at base_m. Expected errors are root mean
     squares over arms of which every link and joint gives, within so many per cent of the folder, identified
     by the planned model; their intervals hold 90 % of the arms, the half width 95 % of the errors of a
     deflection at the tasks along one axis. Joints alone are identified by least squares.
     """
 
     arm: str
+    whole_arm: bool
     base_m: list[float]
     joints: list[str]
     units: list[str]

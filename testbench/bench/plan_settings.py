@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from testbench.bench.campaign import Cell
 from testbench.bench.candidates import Conditions
-from testbench.bench.models import MODELS, named_models
+from testbench.bench.models import EVERY, named_models, own_names
 from testbench.bench.rows import UM
 from testbench.data.csvfile import SIGMA_RANGE
 from testbench.data.station import Station
@@ -25,7 +25,8 @@ MOST_POSES, MOST_CANDIDATES = 200, 50_000
 class PlanSettings:
     """What is asked for."""
 
-    model: str = "ALL153"  #: Key of `MODELS`: its structure is to be identified.
+    #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
+    model: str = EVERY
     criterion: str = "test"  #: Key of planning.CRITERIA.
     poses: int = 12  #: How many are to be measured.
     loads_kg: tuple[float, ...]  #: Masses that may be hung.
@@ -83,10 +84,10 @@ def _check_range(what: str, value: float, low: float, high: float) -> None:
 
 
 def structure(cell: Cell, name: str) -> Structure:
-    """Unknowns of a model of `MODELS`; BenchError where it does not fit the arm or no prior fits it."""
+    """Unknowns of a model of an arm; BenchError where it has no such model or no prior fits it."""
     [model] = named_models(cell, [name])
     if not model.structure.whole:
-        others = ", ".join(other for other in MODELS if other != name)
+        others = ", ".join(other for other in own_names(cell.arm) if other != name)
         raise BenchError(
             f"no plan for {name}: it leaves out entries by what one dataset shows; expected one of {others}"
         )

@@ -26,6 +26,7 @@ from testbench.design.specification import Specification, loads_of, task_rows
 from testbench.design.whole_arm import Fitted, promise_on
 from testbench.errors import Array
 from testbench.identify.prior import cad_prior
+from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, chain
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
@@ -47,7 +48,8 @@ def summary(
     indices = observability(plan.examined.problem, plan.chosen)
     own = others.random[settings.poses]
     return r.PlanReport(
-        **vars(settings),
+        **vars(settings) | {"model": spec.experiment.metric.structure.name},
+        whole_arm=spec.experiment.metric.structure.n == all153(cell.arm).n,
         arm=cell.arm.name,
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],

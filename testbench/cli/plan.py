@@ -8,9 +8,10 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import Arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import build_cell
-from testbench.bench.models import right_name
+from testbench.bench.models import EVERY, plain_name, right_name
 from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName
@@ -36,7 +37,7 @@ class Options:
     box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
     criterion: Annotated[str, typer.Option(help="test, D, A, E, G or I.")] = "test"
     model: Annotated[
-        str | None, typer.Option(help="Model to be identified: ALL153 if not given, MGCO68 with --no-prior.")
+        str | None, typer.Option(help="Model to be identified: all links and joints, MGCO68 with --no-prior.")
     ] = None
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
     uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior, 30 if not given.")] = (
@@ -52,7 +53,8 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
-    cell, settings = build_cell(asked.arm), _settings(asked)
+    cell = build_cell(asked.arm)
+    settings = _settings(cell.arm, asked)
     structure(cell, settings.model)  # refused here, not after the search
     tasks = read_tasks(asked.task, cell, plans.hung(cell, asked.load[0]))
     console = Console(highlight=False)
@@ -75,7 +77,7 @@ def command(asked: Options) -> None:
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _settings(asked: Options) -> PlanSettings:
+def _settings(arm: Arm, asked: Options) -> PlanSettings:
     """The flags as settings.
 
     Raises:
@@ -87,7 +89,7 @@ def _settings(asked: Options) -> PlanSettings:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
     return PlanSettings(
-        model=right_name(asked.model or ("MGCO68" if asked.no_prior else PlanSettings.model)),
+        model=right_name(arm, asked.model or (plain_name(arm) if asked.no_prior else EVERY)),
         criterion=asked.criterion,
         poses=asked.poses,
         loads_kg=tuple(asked.load),

@@ -10,6 +10,7 @@ Only least squares of section 5.1 leaves the symmetry open: 36 free entries a li
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from string import digits
 
 import numpy as np
 import numpy.typing as npt
@@ -216,7 +217,10 @@ def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -
 def _named(
     name: str, links: tuple[int, ...] | None = None, joints: slice | None = None, entries: Pairs = FULL
 ) -> Callable[[Arm], Structure]:
-    """A structure of the paper: links by number, None for all; of the joints a slice, None for none."""
+    """A structure of the paper: links by number, None for all; of the joints a slice, None for none.
+
+    It is named by its parameters: MGCO56 of the paper's arm is MGCO64 of an arm of seven joints.
+    """
 
     def make(arm: Arm) -> Structure:
         which = range(len(arm.links)) if links is None else links
@@ -225,9 +229,8 @@ def _named(
                 f"{name}: expected an arm of at least {max(which) + 1} links, {arm.name} has {len(arm.links)}"
             )
         free = [] if joints is None else [joint.name for joint in arm.joints[joints]]
-        return Structure.of(
-            arm, links=[arm.links[i].name for i in which], joints=free, entries=entries, name=name
-        )
+        found = Structure.of(arm, links=[arm.links[i].name for i in which], joints=free, entries=entries)
+        return replace(found, name=f"{name.rstrip(digits)}{found.n}")
 
     return make
 
@@ -237,7 +240,7 @@ free36 = _named("MLS36", entries=FREE)
 mgco147 = _named("MGCO147")
 """All links in full, joints aggregated into the link before them (7 x 21 for six joints)."""
 all153 = _named("ALL153", joints=slice(None))
-"""All links in full and all joints (7 x 21 + 6): every symmetric parameter that there is."""
+"""All links in full and all joints (7 x 21 + 6 for six): every symmetric parameter that there is."""
 mgco69 = _named("MGCO69", (0, 2, 3), slice(None))  #: Links 0, 2 and 3 in full and all joints (3 x 21 + 6).
 mgco68 = _named("MGCO68", (0, 2, 3), slice(1, None))
 """MGCO69 without joint 1, whose axis gravity does not load."""
@@ -250,5 +253,5 @@ def joints_only(arm: Arm) -> Structure:
 
 
 def template56(arm: Arm, name: str = "MGCO56") -> Structure:
-    """All links with the beam template (7 x 8), joints aggregated; MGCO56 and MLS56."""
+    """All links with the beam template (7 x 8 for six joints), joints aggregated; MGCO56 and MLS56."""
     return _named(name, entries=TEMPLATE)(arm)

@@ -8,8 +8,11 @@ from serial_arms import turned_arm, write_arm
 
 from testbench.bench.agreement import check_agreement
 from testbench.bench.campaign import Scenario, build_cell, hanging, measure
-from testbench.errors import InputError
+from testbench.bench.default import default_models, default_name
+from testbench.bench.models import named_models
+from testbench.errors import BenchError, InputError
 from testbench.identify import least_squares
+from testbench.identify.prior import cad_prior
 from testbench.model import kinematics
 from testbench.model.loaded import displacement, load_jacobian, secant
 from testbench.model.structure import mgco147
@@ -94,3 +97,24 @@ def test_the_slides_weightless_plant_nears_the_model_as_the_square_of_the_load(s
         errors.append(np.sqrt(np.mean((settle(plant, q, wrench, point).markers - idle - model) ** 2)))
     assert 3.9 < errors[0] / errors[1] < 4.1
     assert 3.9 < errors[1] / errors[2] < 4.1
+
+
+@pytest.mark.parametrize(
+    ("joints", "names"),
+    [
+        ("zzZ", ["Joints", "MLS32", "MGCO32", "MGCO84", "ALL87"]),
+        ("zyzyzyz", ["Joints", "MLS64", "MGCO64", "MGCO168", "ALL175"]),
+        ("zyzyzyzXY", ["Joints", "MLS80", "MGCO80", "MGCO210", "ALL219"]),
+    ],
+)
+def test_models_are_called_by_the_unknowns_that_they_have(joints, names, tmp_path):
+    cell = build_cell(write_arm(tmp_path / "arm", joints))
+    models = named_models(cell, names)
+    assert [m.name for m in models] == [m.structure.name for m in models] == names
+    assert [int(m.name.strip("MLSGCOA")) for m in models[1:]] == [m.structure.n for m in models[1:]]
+    assert named_models(cell, ["all"])[0].name == names[-1]
+    assert (
+        default_models(cell, cad_prior(cell.arm))[-1].name == default_name(cell.arm) == f"{names[-1]} + prior"
+    )
+    with pytest.raises(BenchError, match=r"no model 'MGCO68' of arm, \d joints; models are Joints, MLS"):
+        named_models(cell, ["MGCO68"])

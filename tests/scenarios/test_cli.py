@@ -150,7 +150,7 @@ def test_unreachable_and_colliding_poses_are_named(tmp_path):
 
 
 def test_poses_in_other_columns_name_the_expected_ones(tmp_path):
-    poses = write_poses(tmp_path / "poses.csv", POSES, header=HEADER.replace("_rad", "_deg"))
+    poses = write_poses(tmp_path / "poses.csv", POSES, header=HEADER.replace("_rad", "_grad"))
     assert f"expected the columns {HEADER}" in refused(run("simulate", ARM, poses, "--out", tmp_path / "d"))
 
 

@@ -232,10 +232,10 @@ def test_what_it_rests_on_is_told_with_and_without_a_prior(report):
 
 
 def test_where_intervals_were_tried_is_said_and_where_not(report):
-    whole = replace(report, model="ALL153")
+    whole = replace(report, model="ALL175", whole_arm=True)
     assert "intervals were tried on arms that bend" in said(whole)
-    for other in (replace(report, model="MGCO68"), replace(whole, prior=None)):
-        assert "intervals were tried for ALL153 with the prior." in said(other)
+    for other in (replace(whole, whole_arm=False), replace(whole, prior=None)):
+        assert "intervals were tried for all links and joints with the prior." in said(other)
 
 
 def test_where_it_was_judged_and_what_it_observes(report):
