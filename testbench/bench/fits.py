@@ -7,6 +7,7 @@ import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.bench.default import default_name, recommend
+from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
@@ -88,6 +89,8 @@ class Fits:
     doubts: tuple[str, ...]  #: What looks wrong with the runs, or with the prior of the model to take.
     #: What the readings do not check of its prior.
     unchecked: Unchecked
+    notes: tuple[str, ...]  #: What was understood of the runs.
+    registration: RegistrationRow | None  #: Frames and targets; None where no frame fitted.
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,8 @@ class Runs:
     every: Dataset  #: All of them.
     used: Dataset  #: Those to fit.
     check: Dataset | None  #: Those held back; None if there are none.
+    notes: tuple[str, ...] = ()  #: What was understood of them.
+    registration: RegistrationRow | None = None  #: Frames and targets; None where no frame fitted.
 
 
 def fit(
@@ -142,6 +147,8 @@ def fit(
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
         doubts=(*looks, *_of_prior(models, found, taken.name, default_name(cell.arm))),
         unchecked=_unchecked(cell, model, best),
+        notes=runs.notes,
+        registration=runs.registration,
     )
 
 

@@ -1,6 +1,7 @@
 """Measured runs for a fit: read, checked, and the poses that are held back set apart."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -8,6 +9,8 @@ import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.bench.fits import Runs
+from testbench.bench.frame_choice import to_base
+from testbench.bench.frame_rows import registration_row
 from testbench.data.csvfile import read_csv
 from testbench.data.dataset import split
 from testbench.errors import BenchError, InputError
@@ -21,6 +24,10 @@ class Asked(Protocol):
         """The file."""
 
     @property
+    def frame(self) -> str:
+        """Frame of the readings, as of `to_base`."""
+
+    @property
     def check_pose(self) -> Sequence[int] | None:
         """Poses to hold back."""
 
@@ -32,19 +39,23 @@ class Asked(Protocol):
 def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
     """The cell that was measured, and its runs: those to fit, and those in the poses held back.
 
+    Frames and targets are found from the unloaded readings of all poses, those held back among them.
+
     Raises:
         InputError: When the file is wrong, or lacks the orientations that were insisted on.
-        BenchError: When a pose is not in the data, none is left on one side, or no target was read in those
-            held back.
+        BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
+            back, or a frame cannot be found.
     """
     data = read_csv(asked.dataset, cell.arm)
     if asked.full_pose and data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
+    cell, found = to_base(cell, data, asked.frame)
+    runs = Runs(asked.dataset.name, found.data, found.data, None, found.notes, registration_row(found))
     if not asked.check_pose:
-        return cell, Runs(asked.dataset.name, data, data, None)
-    check, used = split(data, np.array(asked.check_pose))
+        return cell, runs
+    check, used = split(found.data, np.array(asked.check_pose))
     if not check.seen.any():
         poses = asked.check_pose
         raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
-    return cell, Runs(asked.dataset.name, data, used, check)
+    return cell, replace(runs, used=used, check=check)

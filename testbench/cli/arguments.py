@@ -8,3 +8,9 @@ import typer
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
 Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
+FrameName = Annotated[
+    str,
+    typer.Option(
+        "--frame", help="Of the readings: auto, base, tracker, or a TOML file with the base in the tracker's."
+    ),
+]
