@@ -1,31 +1,48 @@
-"""testbench check ARM: what is in an arm's folder, or what is wrong with it."""
+"""testbench check ARM: what is in an arm's folder, what to confirm, what may be wrong with it."""
 
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
 from rich.console import Console
 
-from testbench.arm.folder import COMPLIANCE_UNIT, Arm
-from testbench.bench.agreement import check_agreement
-from testbench.bench.campaign import build_cell
+from testbench.bench.checked import check
 from testbench.cli.arguments import ArmName
+from testbench.shell.options import takes
+from testbench.views.checked.words import confirm_lines, contents, doubt_lines, sag_words
+
+MOST = 12  #: Numbers to confirm that are listed.
 
 
-def command(arm: ArmName) -> None:
-    """Read an arm with MuJoCo and Pinocchio, and compare."""
-    cell = build_cell(arm)
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    arm: ArmName
+    out: Annotated[Path | None, typer.Option(help="Folder for arm.png and recording.rrd.")] = None
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Read an arm with MuJoCo and Pinocchio, compare, say what to confirm."""
+    checked = check(asked.arm)
     console = Console(highlight=False)
-    for line in contents(cell.arm):
-        console.print(line)
-    distance = check_agreement(cell.vjm, cell.plant)
-    console.print(f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {distance:.0e} m")
+    doubts = doubt_lines(checked)
+    lines = [
+        *contents(checked),
+        f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {checked.apart:.0e} m",
+        "",
+        f"{sag_words(checked)}.",
+        "To confirm, by share of the sag that hangs on it:",
+        *(confirm_lines(checked, MOST) or ["  nothing"]),
+        "",
+        *([f"DOUBT: {sentence}" for sentence in doubts] or ["No doubts about the arm."]),
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    if asked.out is not None:
+        from testbench.views.checked.files import write  # importing matplotlib takes a third of a second
 
-
-def contents(arm: Arm) -> list[str]:
-    """Links, joints and frames of an arm, one a line."""
-    lines = [f"{arm.name}: {arm.title}"]
-    for k, link in enumerate(arm.links):
-        tip, turn = link.compliance[1, 1], link.compliance[5, 5]
-        lines.append(f"  {link.name}: bends {tip:.3g} m/N and {turn:.3g} rad/(N m) at its end")
-        for joint in arm.joints[k : k + 1]:
-            low, high = (joint.shown * end for end in (joint.lower, joint.upper))
-            limits, unit = f"{low:.0f} to {high:.0f} {joint.shown_unit}", COMPLIANCE_UNIT[joint.prismatic]
-            lines.append(f"  {joint.name}: {limits}, {joint.compliance:.3g} {unit}")
-    return [*lines, f"  tool {arm.tool}, load point {arm.load}, markers {', '.join(arm.markers)}"]
+        write(checked, asked.out)
+        text = f"picture    {asked.out / 'arm.png'}\nrecording  {asked.out / 'recording.rrd'}"
+        console.print(f"{text}; open it with: testbench view {asked.out}", soft_wrap=True, markup=False)

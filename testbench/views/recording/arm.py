@@ -20,16 +20,17 @@ STEEL = 7850.0  #: Density [kg/m^3] of the drawn weight, a cube.
 LABEL = "world/load/label"
 
 
-def write_shapes(pen: Pen, cell: Cell, moving: Sequence[int]) -> None:
+def write_shapes(pen: Pen, cell: Cell, moving: Sequence[int], colour: Colour | None = None) -> None:
     """The shapes of every body of the arm, and once more those of the bodies that deflect visibly.
 
     `moving` are those with a ghost: one that stays where it is would flicker through the body's surface.
+    Without a colour the arm is grey, each shape of its own brightness.
     """
     pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     shapes = visual_shapes(cell.room)
     for body, name in drawn_bodies(cell):
         own = [shape for shape in shapes if shape.body == body]
-        pen.still(_path("arm", name), *_solids(own, None))
+        pen.still(_path("arm", name), *_solids(own, colour))
         if body in moving:
             pen.still(_path("arm_deflected", name), *_solids(own, GHOST))
 

@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from testbench.files import versions
 from testbench.views.recording.pen import Pen
 
-LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 1}
+LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 1, "arm": 1}
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 
 

@@ -1,0 +1,214 @@
+"""What may be wrong with an arm that can be read: numbers no arm has, or that contradict its geometry."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from testbench.arm.elastic import Elastic
+from testbench.bench.campaign import Cell
+from testbench.bench.sag import Sag
+from testbench.errors import Array
+from testbench.model.vjm import body_poses
+
+LENGTH = 2.0  #: Of a tube over the distance of its joints, or the other way round [1].
+CLOSE = 0.1  #: Distances below this share of the reach say nothing [1].
+ANGLE = 45.0  #: Between a beam axis and the way to the next joint [deg].
+THICK = 3.0  #: Diameter over length of a tube [1].
+DRAWN = 2.0  #: Diameter of a tube over the width of the drawn link [1].
+NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
+SAG = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
+FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
+FLAT = 0.05  #: Spread of markers across their line over that along it [1].
+MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
+NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
+ALL = 0.8  #: The same [1].
+UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """An arm and what its doubts are judged by."""
+
+    cell: Cell
+    elastic: Elastic
+    sag: Sag
+
+    @property
+    def steps(self) -> Array:
+        """From each joint to the next one, to the tool at last, in the link's axes, (n + 1, 3) [m]."""
+        return np.array([pose[:3, 3] for pose in (*self.cell.vjm.placements, self.cell.vjm.tool)])
+
+    @property
+    def reach(self) -> float:
+        """Stretched length from the first joint to the tool; of an arm without joints, of its link [m]."""
+        lengths = np.linalg.norm(self.steps, axis=1)
+        return float(lengths[1:].sum() or lengths.sum())
+
+    @property
+    def turning(self) -> int | None:
+        """The first joint that turns."""
+        return next((k for k, joint in enumerate(self.cell.arm.joints) if not joint.prismatic), None)
+
+    @cached_property
+    def bodies(self) -> list[tuple[Array, Array]]:
+        """Links and tool in the world, all joints at zero."""
+        return body_poses(self.cell.vjm, np.zeros((1, self.cell.arm.n_joints)))
+
+    @property
+    def tilt(self) -> float | None:
+        """Angle of the first turning joint against the vertical, up or down [deg]."""
+        if self.turning is None:
+            return None
+        axis = self.bodies[self.turning + 1][1][0] @ self.cell.vjm.axes[self.turning]
+        return float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
+
+    @property
+    def below(self) -> float:
+        """How far the joint after the first turning one is below the base [m]."""
+        after = 1 if self.turning is None else self.turning + 2
+        return float(self.bodies[0][0][0, 2] - self.bodies[after][0][0, 2])
+
+    @property
+    def upright(self) -> bool:
+        """Whether the first joint turns about the vertical."""
+        return self.turning == 0 and self.tilt is not None and self.tilt <= UPRIGHT
+
+
+@dataclass(frozen=True)
+class ArmDoubt:
+    """What may be wrong with an arm."""
+
+    name: str  #: A word for programs.
+    sentence: str  #: What is seen, with numbers, and what was expected.
+
+
+def arm_doubts(looked: Looked) -> list[ArmDoubt]:
+    """Everything that looks wrong, the geometry first."""
+    found: list[ArmDoubt] = []
+    for name, look in {
+        "tube length": tube_lengths,
+        "beam axis": beam_axes,
+        "tube diameter": diameters,
+        "joint compliance": neighbours,
+        "sag": sags,
+        "points of the tool": points,
+        "mass": masses,
+        "base": base,
+    }.items():
+        found += [ArmDoubt(name, sentence) for sentence in look(looked)]
+    return found
+
+
+def tube_lengths(arm: Looked) -> Iterator[str]:
+    """A tube as long as the way to the next joint."""
+    for link, step in zip(arm.elastic.link, arm.steps, strict=True):
+        if link.tube is not None:
+            length, distance = link.tube.length.value, float(np.linalg.norm(step))
+            small, large = sorted((length, distance))
+            if large > LENGTH * small and large - small > CLOSE * arm.reach:
+                yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"
+
+
+def beam_axes(arm: Looked) -> Iterator[str]:
+    """A beam that points to the next joint."""
+    for link, step in zip(arm.cell.arm.links, arm.steps, strict=True):
+        distance = float(np.linalg.norm(step))
+        if distance > CLOSE * arm.reach:
+            cosine = float(np.clip(link.frame[:, 0] @ step / distance, -1, 1))
+            angle = np.rad2deg(np.arccos(cosine))
+            if angle > ANGLE:
+                way = f"{distance:.3g} m away"
+                yield f"{link.name}: its beam axis points {angle:.0f} deg off the next frame, {way}"
+
+
+def diameters(arm: Looked) -> Iterator[str]:
+    """A tube neither a disc nor thicker than the link is drawn."""
+    widths = _widths(arm.cell)
+    for k, link in enumerate(arm.elastic.link):
+        if link.tube is None:
+            continue
+        outer, length = link.tube.outer_diameter.value, link.tube.length.value
+        if outer > THICK * length:
+            yield f"{link.name}: its tube is {outer:.3g} m thick and {length:.3g} m long"
+        if k in widths and outer > DRAWN * widths[k]:
+            yield f"{link.name}: its tube is {outer:.3g} m thick, its drawn shape {widths[k]:.3g} m wide"
+
+
+def _widths(cell: Cell) -> dict[int, float]:
+    """Widest extent across the beam axis of every link that is drawn [m]."""
+    from testbench.plant.corners import corners, is_drawn
+    from testbench.plant.shapes import body_names, visual_shapes
+
+    if not is_drawn(cell.room):
+        return {}
+    names, shapes, widths = body_names(cell.room), visual_shapes(cell.room), {}
+    for k, link in enumerate(cell.arm.links):
+        own = [corners(shape) for shape in shapes if names[shape.body] == link.name]
+        if own:
+            across = np.concatenate(own) @ link.frame[:, 1:]
+            widths[k] = float(np.ptp(across, axis=0).max())
+    return widths
+
+
+def neighbours(arm: Looked) -> Iterator[str]:
+    """Joints of one kind whose compliances are of one class."""
+    for a, b in pairwise(arm.elastic.joint):
+        if a.compliance.unit != b.compliance.unit:
+            continue
+        soft, hard = sorted((a, b), key=lambda joint: -joint.compliance.value)
+        ratio = soft.compliance.value / hard.compliance.value
+        if ratio > NEIGHBOURS:
+            yield f"{soft.name} is {ratio:.3g} times as soft as its neighbour {hard.name}"
+
+
+def sags(arm: Looked) -> Iterator[str]:
+    """A rated payload that moves the tool by what arms do."""
+    payload, (low, high) = arm.cell.arm.payload, SAG
+    if payload is not None:
+        moved = payload * float(np.median(arm.sag.size))
+        if not low <= moved <= high:
+            expected = f"{1e3 * low:g} to {1e3 * high:g} mm"
+            yield f"its {payload:g} kg move the tool by {1e3 * moved:.3g} mm (median), expected {expected}"
+
+
+def points(arm: Looked) -> Iterator[str]:
+    """Load point and markers near the tool, markers not on a line."""
+    vjm, names = arm.cell.vjm, arm.cell.arm.markers
+    for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
+        distance = float(np.linalg.norm(place))
+        if distance > FAR * arm.reach:
+            yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.reach:.3g} m"
+    if len(names) > 1:
+        spread = np.linalg.svd(vjm.markers - vjm.markers.mean(axis=0), compute_uv=False)
+        if spread[1] <= FLAT * spread[0]:
+            yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
+
+
+def masses(arm: Looked) -> Iterator[str]:
+    """Links that weigh something, an arm that weighs as arms of its size do."""
+    model = arm.cell.room.model
+    weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
+    whole, (low, high) = float(weights.sum()), MASS
+    if not low <= whole / arm.reach**3 <= high:
+        expected = f"{low * arm.reach**3:.2g} to {high * arm.reach**3:.2g} kg"
+        yield f"its links weigh {whole:.3g} kg at a reach of {arm.reach:.3g} m, expected {expected}"
+    for link, mass in zip(arm.cell.arm.links[1:], weights[1:], strict=True):
+        if mass < NOTHING * whole:
+            yield f"{link.name} weighs {mass:.2g} kg, the whole arm {whole:.3g} kg"
+        elif mass > ALL * whole and len(weights) > 3:
+            yield f"{link.name} weighs {mass:.3g} of the arm's {whole:.3g} kg"
+
+
+def base(arm: Looked) -> Iterator[str]:
+    """A base that stands upright: gravity acts along the world's -z."""
+    tilt, below = arm.tilt, arm.below
+    if tilt is None:
+        return
+    weight = "Weight acts along the world's -z"
+    if tilt > UPRIGHT:
+        yield f"the first turning joint is {tilt:.0f} deg off the vertical: is the base tilted? {weight}"
+    elif below > CLOSE * arm.reach:
+        yield f"the arm hangs {below:.2g} m below its base: is it overhead? {weight}"

@@ -1,0 +1,1 @@
+"""What `testbench check` shows: words, a picture, a recording."""

@@ -1,0 +1,153 @@
+"""What must be confirmed of an arm, and what may be wrong with it: every doubt planted and named."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.bench.checked import check
+from testbench.bench.sag import sag
+from testbench.model.vjm import chain
+
+MODELS = Path(__file__).parents[2] / "models"
+TOML, XML = "elastic.toml", "rigid.xml"
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return check("kr500_l480")
+
+
+def planted(tmp_path, *changes, name="kr500_l480"):
+    """A copy of an arm with changes (file, pattern, new), checked."""
+    folder = Path(shutil.copytree(MODELS / name, tmp_path / name))
+    for file, pattern, new in changes:
+        text = (folder / file).read_text("utf-8")
+        changed, count = re.subn(pattern, lambda _, new=new: new, text, count=1, flags=re.DOTALL)
+        assert count == 1, pattern
+        (folder / file).write_text(changed, "utf-8")
+    return check(folder)
+
+
+def of(link, key):
+    """The value of a key of a link in elastic.toml."""
+    return rf'(?<=name = "{link}"\n)(.*?{key} = {{ value = )[^,]+'
+
+
+WRONG = {
+    "a long tube": (
+        "tube length",
+        "link_2: its tube is 3.9 m long, its frames are 1.3 m apart",
+        (TOML, r"(?<=value = )1\.3(?=, unit)", "3.9"),
+    ),
+    "a short tube": (
+        "tube length",
+        "link_2: its tube is 0.13 m long, its frames are 1.3 m apart",
+        (TOML, r"(?<=value = )1\.3(?=, unit)", "0.13"),
+    ),
+    "an axis across": (
+        "beam axis",
+        "link_2: its beam axis points 90 deg off the next frame, 1.3 m away",
+        (TOML, r'(?<=name = "link_2"\naxis = )\[1.0, 0.0, 0.0\]', "[0.0, 0.0, 1.0]"),
+    ),
+    "a disc": (
+        "tube diameter",
+        "link_6: its tube is 0.4 m thick and 0.12 m long",
+        (TOML, r"(?<=outer_diameter = \{ value = )0\.2(?=,)", "0.4"),
+    ),
+    "thicker than drawn": (
+        "tube diameter",
+        "link_2: its tube is 1.4 m thick, its drawn shape",
+        (TOML, r"(?<=outer_diameter = \{ value = )0\.34(?=,)", "1.4"),
+    ),
+    "a soft joint": (
+        "joint compliance",
+        "joint_5 is 120 times as soft as its neighbour joint_4",
+        (TOML, r"0\.7e-6", "30e-6"),
+    ),
+    "tonnes for kilograms": (
+        "sag",
+        "its 0.4603 kg move the tool by 0.00346 mm (median), expected 0.1 to 30 mm",
+        (TOML, r"460\.3", "0.4603"),
+    ),
+    "a far load point": (
+        "points of the tool",
+        "load is 3.5 m from the tool, the whole arm reaches 3.37 m",
+        (XML, r'(?<=<body name="load" pos=)"0.35 0.14 -0.08"', '"3.5 0.14 -0.08"'),
+    ),
+    "markers on a line": (
+        "points of the tool",
+        "markers P1, P2, P3 lie on a line",
+        (XML, r'(?<=<body name="P3" pos=)"0.16 -0.12 -0.40"', '"0.30 0.04 0.25"'),
+    ),
+    "a mass in grams": (
+        "mass",
+        "link_3 weighs 5.45e+05 of the arm's",
+        (XML, r'mass="545\.2"', 'mass="545200"'),
+    ),
+    "a mass left out": (
+        "mass",
+        "link_3 weighs 0.001 kg, the whole arm",
+        (XML, r'mass="545\.2"', 'mass="0.001"'),
+    ),
+    "a base on a wall": (
+        "base",
+        "the first turning joint is 90 deg off the vertical: is the base tilted?",
+        (XML, r'<body name="link_0">', '<body name="link_0" quat="0.7071067811865476 0.7071067811865476 0 0">'),
+    ),
+    "a base overhead": (
+        "base",
+        "the arm hangs 1 m below its base: is it overhead?",
+        (XML, r'<body name="link_0">', '<body name="link_0" quat="0 1 0 0">'),
+    ),
+}
+
+
+@pytest.mark.parametrize(("name", "words", "change"), WRONG.values(), ids=WRONG.keys())
+def test_what_is_wrong_with_an_arm_is_named_with_its_numbers(tmp_path, name, words, change):
+    doubts = planted(tmp_path, change).doubts
+    assert name in {doubt.name for doubt in doubts}
+    assert any(words in doubt.sentence for doubt in doubts), doubts
+
+
+@pytest.mark.parametrize("name", ["kr500_l480", "arm_6r", "single_link"])
+def test_our_arms_raise_no_doubt(name):
+    assert check(name).doubts == []
+
+
+def test_shares_of_the_sag_are_what_each_spring_alone_would_do(sound):
+    """By superposition: the sag with one joint made rigid is the rest of it."""
+    cell = sound.cell
+    assert sound.sag.shares.sum() == pytest.approx(1)
+    [weight] = [item for item in sound.items if item.words.startswith("joint_5's compliance")]
+    where = chain(cell.vjm, sound.sag.q)
+    axis = where.J_theta[:3, 46].T  # joint 5 stands behind 42 of the links and four joints
+    load = -9.81 * (axis[:, 2] + np.cross(where.J_theta[3:, 46].T, where.rotation @ cell.vjm.load)[:, 2])
+    alone = 0.7e-6 * load[:, None] * axis
+    whole = sound.sag.whole
+    assert weight.share == pytest.approx(float((alone * whole).sum() / (whole * whole).sum()), rel=1e-9)
+
+
+def test_what_is_to_confirm_stands_in_order_of_its_effect_and_nothing_published_does(sound, tmp_path):
+    shares = [item.share for item in sound.items]
+    assert shares == sorted(shares, reverse=True)
+    assert not any("payload" in item.words for item in sound.items)  # published
+    unsure = (TOML, r'origin = "published", note = "as hangs in section 6"', 'origin = "estimated"')
+    points = (TOML, r'(?<=markers = \["P1", "P2", "P3"\]\n)', 'to_confirm = ["load", "P2"]\n')
+    found = planted(tmp_path, unsure, points).items
+    assert found[0].words == "payload 460.3 kg, estimated: the sag is proportional to it"
+    assert any(item.words.startswith("load point load, estimated") for item in found)
+    assert any(item.words.startswith("markers P2, estimated") for item in found)
+
+
+def test_the_effect_of_the_load_point_is_that_of_a_load_point_that_is_moved(tmp_path, sound):
+    points = (TOML, r'(?<=markers = \["P1", "P2", "P3"\]\n)', 'to_confirm = ["load"]\n')
+    [item] = [i for i in planted(tmp_path / "a", points).items if i.words.startswith("load point")]
+    changes = []
+    for k, place in enumerate(("0.36 0.14 -0.08", "0.35 0.15 -0.08", "0.35 0.14 -0.07")):
+        moved = (XML, r'(?<=<body name="load" pos=)"0.35 0.14 -0.08"', f'"{place}"')
+        other = sag(planted(tmp_path / f"b{k}", moved).cell)
+        changes.append(np.sqrt(np.square(other.whole - sound.sag.whole).sum()))
+    assert item.share == pytest.approx(max(changes) / np.sqrt(np.square(sound.sag.whole).sum()), rel=1e-6)
