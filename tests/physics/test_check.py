@@ -95,7 +95,11 @@ WRONG = {
     "a base on a wall": (
         "base",
         "the first turning joint is 90 deg off the vertical: is the base tilted?",
-        (XML, r'<body name="link_0">', '<body name="link_0" quat="0.7071067811865476 0.7071067811865476 0 0">'),
+        (
+            XML,
+            r'<body name="link_0">',
+            '<body name="link_0" quat="0.7071067811865476 0.7071067811865476 0 0">',
+        ),
     ),
     "a base overhead": (
         "base",

@@ -51,11 +51,13 @@ def simulated(tmp_path_factory):
     return folder
 
 
-def test_check_says_what_is_in_the_arm():
+def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     done = run("check", ARM)
     assert done.returncode == 0
-    assert "joint_2: -130 to 20 deg" in done.stdout
+    assert "joint_2: -130 to 20 deg, 7.5e-08 rad/(N m), inferred" in done.stdout
     assert "markers P1, P2, P3" in done.stdout
+    assert "18 %  link_2's tube 340/310 mm, E 110 GPa, assumed" in done.stdout
+    assert "No doubts about the arm." in done.stdout
 
 
 def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):

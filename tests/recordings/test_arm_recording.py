@@ -1,0 +1,51 @@
+"""The picture and the recording of an arm's folder."""
+
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from read_back import chunks_of, columns, document, rerun, views
+
+from testbench.bench.checked import check
+from testbench.views.checked.files import write
+
+BUDGET = 2**20
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("arm")
+    write(check("kr500_l480"), out)
+    return out
+
+
+def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
+    assert sorted(file.name for file in folder.iterdir()) == ["arm.png", "recording.rrd"]
+    assert "1 file verified without error" in rerun("verify", folder / "recording.rrd")[1]
+    assert (folder / "recording.rrd").stat().st_size < BUDGET
+    picture = matplotlib.image.imread(folder / "arm.png")[..., :3]
+    assert (picture.std(axis=2) > 0.1).sum() > 500  # markers and load, in colour
+
+
+def test_beams_stand_at_their_frames_and_have_their_true_diameter(folder):
+    checked, chunks = check("kr500_l480"), chunks_of(folder / "recording.rrd")
+    tube = columns(chunks, "/world/tubes/link_2")["LineStrips3D:strips"]
+    assert len(tube) == 2  # two poses
+    for pose, strips in zip(checked.beams[:, 2], tube, strict=True):
+        near, far = np.array(strips[0]), np.array(strips[1])
+        np.testing.assert_allclose(near[:-1].mean(axis=0), pose[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(far[:-1].mean(axis=0), pose[:3, 3] + 1.3 * pose[:3, 0], atol=1e-6)
+        np.testing.assert_allclose(np.linalg.norm(near - pose[:3, 3], axis=1), 0.17, atol=1e-6)
+    # where frames and tubes are right, each beam ends where the next one begins
+    arrows = columns(chunks, "/world/beam_axes")
+    origin, vector = (np.array(arrows[f"Arrows3D:{key}"][0]) for key in ("origins", "vectors"))
+    np.testing.assert_allclose((origin + vector)[:3], origin[1:4], atol=1e-5)
+
+
+def test_the_words_of_the_recording_are_what_must_be_confirmed(folder):
+    chunks = chunks_of(folder / "recording.rrd")
+    words = document(chunks, "/summary")
+    assert "| 18 | link_2's tube 340/310 mm, E 110 GPa, assumed |" in words
+    assert "No doubts." in words
+    assert {origin for origin, *_ in views(folder / "recording.rrd")} == {"world", "summary"}
