@@ -2,26 +2,24 @@
 
 import math
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.plan_settings import LOAD_RANGE, Place
-from testbench.data.posefile import XYZ, read_joints
-from testbench.data.table import Table, read_table
+from testbench.data.columns import Columns, axes, find_columns, joint_coordinates
+from testbench.data.mapping import read_map
+from testbench.data.table import read_table
 from testbench.design.rows import Load
 from testbench.design.specification import Tasks
 from testbench.errors import Array, BenchError, InputError
 from testbench.plant import collisions
 
 MAX_TASKS = 1000
-FORCE, MOMENT, POINT = (
-    [f"force_{x}_N" for x in XYZ],
-    [f"moment_{x}_Nm" for x in XYZ],
-    [f"point_{x}_m" for x in XYZ],
-)
-FARTHEST = {FORCE[0]: 1e6, MOMENT[0]: 1e6, POINT[0]: 10.0}
+LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
+Vector = Literal["force", "moment", "point"]
+FARTHEST: dict[Vector, float] = {"force": 1e6, "moment": 1e6, "point": 10.0}
 """Largest components of a task's load [N, N m] and of where it acts [m]; beyond them a unit is a slip."""
 
 
@@ -37,67 +35,62 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
     """
-    table = read_table(path)
-    _check_header(table, cell.arm)
+    names = read_map(None, cell.arm)
+    table = read_table(path, lambda name: names.find(name) is not None)
+    columns = find_columns(table, names, cell.arm)
+    q = joint_coordinates(columns, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:
         raise table.error(
             min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
         )
-    q = read_joints(table, cell.arm)
-    for line, pair in enumerate(collisions(cell.room, q), start=2):
+    for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
         if pair:
             raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
-    return Tasks(q, _read_load(table, hung))
+    return Tasks(q, _read_load(columns, hung))
 
 
-def _check_header(table: Table, arm: Arm) -> None:
-    """Refuse what is no column of tasks, and loads that lack a component."""
-    path, header = table.path, table.columns.keys()
-    groups = [group for group in (FORCE, MOMENT, POINT) if header & set(group)]
-    of_loads = {name for group in groups for name in group}
-    of_joints = {name for j in arm.joints for name in (j.column, j.shown_column)}
-    if not of_loads <= header <= of_loads | of_joints:
-        raise InputError(
-            path,
-            "line 1",
-            f"expected the columns {','.join(j.column for j in arm.joints)} (or in deg or mm), and if wanted "
-            f"all of {','.join(FORCE)}, of {','.join(MOMENT)} and of {','.join(POINT)}, got "
-            f"{','.join(header)}",
-        )
-    if groups == [POINT]:
-        raise InputError(path, "line 1", f"expected {','.join(FORCE)} where {','.join(POINT)} are given")
-
-
-def _read_load(table: Table, hung: Load) -> Load:
+def _read_load(columns: Columns, hung: Load) -> Load:
     """The load of every task."""
+    table = columns.table
+    found = {what: axes(columns, what) for what in FARTHEST}
+    there = {what for what, own in found.items() if any(own)}
+    if there == {"point"}:
+        raise InputError(
+            table.path,
+            f"line {table.header}",
+            "expected force_x_N, force_y_N, force_z_N where point_x_m, point_y_m, point_z_m are given",
+        )
+    if not there:
+        return hung
 
-    def three(names: list[str], default: Array) -> Array:
-        if names[0] not in table.columns:
+    def three(what: Vector, default: Array) -> Array:
+        if what not in there:
             return np.tile(default, (table.rows, 1))
-        values, most = table.numbers(names), FARTHEST[names[0]]
+        most = FARTHEST[what]
+        values = np.column_stack([columns.full(c) if c else np.zeros(table.rows) for c in found[what]])
         far = np.argwhere(np.abs(values) > most)
         if len(far):
             i, k = far[0]
-            raise table.error(i, names[k], f"expected {-most:g} to {most:g}, got {values[i, k]:g}")
+            name = next(c.name for c in found[what] if c and c.slot.index == k)
+            raise table.error(i, name, f"expected {-most:g} to {most:g}, got {values[i, k]:g}")
         return values
 
-    if not {FORCE[0], MOMENT[0]} & table.columns.keys():
-        return hung
-    wrench = np.hstack([three(FORCE, np.zeros(3)), three(MOMENT, np.zeros(3))])
+    wrench = np.hstack([three("force", np.zeros(3)), three("moment", np.zeros(3))])
     idle = np.flatnonzero(~wrench.any(axis=1))
     if len(idle):
         raise table.error(idle[0], "", "expected a load, got zero force and moment")
-    return Load(wrench, three(POINT, hung.point))
+    return Load(wrench, three("point", hung.point))
 
 
 def read_payload(path: Path) -> Array | None:
     """Hung mass of every run of a plan, (runs,) [kg]; None for poses without column load_kg."""
-    table = read_table(path)
-    if "load_kg" not in table.columns:
+    table = read_table(path, lambda name: name == LOAD)
+    if LOAD not in table.names:
         return None
-    mass, (low, high) = table.numbers(["load_kg"])[:, 0], LOAD_RANGE
-    for row in np.flatnonzero((mass < low) | (mass > high)).tolist():
-        raise table.error(row, "load_kg", f"expected {low:g} to {high:g}, got {mass[row]:g}")
+    k, (low, high) = table.names.index(LOAD), LOAD_RANGE
+    mass = table.numbers(k, table.mark([k]))
+    for row in np.flatnonzero(~((mass >= low) & (mass <= high))).tolist():
+        raise table.error(row, LOAD, f"expected {low:g} to {high:g}, got {mass[row]:g}")
     return mass
 
 

@@ -7,7 +7,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.candidates import Conditions
 from testbench.bench.models import EVERY, named_models, own_names
 from testbench.bench.rows import UM
-from testbench.data.csvfile import SIGMA_RANGE
+from testbench.data.export import SIGMA_RANGE
 from testbench.data.station import Station
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError

@@ -11,17 +11,14 @@ import numpy as np
 
 from testbench import files
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, Ids, Mask
-from testbench.data.posefile import XYZ, check_limits
-from testbench.data.table import Table, read_table
-from testbench.errors import Array, BenchError, InputError
+from testbench.data.dataset import Dataset
+from testbench.data.export import read_export
+from testbench.data.names import ENTRIES, XYZ
+from testbench.errors import BenchError
 
 READINGS = [f"{when}_{x}_m" for when in ("before", "after") for x in XYZ]
-ENTRIES = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
 COVARIANCES = [f"deflection_cov_{name}_m2" for name in ENTRIES]
 TURNED = [f"rotation_{when}_{x}_rad" for when in ("before", "after") for x in XYZ] + ["sigma_rad"]
-SIGMA_RANGE = (1e-9, 1e-2)
-"""Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
 
 
 def columns(arm: Arm | tuple[str, ...], *, rotation: bool, covariance: bool = False) -> list[str]:
@@ -89,7 +86,7 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     """Read and check a dataset of an arm.
 
     Args:
-        path: The file; `columns` documents its header.
+        path: The file: `columns` documents ours, docs/formats.md every other form.
         arm: The arm that was measured.
 
     Returns:
@@ -98,101 +95,4 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     Raises:
         InputError: Names the line and what was expected.
     """
-    path = Path(path)
-    table, joints = read_table(path), _joints(arm)
-    turned, covariance = (not table.columns.keys().isdisjoint(own) for own in (TURNED, COVARIANCES))
-    _check_header(table, columns(arm, rotation=turned, covariance=covariance))
-    markers = _markers(table, arm)
-    m, n = len(markers), len(joints)
-    run, pose = _check_runs(table, markers)
-    lost = _lost(table) if covariance else None
-    readings = table.numbers(READINGS, lost)
-    once = _once(table, arm, m, [*joints, *_load(), "sigma_m", *TURNED * turned])
-    return Dataset(
-        markers=markers,
-        run=run,
-        pose=pose,
-        q=once[:, :n],
-        wrench=once[:, n : n + 6],
-        point=once[:, n + 6 : n + 9],
-        before=readings[:, :3].reshape(-1, m, 3),
-        after=readings[:, 3:].reshape(-1, m, 3),
-        sigma=float(once[0, n + 9]),
-        rotation_before=once[:, n + 10 : n + 13] if turned else None,
-        rotation_after=once[:, n + 13 : n + 16] if turned else None,
-        sigma_rotation=float(once[0, n + 16]) if turned else None,
-        precision=None if lost is None else _precision(table, lost).reshape(-1, m, 3, 3),
-    )
-
-
-def _check_header(table: Table, expected: list[str]) -> None:
-    unknown = [name for name in table.columns if name not in expected]
-    missing = [name for name in expected if name not in table.columns]
-    if missing or unknown:
-        problem = f"missing columns {missing}, unknown columns {unknown}"
-        raise InputError(table.path, "line 1", f"{problem}; expected {','.join(expected)}")
-    if not table.rows:
-        raise table.error(0, "", "expected at least one row")
-
-
-def _markers(table: Table, arm: Arm) -> tuple[str, ...]:
-    """Markers in the order of their first rows."""
-    for row, name in enumerate(table.columns["marker"]):
-        if name not in arm.markers:
-            have = ", ".join(arm.markers)
-            raise table.error(row, "marker", f"no marker {name[:80]!r} in {arm.name}; markers are {have}")
-    return tuple(dict.fromkeys(table.columns["marker"]))
-
-
-def _check_runs(table: Table, markers: tuple[str, ...]) -> tuple[Ids, Ids]:
-    """Run and pose of every run: it lists every marker once, in the same order, on consecutive lines."""
-    m, name = len(markers), table.columns["marker"]
-    ids = np.column_stack([table.integers("run"), table.integers("pose")])
-    for row in range(0, table.rows, m):
-        if name[row : row + m] != markers or (ids[row : row + m] != ids[row]).any():
-            each = f"expected one line for each of {', '.join(markers)} in this order"
-            raise table.error(row, "", f"run {ids[row, 0]}: {each}")
-    run, pose = ids[::m].T
-    again = np.setdiff1d(np.arange(len(run)), np.unique(run, return_index=True)[1])
-    if len(again):
-        raise table.error(again[0] * m, "", f"run {run[again[0]]} stands in the file twice")
-    return run, pose
-
-
-def _once(table: Table, arm: Arm, m: int, names: list[str]) -> Array:
-    """Columns that are the same in all m rows of a run, (runs, names)."""
-    values = table.numbers(names)
-    check_limits(table.path, arm, values[:, : len(arm.joints)])
-    differs = np.argwhere(values != np.repeat(values[::m], m, axis=0))
-    if len(differs):
-        row, k = differs[0]
-        raise table.error(row, names[k], "expected the same value in every row of the run")
-    low, high = SIGMA_RANGE
-    for k in (names.index(name) for name in ("sigma_m", "sigma_rad") if name in names):
-        other = np.flatnonzero(values[:, k] != values[0, k])
-        if len(other):
-            raise table.error(other[0], names[k], "expected one value in the whole file")
-        if not low <= values[0, k] <= high:
-            raise table.error(0, names[k], f"expected {low:g} to {high:g}, got {values[0, k]:g}")
-    return values[::m]
-
-
-def _lost(table: Table) -> Mask:
-    """Rows whose readings and covariances are all empty."""
-    cells = zip(*(table.columns[name] for name in READINGS + COVARIANCES), strict=True)
-    return np.array([not any(text.strip() for text in row) for row in cells])
-
-
-def _precision(table: Table, lost: Mask) -> Array:
-    """Inverse covariances, (rows, 3, 3) [1/m^2]; zero where the target was lost."""
-    entries = table.numbers(COVARIANCES, lost)
-    C = np.tile(np.eye(3), (table.rows, 1, 1))
-    for k, (a, b) in enumerate(ENTRIES.values()):
-        C[~lost, a, b] = C[~lost, b, a] = entries[~lost, k]
-    bad = np.flatnonzero(~(np.linalg.eigvalsh(C)[:, 0] > 0))
-    if len(bad):
-        problem = f"expected a positive definite covariance, got {C[bad[0]].tolist()} m^2"
-        raise table.error(bad[0], "", problem)
-    P = np.linalg.inv(C)
-    P[lost] = 0
-    return np.asarray((P + P.swapaxes(1, 2)) / 2)
+    return read_export(Path(path), arm).data

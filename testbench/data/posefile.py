@@ -1,4 +1,4 @@
-"""Poses as CSV: to be measured, to be worked in; a plan's poses can be read like any others."""
+"""Poses to measure as CSV; a plan's poses can be read like any others."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm, Joint
-from testbench.data.table import Table, read_table
+from testbench.data.columns import find_columns, joint_coordinates
+from testbench.data.mapping import read_map
+from testbench.data.table import read_table
 from testbench.errors import Array, InputError
 
-XYZ = ("x", "y", "z")
 SAME = 1e-3
 """Difference between a coordinate and the same in another unit that rounding explains [deg, mm]."""
-SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
-"""Coordinates that only another unit explains, and that unit."""
 
 
 def plan_columns(joints: Sequence[Joint]) -> list[str]:
@@ -31,78 +30,36 @@ def plan_columns(joints: Sequence[Joint]) -> list[str]:
 
 
 def read_poses(path: Path, arm: Arm) -> Array:
-    """Read poses within the arm's limits, (poses, n) [rad, m]: one a row, a column a joint as `read_joints`.
+    """Read poses within the arm's limits, (poses, n) [rad, m]: one a row, a column for every joint.
 
-    A plan's other columns may be there.
+    Other columns may be there. A plan has every angle twice, in radians and degrees.
 
     Raises:
         InputError: Names the line and what was expected.
     """
-    table = read_table(path)
-    if not table.columns.keys() <= set(plan_columns(arm.joints)):
-        raise InputError(
-            path, "line 1", f"{_expected(arm)} or those of a plan, got {','.join(table.columns)}"
-        )
+    names = read_map(None, arm)
+    table = read_table(path, lambda name: names.find(name) is not None)
+    joints = [
+        (k, own)
+        for k, name in enumerate(table.names)
+        if (own := names.find(name)) and own.slot.what == "joint"
+    ]
+    first = {own.slot: k for k, own in reversed(joints)}
+    again = {k for k, own in joints if k != first[own.slot]}
+    columns = find_columns(table.only([k for k in range(len(table.names)) if k not in again]), names, arm)
+    q = joint_coordinates(columns, arm)
     if not table.rows:
-        raise InputError(path, "line 2", "expected at least one pose")
-    return read_joints(table, arm)
-
-
-def read_joints(table: Table, arm: Arm) -> Array:
-    """The joints of every row within the arm's limits, (rows, n) [rad, m].
-
-    Columns: JOINT_rad or JOINT_deg, of a slide JOINT_m or JOINT_mm; where both are there they must agree.
-
-    Raises:
-        InputError: Names the line and what was expected.
-    """
-    q = np.empty((table.rows, arm.n_joints))
-    used = []
-    for k, joint in enumerate(arm.joints):
-        given = [name for name in (joint.column, joint.shown_column) if name in table.columns]
-        if not given:
-            raise InputError(table.path, "line 1", f"{_expected(arm)}, got {','.join(table.columns)}")
-        values = table.numbers(given)
-        q[:, k] = values[:, 0] if given[0] == joint.column else joint.of_shown(values[:, 0])
-        used.append(given[0])
-        shown = joint.shown * q[:, k]
-        twice = values[:, 1] if len(given) == 2 else shown
-        apart = np.flatnonzero(np.abs(shown - twice) > SAME)
+        raise table.error(0, "", "expected at least one pose")
+    for k, own in joints:
+        if k not in again or own.unit is None:
+            continue
+        joint = arm.joints[own.slot.index]
+        here, other = q[:, own.slot.index], own.unit.scale * table.numbers(k, columns.mark)
+        apart = np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))
         if len(apart):  # whoever edits one of them must not be overheard
-            i = apart[0]
-            problem = f"expected the same twice, got {shown[i]:.4f} and {twice[i]:g} {joint.shown_unit}"
-            raise InputError(table.path, f"line {i + 2}, columns {' and '.join(given)}", problem)
-    check_limits(table.path, arm, q, used)
+            i, both = apart[0], f"{table.names[first[own.slot]]} and {table.names[k]}"
+            got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
+            raise InputError(
+                path, f"line {table.lines[i]}, columns {both}", f"expected the same twice, got {got}"
+            )
     return q
-
-
-def _expected(arm: Arm) -> str:
-    """The columns of an arm's joints."""
-    units = dict.fromkeys((f"_{j.unit}", f"_{j.shown_unit}") for j in arm.joints)
-    others = ", ".join(f"{own} or {other}" for own, other in units)
-    return f"expected the columns {','.join(j.column for j in arm.joints)} (each {others})"
-
-
-def check_limits(path: Path, arm: Arm, q: Array, columns: Sequence[str] | None = None) -> None:
-    """Refuse joints of a file, (rows, n) [rad, m], beyond the arm's limits; the unit is the first suspect.
-
-    `columns` are those that they were read from; in rad and m if not given.
-
-    Raises:
-        InputError: Names line and joint.
-    """
-    lower, upper = arm.limits
-    bad = np.argwhere((q < lower - 1e-6) | (q > upper + 1e-6))
-    if not len(bad):
-        return
-    i, k = bad[0]
-    joint = arm.joints[k]
-    column = joint.column if columns is None else columns[k]
-    alike = [other.prismatic == joint.prismatic for other in arm.joints]
-    most, other = SUSPECT[joint.unit]
-    own = column == joint.column
-    hint = f"; are these {other}?" if own and np.abs(q[:, alike]).max() > most else ""
-    unit, scale = (joint.unit, 1.0) if own else (joint.shown_unit, joint.shown)
-    low, high, got = scale * joint.lower, scale * joint.upper, scale * q[i, k]
-    problem = f"expected {low:.4f} to {high:.4f} {unit}, got {got:g}{hint}"
-    raise InputError(path, f"line {i + 2}, column {column}", problem)

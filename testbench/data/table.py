@@ -1,87 +1,203 @@
-"""CSV tables: a header and rows of one length; a wrong cell is refused by line and column."""
+"""The cells of a text file as its owner sees them; a wrong one is refused by line and column."""
 
-import csv
-import io
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv
 
 from testbench.data.dataset import Ids, Mask
-from testbench.errors import Array, InputError, read_text
+from testbench.data.header import find_header, notes, rows_of
+from testbench.data.lines import read_letters, split_lines
+from testbench.data.mapping import Layout
+from testbench.data.units import Unit
+from testbench.errors import Array, InputError
 
-MAX_BYTES = 300_000_000
+NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a CSV file."""
+    """The cells of a text file."""
 
     path: Path  #: The file.
-    columns: dict[str, Sequence[str]]  #: Cells by column, in the order of the header.
-    rows: int  #: How many, without the header.
+    names: tuple[str, ...]  #: Of the columns, as they stand in the file.
+    units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below the header.
+    header: int  #: Line of the header in the file.
+    lines: Ids  #: Line of every row in the file, (rows,).
+    notes: tuple[str, ...]  #: How the file was read.
+    decimal: str | None  #: The decimal mark; None where the cells decide.
+    cells: Sequence["pa.Array"] = field(repr=False)  #: Of every column.
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return len(self.lines)
 
     def error(self, row: int, column: str, problem: str) -> InputError:
         """What is wrong in a row, counted from 0, and in which column; "" for the whole row."""
-        return InputError(self.path, f"line {row + 2}" + (f", column {column}" if column else ""), problem)
+        line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
+        return InputError(self.path, f"line {line}" + (f", column {column}" if column else ""), problem)
 
-    def integers(self, name: str) -> Ids:
-        """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
-        found = np.zeros(self.rows, dtype=int)
-        for row, text in enumerate(self.columns[name]):
-            try:
-                found[row] = int(text if "_" not in text else "none")  # Python reads 1_0 as 10
-            except (ValueError, OverflowError):
-                problem = f"expected an integer of 64 bits, got {text[:80]!r}"
-                raise self.error(row, name, problem) from None
-        return found
+    def texts(self, k: int) -> list[str]:
+        """The cells of a column without blanks around them."""
+        return [str(text) for text in self.cells[k].to_pylist()]
 
-    def numbers(self, names: Sequence[str], absent: Mask | None = None) -> Array:
-        """Columns of finite numbers, (rows, names); rows under the mask `absent` are zero.
+    def blank(self, k: int) -> Mask:
+        """Which cells of a column are blank, (rows,)."""
+        return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
+
+    def take(self, rows: Mask) -> "Table":
+        """The rows under a mask, (rows,)."""
+        mask = pa.array(rows)
+        return replace(self, lines=self.lines[rows], cells=[cells.filter(mask) for cells in self.cells])
+
+    def only(self, columns: Sequence[int]) -> "Table":
+        """Some of the columns."""
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in columns),
+            units=tuple(self.units[k] for k in columns),
+            cells=[self.cells[k] for k in columns],
+        )
+
+    def filled(self, columns: Sequence[int]) -> "Table":
+        """Blank cells of some columns take the value above, as below merged cells."""
+        cells = list(self.cells)
+        for k in columns:
+            own = np.where(self.blank(k), 0, np.arange(self.rows))
+            cells[k] = cells[k].take(pa.array(np.maximum.accumulate(own)))
+        return replace(self, cells=cells)
+
+    def with_parts(self, k: int, parts: Sequence[str], whole: re.Pattern[str], pattern: str) -> "Table":
+        """With a column more for every part of the combined cells of a column; a blank cell has blank parts.
 
         Raises:
-            InputError: At the first cell of a column that holds none.
+            InputError: At the first cell that the pattern does not fit.
         """
-        found = np.zeros((self.rows, len(names)))
-        for k, name in enumerate(names):
-            texts = self.columns[name]
-            found[:, k] = np.fromiter(map(_number, texts), float, self.rows)
-            if absent is not None:
-                found[absent, k] = 0
-            bad = np.flatnonzero(~np.isfinite(found[:, k]))
-            if len(bad):
-                raise self.error(bad[0], name, f"expected a finite number, got {texts[bad[0]][:80]!r}")
-        return found
+        split: list[tuple[str, ...]] = []
+        for row, text in enumerate(self.texts(k)):
+            found = whole.fullmatch(text)
+            if text and not found:
+                raise self.error(
+                    row, self.names[k], f"expected {pattern!r} as the map says, got {text[:80]!r}"
+                )
+            split.append(found.groups() if found else ("",) * len(parts))
+        more = [pa.array([row[i].strip() for row in split], pa.string()) for i in range(len(parts))]
+        return replace(
+            self,
+            names=(*self.names, *(f"{self.names[k]}, {part}" for part in parts)),
+            units=(*self.units, *[None] * len(parts)),
+            cells=[*self.cells, *more],
+        )
+
+    def integers(self, k: int) -> Ids:
+        """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
+        texts = self.texts(k)
+        for row, text in enumerate(texts):
+            if not is_integer(text):
+                problem = f"expected an integer of 64 bits, got {text[:80]!r}"
+                raise self.error(row, self.names[k], problem)
+        return np.array([int(text) for text in texts], dtype=int)
+
+    def mark(self, columns: Sequence[int]) -> str:
+        """The decimal mark: what the map says, or what most numbers with one of these columns have."""
+        if self.decimal:
+            return self.decimal
+        count = {",": 0, ".": 0}
+        for k in columns:
+            count[","] += pc.sum(pc.match_substring_regex(self.cells[k], COMMA)).as_py() or 0
+            count["."] += pc.sum(pc.match_substring(self.cells[k], ".")).as_py() or 0
+        return max(count, key=lambda mark: (count[mark], mark))
+
+    def numbers(self, k: int, mark: str = ".") -> Array:
+        """A column of finite numbers, (rows,); NaN where a cell is blank.
+
+        Raises:
+            InputError: At the first cell that holds something else.
+        """
+        plain = self.cells[k]
+        if mark == ",":
+            swapped = pc.replace_substring(plain, ".", "_")  # a point divides thousands there: no number
+            plain = pc.replace_substring(swapped, ",", ".")
+        blank = self.blank(k)
+        sound = pc.match_substring_regex(plain, NUMBER)
+        values = pc.cast(pc.if_else(sound, plain, "nan"), pa.float64()).to_numpy(zero_copy_only=False)
+        bad = np.flatnonzero(~np.isfinite(values) & ~blank)
+        if len(bad):
+            text = self.texts(k)[bad[0]]
+            marked = len(text) > 1 and text.strip("+-.,' 0123456789") == ""
+            hint = f"; the decimal mark here is {mark!r}, and nothing divides thousands" if marked else ""
+            raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
+        return np.asarray(values)
 
 
-def _number(text: str) -> float:
+def is_integer(text: str) -> bool:
+    """Whether a text is an integer of 64 bits; Python itself reads 1_0 as 10."""
     try:
-        return float(text) if "_" not in text else np.nan
+        return "_" not in text and -(2**63) <= int(text) < 2**63
     except ValueError:
-        return np.nan
+        return False
 
 
-def read_table(path: Path) -> Table:
-    """Header and rows of a CSV file, all rows as long as the header.
+def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
+    """The table of a text file: its header is found by the names that are known.
+
+    Args:
+        path: The file.
+        known: Whether a name is that of a column that is looked for.
+        layout: What a map says of the file.
 
     Raises:
-        InputError: When it cannot be read, is empty, is no table or has a column twice.
+        InputError: When it cannot be read, is empty, or is no table.
     """
-    reader = csv.reader(io.StringIO(read_text(path, MAX_BYTES), newline=""), strict=True)
+    layout = layout or Layout()
+    text, encoding = read_letters(path, layout.encoding)
+    header = find_header(path, split_lines(path, text), layout, known)
+    rows, lines = rows_of(path, header), np.array([line.number for line in header.body], dtype=int)
+    return Table(
+        path=path,
+        names=header.names,
+        units=header.units,
+        header=header.line,
+        lines=lines,
+        notes=notes(encoding, header),
+        decimal=layout.decimal,
+        cells=_parse(path, rows, lines, header.delimiter, len(header.names)),
+    )
+
+
+def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: int) -> list["pa.Array"]:
+    """Cells without blanks around them, a column each."""
+    if not rows:
+        return [pa.array([], pa.string())] * count
+    content = "\n".join(rows).encode()
+    bad: list[int] = []
+
+    def refuse(row: "csv.InvalidRow") -> str:
+        bad.append(row.number)
+        return "error"
+
+    names = [str(k) for k in range(count)]
     try:
-        lines = list(reader)
-    except csv.Error as err:
-        raise InputError(path, f"line {reader.line_num}", f"not CSV: {err}") from err
-    while lines and not lines[-1]:  # blank lines at the end, as editors leave them
-        lines.pop()
-    if not lines:
-        raise InputError(path, "line 1", "expected a header, the file is empty")
-    header, *rows = lines
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(header):
-            raise InputError(path, f"line {number}", f"expected {len(header)} fields, got {len(row)}")
-    if twice := [name for k, name in enumerate(header) if name in header[:k]]:
-        raise InputError(path, "line 1", f"expected every column once, got {twice} more than once")
-    cells = zip(*rows, strict=True) if rows else [()] * len(header)
-    return Table(path, dict(zip(header, cells, strict=True)), len(rows))
+        table = csv.read_csv(
+            pa.BufferReader(content),
+            csv.ReadOptions(use_threads=False, block_size=len(content) + 1, column_names=names),
+            csv.ParseOptions(
+                delimiter="\t" if delimiter == " " else delimiter,
+                ignore_empty_lines=False,
+                invalid_row_handler=refuse,
+            ),
+            csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
+        )
+    except pa.ArrowInvalid as err:
+        place = f"line {lines[bad[0] - 1]}" if bad else ""
+        raise InputError(
+            path, place, f"not a table: expected {count} fields, quotes around whole cells"
+        ) from err
+    return [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from testbench.arm.folder import load_arm
-from testbench.data.csvfile import SIGMA_RANGE, columns, read_csv, write_csv
+from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
+from testbench.data.export import SIGMA_RANGE
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")

@@ -73,6 +73,6 @@ def test_a_wrong_cell_is_named(file, name, value, said):
 def test_a_missing_column_is_named(file):
     edit(file, 0, COLUMNS[3], "something")
     with pytest.raises(
-        InputError, match=rf"line 1: missing columns \['{COLUMNS[3]}'\], unknown columns \['some"
+        InputError, match=rf"line 1: missing columns \['{COLUMNS[3]}'\], ignored columns \['some"
     ):
         read_csv(file, ARM)

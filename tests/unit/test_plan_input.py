@@ -56,12 +56,16 @@ def test_loads_of_the_process_act_where_they_are_said_to(kr500, file):
 BROKEN = [
     (DEG, [], "line 2: expected 1 to 1000 tasks, got 0"),
     (DEG, np.tile(POSES, (501, 1)), "line 1002: expected 1 to 1000 tasks, got 1002"),
-    (["joint_1_mm", *DEG[1:]], POSES, "line 1: expected the columns joint_1_rad"),
-    ([*DEG[:5], DEG[0]], POSES, "line 1: expected every column once, got ['joint_1_deg']"),
+    (
+        ["joint_1_mm", *DEG[1:]],
+        POSES,
+        "line 1, column joint_1_mm: expected one unit, of _rad, got mm",
+    ),
+    ([*DEG[:5], DEG[0]], POSES, "line 1: expected every column once, got 'joint_1_deg' and 'joint_1_deg'"),
     (
         DEG + POINT,
         np.hstack([POSES, np.ones((2, 3))]),
-        "expected force_x_N,force_y_N,force_z_N where point_x",
+        "expected force_x_N, force_y_N, force_z_N where point_x",
     ),
     (DEG, [POSES[0], [0, "nan", 90, 0, 20, 0]], "line 3, column joint_2_deg: expected a finite number"),
     (DEG, [POSES[0], [0, 60, 90, 0, 20, 0]], "joint_2_deg: expected -130.0000 to 20.0000 deg, got 60"),

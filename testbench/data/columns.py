@@ -1,0 +1,238 @@
+"""Which column of a file says what: found by our names and those of a map, each with one unit."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.mapping import Named, Names
+from testbench.data.names import SI, XYZ, Slot, What, recognise
+from testbench.data.table import Table
+from testbench.data.units import Unit
+from testbench.errors import Array, InputError
+
+SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
+"""Coordinates that only another unit explains, and that unit."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that is read."""
+
+    index: int  #: In the table.
+    name: str  #: As it stands in the file.
+    slot: Slot  #: What it says.
+    unit: Unit | None  #: Its unit; None for what has none.
+    sign: float  #: -1 for a column of the opposite direction.
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What a table says, column by column."""
+
+    table: Table  #: The cells.
+    names: Names  #: Of the quantities.
+    found: dict[Slot, Column]  #: The columns that are read.
+    ignored: tuple[str, ...]  #: Names of the others.
+    mark: str  #: The decimal mark.
+
+    def every(self, *what: str) -> list[Column]:
+        """The columns of some quantities, in the order of the file."""
+        return sorted((c for c in self.found.values() if c.slot.what in what), key=lambda c: c.index)
+
+    def get(self, slot: Slot) -> Column | None:
+        """The column of a quantity; None where there is none."""
+        return self.found.get(slot)
+
+    def with_table(self, table: Table) -> "Columns":
+        """The same of other rows."""
+        return replace(self, table=table)
+
+    def values(self, column: Column) -> Array:
+        """A column in SI units, (rows,); NaN where it is blank."""
+        values = self.table.numbers(column.index, self.mark)
+        scale = column.sign * (column.unit.scale if column.unit else 1.0)
+        return values if scale == 1 else scale * values
+
+    def full(self, column: Column) -> Array:
+        """The same where no cell may be blank; InputError at the first blank one."""
+        values = self.values(column)
+        blank = np.flatnonzero(np.isnan(values))
+        if len(blank):
+            hint = "; below merged cells say merged = true in the map's [file]"
+            raise self.table.error(blank[0], column.name, f"expected a finite number, got ''{hint}")
+        return values
+
+    def lack(self, missing: Sequence[str]) -> InputError:
+        """The error about columns that are not there."""
+        ignored = list(self.ignored)
+        problem = f"missing columns {list(missing)}, ignored columns {ignored}"
+        return InputError(self.table.path, f"line {self.table.header}", problem)
+
+    def constant(self, slot: Slot) -> float | None:
+        """A quantity that the map states, in SI units; None where it does not."""
+        stated = self.names.values.get(slot)
+        return None if stated is None else stated[0] * stated[1].scale
+
+
+def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
+    """Which column says what.
+
+    Raises:
+        InputError: Where two columns say the same, a unit is missing or a column of the map is not there.
+    """
+    table, read_as = _taken_apart(table, names)
+    named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
+    if not named:
+        problem = f"no column is known, got {list(table.names)}; names that are not ours need a map"
+        raise InputError(table.path, f"line {table.header}", problem)
+    _check_map(table, names, named)
+    named = _chosen(named)
+    found: dict[Slot, Column] = {}
+    for k, own in named.items():
+        unit = _unit(table, k, own, arm)
+        slot = own.slot
+        if slot.what == "sigma":
+            slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
+        if slot in found:
+            both = " and ".join(map(repr, (found[slot].name, table.names[k])))
+            problem = f"expected every column once, got {both} for the same quantity"
+            raise InputError(table.path, f"line {table.header}", problem)
+        if slot in names.values:
+            problem = f"expected no value in the map for {table.names[k]!r}, which the file has"
+            raise InputError(names.path or table.path, "values", problem)
+        found[slot] = Column(k, table.names[k], slot, unit, own.sign)
+    ignored = tuple(
+        name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
+    )
+    if names.layout.merged:
+        once = [c.index for c in found.values() if c.slot.what not in ("reading", "covariance")]
+        table = table.filled(once)
+    numeric = [c.index for c in found.values() if c.unit]
+    return Columns(table, names, found, ignored, table.mark(numeric))
+
+
+def _taken_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
+    """The table with a column more for every part of its combined cells, and how its columns are called."""
+    read_as = list(table.names)
+    for header, pattern in names.cells.items():
+        place = f"cells.{header}"
+        if header not in table.names:
+            raise InputError(
+                names.path or table.path, place, f"no such column; columns are {_list(table.names)}"
+            )
+        k = table.names.index(header)
+        parts = re.findall(r"\{(\w+)\}", pattern)
+        wrong = [part for part in parts if recognise(part, names.ours) is None]
+        if not parts or wrong or len(set(parts)) < len(parts):
+            problem = f"expected quantities such as {{run}}, {{pose}}, {{marker}}, each once, got {pattern!r}"
+            raise InputError(names.path or table.path, place, problem)
+        pieces = [re.escape(piece).replace(r"\*", ".*") for piece in re.split(r"\{\w+\}", pattern)]
+        whole = re.compile("(.+?)".join(pieces), re.IGNORECASE)
+        table = table.with_parts(k, parts, whole, pattern)
+        read_as += parts
+    return table, read_as
+
+
+def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
+    """Every line of the map has a column in the file."""
+    used = {own.mapped for own in named.values()}
+    for own in names.theirs.values():
+        if own.mapped not in used:
+            problem = f"no such column in {table.path.name}; columns are {_list(table.names)}"
+            raise InputError(names.path or table.path, f"columns.{own.mapped}", problem)
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))
+
+
+def _chosen(named: dict[int, Named]) -> dict[int, Named]:
+    """Without our own names for what the map names, and without readings that say less than others."""
+    mapped = {own.slot for own in named.values() if own.mapped}
+    readings_mapped = any(slot.what == "reading" for slot in mapped)
+    chosen = {
+        k: own
+        for k, own in named.items()
+        if own.mapped or not (own.slot in mapped or (readings_mapped and own.slot.what == "reading"))
+    }
+    for part in ("when", "marker"):
+        readings = [k for k, own in chosen.items() if own.slot.what == "reading"]
+        full = [k for k in readings if getattr(chosen[k].slot, part)]
+        if full:
+            chosen = {k: own for k, own in chosen.items() if k not in readings or k in full}
+    return chosen
+
+
+def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
+    """The unit of a column: its name says it, the map, or the line below the header."""
+    allowed = SI.get(own.slot.what, ())
+    if own.slot.what == "joint":
+        allowed = (arm.joints[own.slot.index].unit,)
+    if not allowed:
+        return None
+    said = [unit for unit in (own.unit, own.header, table.units[k]) if unit]
+    place, expected = f"line {table.header}, column {table.names[k]}", " or ".join(f"_{u}" for u in allowed)
+    if not said:
+        problem = f"expected a unit at the end of the name such as {expected}, in brackets, or in a map"
+        raise InputError(table.path, place, problem)
+    if said[0].si not in allowed or any(u != said[0] for u in said):
+        got = " and ".join(dict.fromkeys(u.name for u in said))
+        raise InputError(table.path, place, f"expected one unit, of {expected}, got {got}")
+    return said[0]
+
+
+def axes(columns: Columns, what: What) -> list[Column | None]:
+    """The columns of a vector, x, y, z: all, none, or one alone whose others are zero.
+
+    Raises:
+        InputError: When one is missing.
+    """
+    found = [next((c for c in columns.every(what) if c.slot.index == k), None) for k in range(3)]
+    stated = [any(s.what == what and s.index == k for s in columns.names.values) for k in range(3)]
+    have = [f is not None or s for f, s in zip(found, stated, strict=True)]
+    if sum(have) == 2 or (what == "point" and 0 < sum(have) < 3):
+        raise columns.lack([f"{what}_{XYZ[k]}_{SI[what][0]}" for k in range(3) if not have[k]])
+    return found
+
+
+def joint_coordinates(columns: Columns, arm: Arm) -> Array:
+    """Joint coordinates within the arm's limits, (rows, n) [rad, m].
+
+    Raises:
+        InputError: Names line and column.
+    """
+    q = np.empty((columns.table.rows, arm.n_joints))
+    found = [columns.get(Slot("joint", k)) for k in range(arm.n_joints)]
+    stated = [columns.constant(Slot("joint", k)) for k in range(arm.n_joints)]
+    missing = [
+        joint.column
+        for joint, column, value in zip(arm.joints, found, stated, strict=True)
+        if column is None and value is None
+    ]
+    if missing:
+        raise columns.lack(missing)
+    for k, (column, value) in enumerate(zip(found, stated, strict=True)):
+        q[:, k] = columns.full(column) if column else value
+    _check_limits(columns, arm, q)
+    return q
+
+
+def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:
+    """Refuse what is beyond the arm's limits; degrees are the first suspect."""
+    lower, upper = arm.limits
+    bad = np.argwhere((q < lower - 1e-6) | (q > upper + 1e-6))
+    if not len(bad):
+        return
+    i, k = bad[0]
+    joint, column = arm.joints[k], columns.get(Slot("joint", k))
+    unit = column.unit if column else None
+    name, scale = (unit.name, unit.scale) if unit else (joint.unit, 1.0)
+    alike = [other.prismatic == joint.prismatic for other in arm.joints]
+    most, suspect = SUSPECT[joint.unit]
+    hint = f"; are these {suspect}?" if name == joint.unit and np.abs(q[:, alike]).max() > most else ""
+    low, high, got = (x / scale for x in (joint.lower, joint.upper, q[i, k]))
+    problem = f"expected {low:.4f} to {high:.4f} {name}, got {got:g}{hint}"
+    raise columns.table.error(i, column.name if column else joint.name, problem)

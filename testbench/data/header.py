@@ -1,0 +1,122 @@
+"""Where the table of a file begins: the line with most of the names that are known, and what divides it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+
+from testbench.data.lines import Line, cells_of, count_cells, tabbed
+from testbench.data.mapping import Layout
+from testbench.data.units import Unit, find_unit
+from testbench.errors import InputError
+
+SEARCHED = 200  #: Lines in which a header is looked for.
+DELIMITERS = (";", "\t", ",", "|", " ")
+"""Between cells; the blank stands for runs of blanks. The first of equals is taken."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header of a table."""
+
+    line: int  #: Its last line in the file, from 1.
+    skipped: int  #: Lines with something in them before it.
+    delimiter: str  #: Between cells; " " for runs of blanks.
+    names: tuple[str, ...]  #: Of the columns; those without any at the end are left out.
+    units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below.
+    body: Sequence[Line]  #: The rows.
+    comments: int  #: Lines of comments among them, left out.
+
+
+def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callable[[str], bool]) -> Header:
+    """The header, by how many of its names are known.
+
+    Args:
+        path: The file.
+        lines: All of its lines that say something.
+        layout: What the map says of the file.
+        known: Whether a name is that of a column that is looked for.
+
+    Raises:
+        InputError: When the file is empty.
+    """
+    first = next((k for k, line in enumerate(lines) if line.number > (layout.skip or 0)), len(lines))
+    if first == len(lines):
+        raise InputError(path, "line 1", "expected a header, the file is empty")
+    last = first + 1 if layout.skip is not None else min(len(lines), first + SEARCHED)
+    best, at, delimiter = (-1, False, 0), first, ","
+    for mark in [layout.delimiter] if layout.delimiter else DELIMITERS:
+        for k in range(first, last):
+            names = _names(lines[k : k + layout.header], mark)
+            if (score := (sum(map(known, names)), not lines[k].comment, len(names))) > best:
+                best, at, delimiter = score, k, mark
+    body = at + layout.header
+    names = _names(lines[at:body], delimiter)
+    rows = [line for line in lines[body:] if not line.comment]
+    units = _units(rows[0], delimiter, len(names)) if rows else None
+    return Header(
+        line=lines[min(body, len(lines)) - 1].number,
+        skipped=at - first,
+        delimiter=delimiter,
+        names=tuple(names),
+        units=tuple(units or [None] * len(names)),
+        body=rows[units is not None :],
+        comments=len(lines) - body - len(rows),
+    )
+
+
+def _cells(line: Line, delimiter: str) -> list[str]:
+    text = line.text.lstrip().lstrip("#/") if line.comment else line.text
+    return cells_of(tabbed(text), "\t") if delimiter == " " else cells_of(text, delimiter)
+
+
+def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
+    """Names of the columns; those of merged cells above hold for the blank ones to their right."""
+    *upper, lowest = [_cells(line, delimiter) for line in lines]
+    while lowest and not lowest[-1]:
+        lowest.pop()
+    merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
+    return [" ".join(filter(None, (*(row[k] for row in merged), own))) for k, own in enumerate(lowest)]
+
+
+def _kept(left: str, own: str) -> str:
+    return own or left
+
+
+def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
+    """The units of a line that holds nothing else."""
+    words = [cell.strip("[]() ") for cell in _cells(line, delimiter)][:count]
+    units = [find_unit(word) for word in words]
+    other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]
+    if other or not any(units):
+        return None
+    return units + [None] * (count - len(units))
+
+
+def notes(encoding: str, header: Header) -> tuple[str, ...]:
+    """How a file was read, in words."""
+    between = {"\t": "tabs", " ": "runs of blanks"}.get(header.delimiter, f"{header.delimiter!r}")
+    found = [f"text in {encoding}, {between} between the cells, header in line {header.line}"]
+    counts = {"before the header": header.skipped, "of comments": header.comments}
+    found += [f"{count} lines {what} left out" for what, count in counts.items() if count]
+    return (*found, *["the line below the header holds units"] * any(header.units))
+
+
+def rows_of(path: Path, header: Header) -> list[str]:
+    """The rows, each with as many cells as the header; surplus blank ones at the end are left out.
+
+    Raises:
+        InputError: At the first row of another length.
+    """
+    count, blank = len(header.names), header.delimiter == " "
+    delimiter = "\t" if blank else header.delimiter
+    found = []
+    for line in header.body:
+        text = tabbed(line.text) if blank else line.text
+        got = count_cells(text, delimiter)
+        while got > count and text.rstrip(" ").endswith(delimiter):
+            text, got = text.rstrip(" ")[:-1], got - 1
+        if got != count:
+            raise InputError(path, f"line {line.number}", f"expected {count} fields, got {got}")
+        found.append(text)
+    return found

@@ -1,0 +1,118 @@
+"""The lines of a text file as its owner sees them: letters, line breaks, comments, what is between cells."""
+
+import csv
+import re
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbench.errors import InputError
+
+MAX_BYTES = 300_000_000
+MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+"""Byte order marks."""
+COMMENTS = ("#", "//")
+JOINED = 20  #: Most lines that one quoted cell may take.
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line with something in it."""
+
+    number: int  #: In the file, from 1.
+    text: str  #: Without its end; line breaks in quotes are blanks.
+
+    @property
+    def comment(self) -> bool:
+        """Whether it is a comment."""
+        return self.text.lstrip(' "').startswith(COMMENTS)
+
+
+def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
+    """The text of a file without its byte order mark, and its encoding: that of the mark, UTF-8, or cp1252.
+
+    Raises:
+        InputError: When it is missing, no plain file, too large, or no text.
+    """
+    content = _read_bytes(path)
+    mark = next((mark for mark in MARKS if content.startswith(mark)), b"")
+    tried = [MARKS[mark]] if mark else [encoding] if encoding else ["utf-8", "cp1252"]
+    for name in tried:
+        try:
+            text = content[len(mark) :].decode(name)
+        except UnicodeDecodeError as err:
+            if name == tried[-1]:
+                words = " or ".join(tried)
+                place = f"byte {len(mark) + err.start + 1}"
+                raise InputError(path, place, f"expected text in {words}: {err.reason}") from err
+        else:
+            if "\0" in text:
+                line = text.count("\n", 0, text.index("\0")) + 1
+                problem = (
+                    "expected text, got a zero byte; for UTF-16 without a mark say the encoding in a map"
+                )
+                raise InputError(path, f"line {line}", problem)
+            return text, name
+    raise AssertionError
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # a device or a pipe has no end
+            raise InputError(path, "", "expected a file, got a folder or a device")
+        if status.st_size > MAX_BYTES:
+            raise InputError(path, "", f"expected at most {MAX_BYTES} bytes, got {status.st_size}")
+        return path.read_bytes()
+    except OSError as err:
+        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
+
+
+def split_lines(path: Path, text: str) -> list[Line]:
+    """All lines but blank ones; a line ends where no quotes are open.
+
+    Raises:
+        InputError: When quotes never end.
+    """
+    found: list[Line] = []
+    first, parts = 0, list[str]()
+    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
+        if not parts and '"' not in line:  # nearly all
+            if _says_something(line):
+                found.append(Line(number, line))
+            continue
+        first = first if parts else number
+        parts.append(line)
+        whole = " ".join(parts)
+        if whole.count('"') % 2 == 0:
+            if _says_something(whole):
+                found.append(Line(first, whole))
+            parts = []
+        elif len(parts) > JOINED:
+            break
+    if parts:
+        raise InputError(path, f"line {first}", "not a table: quotes without an end")
+    return found
+
+
+def _says_something(line: str) -> bool:
+    return bool(line.strip(' ;,|\t"'))
+
+
+def tabbed(line: str) -> str:
+    """A line whose runs of blanks outside of quotes are tabs."""
+    pieces = line.strip().split('"')
+    return '"'.join(p if k % 2 else re.sub(r"\s+", "\t", p) for k, p in enumerate(pieces))
+
+
+def count_cells(line: str, delimiter: str) -> int:
+    """How many cells a line has; delimiters in quotes do not count."""
+    return 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """Cells of a line without quotes and blanks around them; none for what is no table."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    except csv.Error:
+        return []

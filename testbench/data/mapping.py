@@ -1,0 +1,190 @@
+"""A map: how somebody's export names our quantities, as TOML of a few lines."""
+
+import tomllib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from testbench.arm.folder import Arm
+from testbench.data.names import (
+    STATES,
+    Slot,
+    expand,
+    our_names,
+    placeholders,
+    recognise,
+    squeeze,
+)
+from testbench.data.units import Unit, split_unit
+from testbench.errors import InputError, read_text
+
+MAX_BYTES = 20_000
+CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma")
+"""Quantities that may be one number for the whole file."""
+IGNORE = "ignore"  #: Key of the words for points that are no markers.
+
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+Frame = Literal["base", "tracker"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Layout(_Strict):
+    """How the file is written, where that is not to be found from the file itself."""
+
+    delimiter: Literal[",", ";", "\t", "|", " "] | None = None  #: Between cells; " " for runs of blanks.
+    decimal: Literal[".", ","] | None = None  #: The decimal mark.
+    #: How its bytes are letters.
+    encoding: (
+        Literal["utf-8", "utf-16-le", "utf-16-be", "cp1252", "cp1250", "latin-1", "cp932", "gb18030"] | None
+    ) = None
+    skip: int | None = Field(default=None, ge=0, le=10_000)  #: Lines before the header.
+    header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
+    merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
+
+
+class _Map(_Strict):
+    frame: Frame | None = None
+    file: Layout = Layout()
+    columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
+    cells: dict[Text, Text] = Field(default_factory=dict, max_length=20)
+    words: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
+    values: dict[Text, float] = Field(default_factory=dict, max_length=50)
+
+
+@dataclass(frozen=True)
+class Named:
+    """What a column of somebody's file is to us."""
+
+    slot: Slot  #: The quantity.
+    unit: Unit | None  #: Its unit by our name for it; None where that has none.
+    sign: float = 1.0  #: -1 where the map has a minus before the name.
+    mapped: str = ""  #: Key of the map that says so; empty for one of our own names.
+    header: Unit | None = None  #: Its unit by what the file calls it, beside a map.
+
+
+@dataclass(frozen=True)
+class Names:
+    """All names that a file may use, ours and those of its map."""
+
+    path: Path | None  #: The map, for messages; None without one.
+    ours: Mapping[str, Slot]  #: Our own, squeezed.
+    theirs: Mapping[str, Named]  #: Those of the map, squeezed.
+    words: Mapping[str, str]  #: What cells say for our markers and states, squeezed.
+    ignored: frozenset[str]  #: Squeezed names of points that are no markers.
+    values: Mapping[Slot, tuple[float, Unit]]  #: Constants and their units.
+    cells: Mapping[str, str]  #: Patterns of what cells hold together, by the name of their column.
+    frame: Frame | None  #: What the readings are in; None where it is not said.
+    layout: Layout  #: How the file is written.
+
+    def find(self, header: str) -> Named | None:
+        """What a column is: the map before our own names; None for neither."""
+        if found := self.theirs.get(squeeze(header)):
+            parts = split_unit(header, brackets=True)
+            return replace(found, header=parts[1]) if parts else found
+        if (parts := split_unit(header)) and (found := self.theirs.get(squeeze(parts[0]))):
+            return replace(found, header=parts[1])
+        own = recognise(header, self.ours)
+        return None if own is None else Named(*own)
+
+    def word(self, text: str, known: Collection[str]) -> str:
+        """Our word for what a cell says, of those that are known; empty for any other."""
+        ours = text if text in known else self.words.get(squeeze(text), "")
+        return ours if ours in known else ""
+
+
+def read_map(path: Path | None, arm: Arm) -> Names:
+    """Our names for an arm, and those of a map.
+
+    Raises:
+        InputError: Names the key and what was expected.
+    """
+    ours = our_names(arm)
+    found = _Map() if path is None else _read(path)
+    where = path or Path()
+    words, ignored = _words(where, found, arm)
+    return Names(
+        path=path,
+        ours=ours,
+        theirs=_columns(where, found, ours, arm),
+        words=_cell_words(words, arm),
+        ignored=frozenset(map(squeeze, ignored)),
+        values=_values(where, found, ours),
+        cells=found.cells,
+        frame=found.frame,
+        layout=found.file,
+    )
+
+
+def _read(path: Path) -> _Map:
+    text = read_text(path, MAX_BYTES)
+    try:
+        return _Map.model_validate(tomllib.loads(text))
+    except ValidationError as err:
+        first = err.errors(include_url=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        if first["type"] == "extra_forbidden":
+            keys = _Map.model_fields if len(first["loc"]) == 1 else Layout.model_fields
+            raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
+        raise InputError(path, place, f"{first['msg']}, got {str(first['input'])[:80]!r}") from err
+    except (ValueError, RecursionError) as err:
+        raise InputError(path, "", f"not TOML: {err}") from err
+
+
+def _tuple(words: str | list[str]) -> tuple[str, ...]:
+    return (words,) if isinstance(words, str) else tuple(words)
+
+
+def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
+    known = [*STATES, *arm.markers, IGNORE]
+    for key in found.words:
+        if key not in known:
+            raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}")
+    words = {key: _tuple(value) for key, value in found.words.items()}
+    return words, words.pop(IGNORE, ())
+
+
+def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str]:
+    own = {name: (name,) for name in arm.markers} | STATES
+    return {squeeze(word): key for key, says in own.items() for word in (*says, *words.get(key, ()))}
+
+
+def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dict[str, Named]:
+    words, _ = _words(path, found, arm)
+    choices = placeholders(arm, words)
+    named: dict[str, Named] = {}
+    for key, names in found.columns.items():
+        for name in _tuple(names):
+            sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
+            for our, their in expand(key, plain, choices):
+                known = recognise(our, ours)
+                if known is None or "{" in their:
+                    problem = (
+                        f"expected one of our quantities and its own {{...}} in both names, got {name!r}"
+                    )
+                    raise InputError(path, f"columns.{key}", problem)
+                new = Named(*known, sign, key)
+                if named.setdefault(squeeze(their), new) != new:
+                    raise InputError(path, f"columns.{key}", f"the name {their!r} stands for two quantities")
+    return named
+
+
+def _values(path: Path, found: _Map, ours: Mapping[str, Slot]) -> dict[Slot, tuple[float, Unit]]:
+    values = {}
+    for key, value in found.values.items():
+        known = recognise(key, ours)
+        if known is None or known[1] is None or known[0].what not in CONSTANTS:
+            kinds = ", ".join(CONSTANTS)
+            raise InputError(
+                path, f"values.{key}", f"expected a number with its unit of {kinds}, as sigma_um"
+            )
+        slot, unit = known[0], known[1]
+        if slot.what == "sigma":
+            slot = replace(slot, index=int(unit.si == "rad"))
+        values[slot] = value, unit
+    return values

@@ -1,0 +1,117 @@
+"""The quantities of a measurement, and the names that our files give them."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from testbench.arm.folder import Arm
+from testbench.data.units import Unit, split_unit
+
+XYZ = ("x", "y", "z")
+WHEN = ("before", "after")
+ENTRIES = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+"""Entries of a symmetric matrix that files hold."""
+STATES = {"before": ("before", "unloaded"), "after": ("after", "loaded")}
+"""Our words for the two states of a run."""
+
+What = Literal[
+    "run",
+    "pose",
+    "marker",
+    "station",
+    "state",
+    "joint",
+    "mass",
+    "force",
+    "moment",
+    "point",
+    "reading",
+    "rotation",
+    "covariance",
+    "sigma",
+]
+SI: Mapping[What, tuple[str, ...]] = {
+    "joint": ("rad", "m"),
+    "mass": ("kg",),
+    "force": ("N",),
+    "moment": ("Nm",),
+    "point": ("m",),
+    "reading": ("m",),
+    "rotation": ("rad",),
+    "covariance": ("m2",),
+    "sigma": ("m", "rad"),
+}
+"""Of every quantity with a unit what its unit may be a multiple of."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What one column says."""
+
+    what: What  #: The quantity.
+    index: int = 0  #: Number of the joint from 0, the axis, or the entry of a covariance.
+    marker: str = ""  #: Of a reading; empty where a column of markers says it.
+    when: str = ""  #: "before" or "after"; empty where a column of states or the load says it.
+
+
+def squeeze(text: str) -> str:
+    """A name without case, blanks, hyphens and underscores: what names are compared by."""
+    return re.sub(r"[\s_\-]+", "", text).casefold()
+
+
+def our_names(arm: Arm) -> dict[str, Slot]:
+    """Every quantity of an arm's measurement by its squeezed name, without unit."""
+    found = {name: Slot(name) for name in ("run", "pose", "marker", "station", "state", "mass", "sigma")}
+    found["when"] = Slot("state")
+    for k, axis in enumerate(XYZ):
+        found |= {f"{what}_{axis}": Slot(what, k) for what in ("force", "moment", "point")}
+        found |= {f"rotation_{when}_{axis}": Slot("rotation", k, when=when) for when in WHEN}
+        for marker in ("", *arm.markers):
+            for when, words in {"": ("",), **STATES}.items():
+                found |= {f"{marker}_{word}_{axis}": Slot("reading", k, marker, when) for word in words}
+    found |= {f"deflection_cov_{entry}": Slot("covariance", k) for k, entry in enumerate(ENTRIES)}
+    found |= {joint.name: Slot("joint", k) for k, joint in enumerate(arm.joints)}
+    return {squeeze(name): slot for name, slot in found.items()}
+
+
+def recognise(name: str, known: Mapping[str, Slot]) -> tuple[Slot, Unit | None] | None:
+    """The quantity of a name and its unit where it has one; None for a name that is not known."""
+    whole = known.get(squeeze(name))
+    if whole is not None:
+        return whole, None
+    parts = split_unit(name)
+    slot = None if parts is None else known.get(squeeze(parts[0]))
+    if parts is None or slot is None or parts[1].si not in SI.get(slot.what, ()):
+        return None
+    return slot, parts[1]
+
+
+def placeholders(
+    arm: Arm, words: Mapping[str, tuple[str, ...]]
+) -> dict[str, list[tuple[str, tuple[str, ...]]]]:
+    """What may stand for {n}, {n0}, {joint}, {axis}, {marker} and {when}: our word, and what files say."""
+    joints = [joint.name for joint in arm.joints]
+    return {
+        "n": [(name, (str(k),)) for k, name in enumerate(joints, start=1)],
+        "n0": [(name, (str(k),)) for k, name in enumerate(joints)],
+        "joint": [(name, (name,)) for name in joints],
+        "axis": [(axis, (axis,)) for axis in XYZ],
+        "marker": [(name, (name, *words.get(name, ()))) for name in arm.markers],
+        "when": [(when, (*STATES[when], *words.get(when, ()))) for when in WHEN],
+    }
+
+
+def expand(
+    ours: str, theirs: str, choices: Mapping[str, list[tuple[str, tuple[str, ...]]]]
+) -> Iterator[tuple[str, str]]:
+    """Every pair of names that two patterns stand for."""
+    for key, values in choices.items():
+        hole = f"{{{key}}}"
+        if hole in ours:
+            for our, words in values:
+                prefix = ours.replace("joint_" + hole, our) if key in ("n", "n0") else ours.replace(hole, our)
+                for word in words:
+                    yield from expand(prefix, theirs.replace(hole, word), choices)
+            return
+    yield ours, theirs

@@ -1,0 +1,62 @@
+"""Units of a file, read from the names of its columns: all become SI at the door."""
+
+import math
+import re
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of a file."""
+
+    name: str  #: As we write it.
+    si: str  #: What it is a multiple of.
+    scale: float  #: How many of that it is.
+
+
+INCH = 0.0254
+UNITS = (
+    *(Unit(n, "m", s) for n, s in (("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
+    *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", math.pi / 180))),
+    *(Unit(n, "N", s) for n, s in (("N", 1.0), ("kN", 1e3))),
+    *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
+    Unit("kg", "kg", 1.0),
+    *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
+)
+OTHER_NAMES = {
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "μm": "um",
+    "inch": "in",
+    "n*m": "nm",
+    "n·m": "nm",
+}
+"""What files write for these, in small letters; both micro signs become the Greek letter."""
+KNOWN = {unit.name.lower(): unit for unit in UNITS}
+BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
+TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+in\s+|[\s_]+)([^\s_/,\[\]()]+)$")
+
+
+def find_unit(word: str) -> Unit | None:
+    """The unit that a word names, whatever its case and its blanks; None for any other word."""
+    small = "".join(word.casefold().split()).replace("²", "2")
+    return KNOWN.get(OTHER_NAMES.get(small, small))
+
+
+def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
+    """What stands before a unit at the end of a name, and the unit: "x_mm", "x [mm]", "x (mm)", "x in mm".
+
+    Args:
+        name: Of a column.
+        brackets: Whether a unit counts in brackets only.
+
+    Returns:
+        None where no unit stands there.
+    """
+    for pattern in (BRACKETS,) if brackets else (BRACKETS, TAIL):
+        if found := pattern.match(name.strip()):
+            unit = find_unit(found[2])
+            if unit is not None and found[1]:
+                return found[1], unit
+    return None

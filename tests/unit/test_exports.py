@@ -1,0 +1,291 @@
+"""Exports as instruments, spreadsheets and robots write them, each read with a map of at most ten lines."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.arm.folder import load_arm
+from testbench.data.dataset import Dataset
+from testbench.data.export import read_export
+
+ROOT = Path(__file__).parents[2]
+ARM = load_arm(ROOT / "models" / "kr500_l480")
+MASSES = (150.0, 460.3)
+M = range(3)
+WHEN = ("before", "after")
+
+
+def measured() -> Dataset:
+    """Three poses, two hung masses in each, three markers; one unloaded reading a pose, to 0.1 um."""
+    rng = np.random.default_rng(7)
+    q = np.deg2rad(rng.uniform(*np.rad2deg(0.9 * ARM.limits), (3, 6)).round(3))
+    before = rng.uniform(-2.5, 2.5, (3, 3, 3)).round(7)
+    sag = rng.uniform(-9e-3, 9e-3, (3, 3, 3)).round(7)
+    wrench = np.zeros((6, 6))
+    wrench[:, 2] = -9.81 * np.tile(MASSES, 3)
+    pose = np.repeat([0, 1, 2], 2)
+    return Dataset(
+        markers=ARM.markers,
+        run=np.arange(6) + 1,
+        pose=pose + 1,
+        q=q[pose],
+        wrench=wrench,
+        point=np.tile([0.35, 0.14, -0.08], (6, 1)),
+        before=before[pose],
+        after=(before[pose] + sag[pose] * np.tile(MASSES, 3)[:, None, None] / 460.3).round(7),
+        sigma=50e-6,
+    )
+
+
+DATA = measured()
+DEG = np.rad2deg(DATA.q)
+KG = DATA.wrench[:, 2] / -9.81
+
+
+def number(value: float, scale: float = 1.0, decimal: str = ".") -> str:
+    return f"{scale * value:.7f}".replace(".", decimal)
+
+
+def states(run: int):
+    """The readings of a run: the unloaded one with the first load of its pose, then the loaded one."""
+    return ([("before", DATA.before[run])] if run % 2 == 0 else []) + [("after", DATA.after[run])]
+
+
+def spreadsheet() -> bytes:
+    """Wide, German, cp1252: title lines, decimal commas, a mark of order, unused columns, padded rows."""
+    head = ["Messung", "Datum", "Stellung", *(f"A{k} [°]" for k in range(1, 7)), "Gewicht [kg]"]
+    head += [f"Ziel {m + 1} {when} {x} [mm]" for m in M for when in ("unbelastet", "belastet") for x in "XYZ"]
+    lines = ["Messprotokoll KR 500;;;", ";;;", "Prüfer: Müller;;", ";".join([*head, "Bemerkung", ""])]
+    for r in range(6):
+        row = [str(r + 1), "3.11.2026", str(DATA.pose[r]), *(number(x, 1, ",") for x in DEG[r])]
+        row += [number(KG[r], 1, ",")]
+        both = np.stack([DATA.before[r], DATA.after[r]], axis=1)
+        row += [number(x, 1e3, ",") for x in both.reshape(-1)]
+        lines.append(";".join([*row, "", "", ""]))
+    return "\r\n".join([*lines, ";;;;", ""]).encode("cp1252")
+
+
+SPREADSHEET = """
+words = { P1 = "Ziel 1", P2 = "Ziel 2", P3 = "Ziel 3", before = "unbelastet", after = "belastet" }
+[columns]
+run = "Messung"
+pose = "Stellung"
+"joint_{n}_deg" = "A{n}"
+mass_kg = "Gewicht"
+"{marker}_{when}_{axis}_mm" = "{marker} {when} {axis}"
+"""
+
+
+def analyzer() -> bytes:
+    """Points in groups whose names hold pose and load, comments, reference points, a point that was lost."""
+    lines = ["// Job: cell 4", "// Frame: WORLD, units mm", "//"]
+    lines.append("Collection,Group,Point,X,Y,Z,Time,A1,A2,A3,A4,A5,A6")
+    for r in range(6):
+        for when, places in states(r):
+            group = f"Pose {DATA.pose[r]} - {KG[r] * (when == 'after'):.1f} kg"
+            for m in M:
+                where = ",".join(number(x, 1e3) for x in places[m])
+                angles = ",".join(number(x) for x in DEG[r])
+                lines.append(f"A,{group},T{m + 1},{where},2026-11-03 10:0{r},{angles}")
+            lines.append(f"A,{group},REF1,1.0,2.0,3.0,2026-11-03 10:0{r},{angles}")
+    return "\n".join(lines).encode()
+
+
+ANALYZER = """
+frame = "base"
+columns = { marker = "Point", "{axis}_mm" = "{axis}", "joint_{n}_deg" = "A{n}" }
+cells = { Group = "Pose {pose} - {mass_kg} kg" }
+words = { P1 = "T1", P2 = "T2", P3 = "T3", ignore = "REF1" }
+"""
+
+
+def two_headers() -> bytes:
+    """Tabs, a header of two lines with merged cells, units below, byte order mark."""
+    upper = ["Run", "Pose", "Joints", "", "", "", "", "", "Load"]
+    lower = ["", "", *(str(k) for k in range(1, 7)), "m"]
+    units = ["", "", *["deg"] * 6, "kg"]
+    for m in M:
+        for when in ("Unloaded", "Loaded"):
+            upper, lower, units = (
+                [*upper, f"P{m + 1} {when}", "", ""],
+                [*lower, *"XYZ"],
+                [*units, *["mm"] * 3],
+            )
+    lines = [upper, lower, units]
+    for r in range(6):
+        both = np.stack([DATA.before[r], DATA.after[r]], axis=1).reshape(-1)
+        angles, places = [number(x) for x in DEG[r]], [number(x, 1e3) for x in both]
+        lines.append([str(r + 1), str(DATA.pose[r]), *angles, number(KG[r]), *places])
+    return b"\xef\xbb\xbf" + "\n".join("\t".join(line) for line in lines).encode()
+
+
+TWO_HEADERS = """
+[file]
+header = 2
+[columns]
+"joint_{n}" = "Joints {n}"
+mass = "Load m"
+"""
+
+
+def blanks() -> bytes:
+    """Runs of blanks, metres, a row a run, marker and state; the joints turn the other way."""
+    lines = [
+        "REPORT 17",
+        "",
+        "  run  pose   point  state         x          y          z    kg  " + "q0 q1 q2 q3 q4 q5",
+    ]
+    for r in range(6):
+        for m in M:
+            for when in WHEN:
+                places = getattr(DATA, when)[r, m]
+                where = "  ".join(f"{x:11.7f}" for x in places)
+                angles = " ".join(f"{-x:.9f}" for x in DATA.q[r])
+                lines.append(
+                    f"   {r + 1}   {DATA.pose[r]}   P{m + 1}   {when.upper():8s} {where}  {KG[r]}  {angles}"
+                )
+    return "\n".join(lines).encode()
+
+
+BLANKS = """
+[columns]
+marker = "point"
+"{axis}_m" = "{axis}"
+mass_kg = "kg"
+"joint_{n0}_rad" = "-q{n0}"
+"""
+
+
+def inches() -> bytes:
+    """Wide by marker, long by state, in inches; forces pressed, positive downwards, in kilonewtons."""
+    lines = ['"Shot","Config","Condition","Push (kN)",' + ",".join(f'"J{k} (deg)"' for k in range(1, 7))]
+    lines[0] += "," + ",".join(f'"{x} P{m + 1} (in)"' for m in M for x in "XYZ")
+    for r in range(6):
+        for when, places in states(r):
+            force = f"{9.81e-3 * KG[r]:.9f}" if when == "after" else ""
+            cells = [str(len(lines)), f"C-{DATA.pose[r]}", "free" if when == "before" else "pushed", force]
+            cells += [number(x) for x in DEG[r]] + [f"{x / 0.0254:.9f}" for x in places.reshape(-1)]
+            lines.append(",".join(cells))
+    return "\n".join(lines).encode()
+
+
+INCHES = """
+[columns]
+run = "Shot"
+pose = "Config"
+state = "Condition"
+force_z_kN = "-Push"
+"joint_{n}_deg" = "J{n}"
+"{marker}_{axis}_in" = "{axis} {marker}"
+[words]
+before = "free"\nafter = "pushed"
+"""
+
+
+def controller() -> bytes:
+    """A robot's log in UTF-16 with the tracker's readings joined by hand; neither runs nor poses."""
+    lines = ["t|" + "|".join(f"axis {k} / deg" for k in range(1, 7)) + "|Fz in N|TCP X / mm|marker"]
+    lines[0] += "|" + "|".join(f"{when}_{x}_m" for when in WHEN for x in "xyz")
+    for m in M:
+        for r in range(6):
+            cells = [
+                f"{10 * r + m}.5",
+                *(number(x) for x in DEG[r]),
+                f"{DATA.wrench[r, 2]:.9f}",
+                "17.5",
+                f"P{m + 1}",
+            ]
+            lines.append("|".join([*cells, *(number(x) for x in (*DATA.before[r, m], *DATA.after[r, m]))]))
+    return "\r\n".join(lines).encode("utf-16")
+
+
+CONTROLLER = """
+[columns]
+"joint_{n}" = "axis {n}"
+force_z = "Fz"
+"""
+
+
+def merged() -> bytes:
+    """A spreadsheet whose cells were merged: what holds for a run stands in its first row alone."""
+    head = ["run", "pose", *(f"joint_{k}_deg" for k in range(1, 7)), "mass_kg", "marker"]
+    lines = [";".join([*head, *(f"{when} {x} (mm)" for when in WHEN for x in "xyz")])]
+    for r in range(6):
+        for m in M:
+            first = [
+                str(r + 1),
+                str(DATA.pose[r]),
+                *(number(x, 1, ",") for x in DEG[r]),
+                number(KG[r], 1, ","),
+            ]
+            places = [number(x, 1e3, ",") for x in (*DATA.before[r, m], *DATA.after[r, m])]
+            lines.append(";".join([*(first if m == 0 else [""] * 9), f"P{m + 1}", *places]))
+    return "\n".join(lines).encode()
+
+
+MERGED = """
+file = { merged = true }
+"""
+
+
+def plain() -> bytes:
+    """Our own names, as short as they may be: no run, no pose, no state, no point, no sigma."""
+    lines = [
+        ",".join([*(f"joint_{k}_deg" for k in range(1, 7)), "Mass [KG]", "Marker", "x_mm", "y_mm", "z_mm"])
+    ]
+    for r in range(6):
+        for when, places in states(r):
+            for m in M:
+                kg = number(KG[r] if when == "after" else 0.0)
+                cells = [*(number(x) for x in DEG[r]), kg, f"p{m + 1}", *(number(x, 1e3) for x in places[m])]
+                lines.append(",".join(cells))
+    return "\n".join(lines).encode()
+
+
+EXPORTS = {
+    "spreadsheet": (spreadsheet, SPREADSHEET),
+    "analyzer": (analyzer, ANALYZER),
+    "two_headers": (two_headers, TWO_HEADERS),
+    "blanks": (blanks, BLANKS),
+    "inches": (inches, INCHES),
+    "controller": (controller, CONTROLLER),
+    "merged": (merged, MERGED),
+    "plain": (plain, ""),
+}
+
+
+@dataclass(frozen=True)
+class Files:
+    """An export and its map."""
+
+    data: Path
+    map: Path | None
+
+
+def files(folder: Path, name: str, content: bytes | None = None, text: str | None = None) -> Files:
+    make, known = EXPORTS[name]
+    (folder / "export.csv").write_bytes(make() if content is None else content)
+    text = known if text is None else text
+    if text:
+        (folder / "map.toml").write_text(text, encoding="utf-8")
+    return Files(folder / "export.csv", folder / "map.toml" if text else None)
+
+
+def check_alike(read: Dataset, data: Dataset = DATA) -> None:
+    assert read.markers == data.markers
+    np.testing.assert_array_equal(read.pose, data.pose)
+    for name in ("q", "before", "after", "point"):
+        np.testing.assert_allclose(getattr(read, name), getattr(data, name), rtol=0, atol=2e-9, err_msg=name)
+    np.testing.assert_allclose(read.wrench, data.wrench, rtol=0, atol=1e-6)
+    assert read.sigma == data.sigma
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
+    own = files(tmp_path, name)
+    assert EXPORTS[name][1].strip().count("\n") < 10
+    found = read_export(own.data, ARM, own.map)
+    check_alike(found.data)
+    assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
