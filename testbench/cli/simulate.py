@@ -1,6 +1,6 @@
 """testbench simulate ARM POSES --out DATA: measured runs of the true arm."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,11 +10,14 @@ from rich.console import Console
 
 from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.bench.plan_input import read_payload
+from testbench.bench.tracker_runs import by_trackers, places
 from testbench.cli.arguments import ArmName
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.errors import InputError
 from testbench.plant import check_poses
+from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.disturbed import disturb
 from testbench.shell.options import takes
 
 HUNG = 460.3  #: Mass that hangs where nothing else is said [kg].
@@ -31,6 +34,15 @@ class Options:
         float | None, typer.Option(help=f"Hung mass, {HUNG} if not given; a plan.csv has its own.")
     ] = None
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    tracker: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Where a laser tracker stands, x,y,z [m]; it reads in its own frame. Again for more."
+        ),
+    ] = None
+    geometry_mm: Annotated[
+        float, typer.Option(min=0, max=10, help="Error of every joint's frame along an axis, and in mrad.")
+    ] = 0.0
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of the noise.")] = 1
 
 
@@ -47,8 +59,14 @@ def command(asked: Options) -> None:
             asked.poses, "column load_kg", "says what hangs in every run; leave out --payload-kg"
         )
     check_poses(cell.room, q)
+    if asked.geometry_mm:
+        errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
+        cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
     loaded = hanging(cell, q, np.arange(len(q)) + 1, mass if payload is None else payload)
-    data = measure(cell, scenario, loaded, stream(asked.seed, 1))
+    trackers = places(asked.tracker or [])
+    data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
+    if trackers:
+        data = by_trackers(data, trackers, asked.seed)
     write_csv(data, cell.arm, asked.out)
     size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"

@@ -31,7 +31,8 @@ def columns(arm: Arm | tuple[str, ...], *, rotation: bool, covariance: bool = Fa
     With `rotation` orientations are read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors,
     world axes, the same for every marker of a run) and sigma_rad. With `covariance` every reading has one of
     its own: deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its
-    readings empty.
+    readings empty. The set-up of the tracker stands in station, an integer, where there are several; readings
+    are then in its frame.
     """
     names = ["run", "pose", "marker", *_joints(arm), *_load(), *READINGS, "sigma_m"]
     return names + TURNED * rotation + COVARIANCES * covariance
@@ -74,6 +75,9 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
     for row in np.flatnonzero(~data.seen):
         for name in READINGS + COVARIANCES:
             lines[row][header.index(name) - 3] = ""
+    if data.station is not None:
+        header = [*header, "station"]
+        lines = [[*row, str(own)] for row, own in zip(lines, np.repeat(data.station, m), strict=True)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

@@ -28,7 +28,7 @@ TURN, SHIFT = math.radians(0.5), 0.03
 Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm, those of a heavy arm with
 `plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns of a KR 500).
 """
-MOVED = 0.01
+MOVED = 0.005
 """Distance from its nominal position beyond which a target of readings in the base's frame is taken as found
 [m]: with joints 1 mm and 1 mrad off it seems moved by up to 7 mm."""
 SURE = 3.0  #: Standard deviations within which a frame may be the base.

@@ -1,0 +1,126 @@
+"""Runs in a laser tracker's frame through the command line: simulated, identified, given frames read."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_here import here
+
+from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.frame_choice import read_frames
+from testbench.bench.tracker_runs import by_trackers
+from testbench.cli.program import program
+from testbench.errors import InputError
+from testbench.identify.registered import registered
+
+ROOT = Path(__file__).resolve().parents[2]
+ARM, POSES = ROOT / "models" / "kr500_l480", ROOT / "docs" / "poses.csv"
+PLACE = (4.0, -2.0, 1.5)
+
+
+def run(*args):
+    return here(program(args[:1]), *args)
+
+
+def identified(data, out, frame="auto"):
+    """models.json of a quick fit."""
+    done = run("identify", ARM, data, "--model", "Joints", "--no-intervals", "--frame", frame, "--out", out)
+    assert done.returncode == 0, done.stderr
+    return json.loads((out / "models.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The same poses read in the base's frame and by a tracker."""
+    folder = tmp_path_factory.mktemp("runs")
+    for name, flags in (("base", []), ("tracker", ["--tracker", ",".join(map(str, PLACE))])):
+        done = run("simulate", ARM, POSES, "--out", folder / f"{name}.csv", "--payload-kg", 460.3, *flags)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_trackers_frame_is_found_and_the_model_is_that_of_the_bases(runs, tmp_path):
+    """Compliances of joints agree to 10 %: without links they hang on the weights of the readings."""
+    base, tracker = (identified(runs / f"{name}.csv", tmp_path / name) for name in ("base", "tracker"))
+    assert [found["registration"]["frame"] for found in (base, tracker)] == ["base", "tracker"]
+    (frame,) = tracker["registration"]["frames"]
+    assert np.linalg.norm(frame["position_mm"]) == pytest.approx(1e3 * np.linalg.norm(PLACE), abs=10)
+    assert frame["position_mm"][2] == pytest.approx(-1500, abs=10)
+    np.testing.assert_allclose(frame["rotation_deg"][:2], 0, atol=0.2)
+    joints = [found["models"][0]["joints"] for found in (base, tracker)]
+    assert joints[1]["joint_2"] == pytest.approx(joints[0]["joint_2"], rel=0.1)
+
+    given = tmp_path / "frame.toml"
+    position = [x / 1e3 for x in frame["position_mm"]]
+    rotation = [0.0, 0.0, frame["rotation_deg"][2]]
+    given.write_text(f"[[frame]]\nposition_m = {position}\nrotation_xyz_deg = {rotation}\n")
+    same = identified(runs / "tracker.csv", tmp_path / "given", given)
+    assert same["registration"]["frames"][0]["rotation_sd_deg"] == 0
+    assert same["models"][0]["joints"]["joint_2"] == pytest.approx(joints[1]["joint_2"], rel=0.1)
+
+
+def test_identifiability_takes_readings_in_any_frame(runs):
+    done = run("identifiability", ARM, runs / "tracker.csv")
+    assert done.returncode == 0, done.stderr
+    assert "mm in the tracker's frame, turned by" in " ".join(done.stdout.split())
+
+
+def test_readings_of_several_trackers_have_a_frame_each(kr500):
+    scenario = Scenario(arm="kr500_l480", noise=False, workspace_poses=1)
+    clean = simulate(kr500, scenario, 500).measured
+    data = by_trackers(clean, [PLACE, (4.0, 2.0, 1.0), (-3.0, 3.0, 2.0)], 500)
+    assert set(data.station) == {1, 2, 3}
+    assert len({tuple(data.station[data.pose == pose]) for pose in (1, 1)}) == 1
+    found = registered(kr500.vjm, data)
+    assert [frame.station for frame in found.registration.frames] == [1, 2, 3]
+    off = np.linalg.norm(found.data.before - clean.before, axis=-1)
+    assert np.median(off) < 6e-3  # its own weight, 3 mm at the targets, is what frames cannot know
+    turned = found.data.deflection - clean.deflection
+    noise = np.sqrt(np.trace(np.linalg.inv(data.precision), axis1=2, axis2=3))
+    assert np.median(np.linalg.norm(turned, axis=-1) / noise) < 2
+
+
+def test_noise_of_a_tracker_is_what_its_covariance_says(kr500):
+    """Mean square of deflection errors over their covariance: 3 a reading, to five standard deviations."""
+    clean = simulate(kr500, Scenario(arm="kr500_l480", noise=False, workspace_poses=1), 500).measured
+    clean = replace(clean, after=clean.before)
+    found = [by_trackers(clean, [PLACE], seed) for seed in range(500, 520)]
+    squares = [np.einsum("rmx,rmxy,rmy->rm", d.deflection, d.precision, d.deflection) for d in found]
+    assert np.mean(squares) == pytest.approx(3, abs=5 * np.sqrt(6 / np.size(squares)))
+
+
+@pytest.mark.parametrize("text", ["1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""])
+def test_tracker_that_is_no_place_is_refused(text, tmp_path):
+    done = run("simulate", ARM, POSES, "--out", tmp_path / "d.csv", f"--tracker={text}")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "expected" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("frame = 3", r"frame\.toml: frame: .*expected \[\[frame\]\] with position_m and rotation_xyz_deg"),
+        ("[[frame]]\nposition_m = [1.0, 2.0, 3.0]", r"frame\.0\.rotation_xyz_deg: Field required"),
+        (
+            "[[frame]]\nposition_m = [4000.0, 0.0, 0.0]\nrotation_xyz_deg = [0.0, 0.0, 0.0]",
+            "less than or equal",
+        ),
+        ("[[frame", "not TOML"),
+        (
+            "[[frame]]\nposition_m = [1.0, 0.0, 0.0]\nrotation_xyz_deg = [0.0, 0.0, 0.0]\n" * 2,
+            r"expected every station once, got \[1, 1\]",
+        ),
+    ],
+)
+def test_file_of_frames_that_is_wrong_is_refused(text, expected, tmp_path):
+    (tmp_path / "frame.toml").write_text(text)
+    with pytest.raises(InputError, match=expected):
+        read_frames(tmp_path / "frame.toml")
+
+
+def test_frame_that_is_no_word_is_refused(runs, tmp_path):
+    done = run("identify", ARM, runs / "base.csv", "--frame", "world", "--out", tmp_path / "fit")
+    assert done.stderr == "error: --frame: expected auto, base, tracker or a .toml file, got 'world'\n"
