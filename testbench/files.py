@@ -1,95 +1,17 @@
-"""Results on disk: all of a run or nothing of it."""
+"""What it takes to run again: the manifest of a run."""
 
-import contextlib
 import hashlib
 import json
-import os
-import shutil
 import subprocess
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from testbench import __version__
-from testbench.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
-
-
-@contextlib.contextmanager
-def whole_folder(out: Path) -> Iterator[Path]:
-    """A scratch folder whose files replace those in `out` once the block has ended well.
-
-    After an error or Ctrl-C the earlier results stand as they were.
-
-    Args:
-        out: Folder of the results; made where it does not exist.
-
-    Raises:
-        InputError: When the folder cannot be made or written.
-    """
-    fresh = not out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=".new-", dir=out))
-    except OSError as err:
-        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
-    try:
-        yield scratch
-        for file in sorted(scratch.iterdir()):
-            file.replace(out / file.name)
-    except OSError as err:
-        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
-        if fresh and not any(out.iterdir()):
-            out.rmdir()
-
-
-@contextlib.contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
-    """A scratch folder that becomes `out` once the block has ended well; nothing is left of it otherwise.
-
-    Args:
-        out: A folder that does not exist yet.
-
-    Raises:
-        InputError: When it exists, or cannot be made or written.
-    """
-    if os.path.lexists(out):
-        raise InputError(out, "", "exists already; expected the name of a new folder")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=".new-", dir=out.parent))
-    except OSError as err:
-        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
-    try:
-        (scratch / out.name).mkdir()
-        yield scratch / out.name
-        (scratch / out.name).rename(out)
-    except OSError as err:
-        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
-
-
-def write_whole(text: str, path: Path) -> None:
-    """Write a text file; an existing one is replaced only by a whole one.
-
-    Raises:
-        InputError: When the file cannot be written.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(text.encode())
-        part.replace(path)
-    except OSError as err:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
 
 
 def write_json(value: Any, file: Path) -> None:
@@ -100,25 +22,25 @@ def write_json(value: Any, file: Path) -> None:
 def write_manifest(
     folder: Path, *, command: str, scenario: Any, seeds: range, arms: Sequence[Path], **measured: float
 ) -> None:
-    """manifest.json: what it takes to run a study again.
+    """manifest.json: what it takes to run again, and the names of all files of the run; so it comes last.
 
     Args:
         folder: Where to.
         command: The script.
         scenario: What was asked for, as plain data.
-        seeds: Roots of randomness.
+        seeds: Roots of randomness; empty where nothing is drawn.
         arms: Folders of the arms.
         measured: Of the run itself, such as its seconds.
     """
     manifest = {
         "command": command,
         "scenario": scenario,
-        "seed": seeds[0],
-        "seeds": len(seeds),
+        **({"seed": seeds[0], "seeds": len(seeds)} if seeds else {}),
         **measured,
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": {arm.resolve().name: digests(arm) for arm in arms},
+        "files": sorted({file.name for file in folder.iterdir()} | {"manifest.json"}),
     }
     write_json(manifest, folder / "manifest.json")
 
@@ -140,7 +62,12 @@ def sources() -> str:
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 of every file of an arm's folder, by its path in it."""
     files = sorted(p for p in folder.rglob("*") if p.is_file())
-    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+    return {p.relative_to(folder).as_posix(): digest(p) for p in files}
+
+
+def digest(file: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def git_commit(folder: Path) -> str:

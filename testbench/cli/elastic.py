@@ -6,13 +6,21 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.cli.arguments import ArmName
+from testbench.output.place import Kind, check_file
 from testbench.plant import write_elastic
+from testbench.shell.options import Force
+
+ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")
 
 
-def command(arm: ArmName, file: Annotated[Path, typer.Argument(help="MJCF to write.")]) -> None:
+def command(
+    arm: ArmName, file: Annotated[Path, typer.Argument(help="MJCF to write.")], force: Force = False
+) -> None:
     """Write the arm with its springs."""
+    check_file(file, ELASTIC, inputs=[find_arm(arm)], force=force)
     write_elastic(load_arm(arm), file)
     console = Console(highlight=False)
     console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={file}", soft_wrap=True)

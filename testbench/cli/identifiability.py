@@ -7,15 +7,17 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.bench.frame_choice import to_base
 from testbench.bench.models import named_models, plain_name
 from testbench.cli.arguments import ArmName, Dataset, FrameName
 from testbench.data.csvfile import read_csv
-from testbench.errors import InputError
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
-from testbench.shell.options import takes
+from testbench.output.place import PNG, check_file
+from testbench.output.scratch import whole_file
+from testbench.shell.options import Force, takes
 from testbench.views import terminal
 from testbench.views.identifiability.figure import shares
 from testbench.views.identifiability.report import seen_report, table
@@ -33,14 +35,16 @@ class Options:
     uncertainty_percent: Annotated[float, typer.Option(help="Of the CAD prior of the arm's folder.")] = 30.0
     frame: FrameName = "auto"
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None
+    force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
+    figure = asked.figure
+    if figure is not None:
+        check_file(figure, PNG, inputs=[find_arm(asked.arm), asked.dataset], force=asked.force)
     cell = build_cell(asked.arm)
-    if asked.figure is not None and (asked.figure.suffix != ".png" or not asked.figure.parent.is_dir()):
-        raise InputError(asked.figure, "", "expected the name of a .png in a folder that exists")
     [entry] = named_models(cell, [asked.model or plain_name(cell.arm)])
     cell, found = to_base(cell, read_csv(asked.dataset, cell.arm), asked.frame)
     strength = Strength(asked.uncertainty_percent / 100)
@@ -49,6 +53,7 @@ def command(asked: Options) -> None:
     console.print(terminal.grid(table(seen)))
     for sentence in (*found.notes, *seen.sentences):
         console.print(f"- {sentence}", markup=False)
-    if asked.figure is not None:
-        shares(seen).savefig(asked.figure, dpi=120)
-        console.print(f"figure     {asked.figure}", soft_wrap=True)
+    if figure is not None:
+        with whole_file(figure) as part:
+            shares(seen).savefig(part, dpi=120, format="png")
+        console.print(f"figure     {figure}", soft_wrap=True, markup=False)

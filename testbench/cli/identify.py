@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from testbench import files
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
@@ -18,9 +19,13 @@ from testbench.cli.arguments import ArmName, Dataset, FrameName
 from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
-from testbench.shell.options import takes
+from testbench.output.run import check_folder, whole_folder
+from testbench.shell.options import Force, takes
 from testbench.views import fits as views
 from testbench.views import terminal
+
+COMMAND = "testbench identify"  #: As manifest.json names it.
+OLD = frozenset(("models.json",))  #: All that earlier versions left.
 
 
 @dataclass(frozen=True)
@@ -46,22 +51,32 @@ class Options:
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
     intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
+    force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Fit, judge, write models.json, and say which model to take."""
+    arm = find_arm(asked.arm)
+    check_folder(asked.out, COMMAND, own=OLD, inputs=[arm, asked.dataset], force=asked.force)
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
         raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
     cell, runs = read_runs(cell, asked)
     models = _models(cell, asked)
     found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
-    with files.whole_folder(asked.out) as folder:
+    with whole_folder(asked.out) as folder:
         files.write_json(asdict(found), folder / "models.json")
+        files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])
     console = Console(highlight=False)
     terminal.print_words(console, views.words(found), list(views.tables(found).values()))
     console.print(f"models     {asked.out / 'models.json'}", soft_wrap=True, markup=False)
+
+
+def _plain(asked: Options) -> dict[str, object]:
+    """What was asked for, but for the place of the results, and which file was read."""
+    flags = {key: value for key, value in asdict(asked).items() if key not in ("arm", "out", "force")}
+    return {**flags, "dataset": {asked.dataset.name: files.digest(asked.dataset)}}
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:

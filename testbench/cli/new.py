@@ -8,7 +8,7 @@ from rich.console import Console
 
 from testbench.bench.campaign import build_cell
 from testbench.errors import BenchError
-from testbench.files import new_folder
+from testbench.output.run import new_folder
 from testbench.plant.adopt.folder import write_arm
 from testbench.plant.adopt.read import read_chain
 from testbench.plant.adopt.wishes import read_wishes

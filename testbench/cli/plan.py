@@ -16,9 +16,10 @@ from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName
 from testbench.errors import BenchError
-from testbench.shell.options import takes
+from testbench.output.run import check_folder
+from testbench.shell.options import Force, takes
 from testbench.views import terminal
-from testbench.views.plan.files import write
+from testbench.views.plan.files import COMMAND, write
 from testbench.views.plan.tables import tables, words
 
 
@@ -48,11 +49,14 @@ class Options:
     sling_m: Annotated[float, typer.Option(help="From the load point to the weight.")] = 0.5
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1
     out: Annotated[Path, typer.Option(help="Folder of the plan.")] = Path("runs/plan")
+    force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
+    folder = find_arm(asked.arm)
+    check_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, asked.task], force=asked.force)
     cell = build_cell(asked.arm)
     settings = _settings(cell.arm, asked)
     structure(cell, settings.model)  # refused here, not after the search
@@ -65,7 +69,7 @@ def command(asked: Options) -> None:
         status.update("judging the plan")
         planned = plans.judge(cell, settings, found, chosen)
         status.update("writing")
-        write(cell, planned, find_arm(asked.arm), asked.task, asked.out)
+        write(cell, planned, folder, asked.task, asked.out)
     terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]])
     out = asked.out
     lines = [

@@ -8,7 +8,8 @@ import typer
 from rich.console import Console
 
 from testbench.cli.arguments import RunFolder
-from testbench.shell.options import takes
+from testbench.output.place import PNG, check_file
+from testbench.shell.options import Force, takes
 from testbench.views.recording import viewer
 
 
@@ -22,11 +23,13 @@ class Options:
     timeline: Annotated[str | None, typer.Option(help="Active timeline, such as load.")] = None
     at: Annotated[int, typer.Option(min=0, help="Place on the timeline.")] = 0
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "1600x1000"
+    force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Render it."""
+    check_file(asked.out, PNG, inputs=[asked.folder], force=asked.force)
     sight = viewer.Sight(asked.size, asked.tab, asked.timeline, asked.at)
     file = viewer.shot(asked.folder, asked.out, sight)
     Console(highlight=False).print(f"{asked.out}: {file}", soft_wrap=True)

@@ -8,6 +8,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.bench.plan_input import read_payload
 from testbench.bench.tracker_runs import by_trackers, places
@@ -15,12 +16,14 @@ from testbench.cli.arguments import ArmName
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.errors import InputError
+from testbench.output.place import Kind, check_file
 from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
-from testbench.shell.options import takes
+from testbench.shell.options import Force, takes
 
 HUNG = 460.3  #: Mass that hangs where nothing else is said [kg].
+DATASET = Kind("a dataset", rb"run,pose,marker,")
 
 
 @dataclass(frozen=True)
@@ -44,11 +47,13 @@ class Options:
         float, typer.Option(min=0, max=10, help="Error of every joint's frame along an axis, and in mrad.")
     ] = 0.0
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of the noise.")] = 1
+    force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Settle the true arm, read the markers, write the dataset."""
+    check_file(asked.out, DATASET, inputs=[find_arm(asked.arm), asked.poses], force=asked.force)
     cell = build_cell(asked.arm)
     mass = HUNG if asked.payload_kg is None else asked.payload_kg
     scenario = Scenario(arm=cell.arm.name, payload=mass, sigma=asked.sigma_um / 1e6)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench import files
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.data.export import read_export
 from testbench.data.names import ENTRIES, XYZ
 from testbench.errors import BenchError
+from testbench.output.scratch import write_whole
 
 READINGS = [f"{when}_{x}_m" for when in ("before", "after") for x in XYZ]
 COVARIANCES = [f"deflection_cov_{name}_m2" for name in ENTRIES]
@@ -83,7 +83,7 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
     writer.writerow(header)
     ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), data.markers * data.runs, strict=True)
     writer.writerows([*own, *line] for own, line in zip(ids, lines, strict=True))
-    files.write_whole(text.getvalue(), Path(path))
+    write_whole(text.getvalue(), Path(path))
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:

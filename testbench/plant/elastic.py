@@ -6,6 +6,8 @@ The result is plain MJCF that MuJoCo's own viewer opens.
 """
 
 import copy
+import filecmp
+import os
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -15,6 +17,7 @@ import numpy as np
 from testbench.arm.folder import Arm, Link
 from testbench.arm.mjcf import find_body, read_mjcf
 from testbench.errors import Array, InputError
+from testbench.output.scratch import whole_file, write_whole
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 CARRIER_MASS = 1e-9
@@ -161,23 +164,29 @@ def write_elastic(arm: Arm, file: Path) -> None:
 
     Args:
         arm: The arm.
-        file: The MJCF to write; its folder must exist.
+        file: The MJCF to write; its folder is made where it does not exist.
 
     Raises:
-        InputError: When a file cannot be read or written, or would fall into the arm's own folder.
+        InputError: When a file cannot be read or written, or would replace another one.
     """
-    if file.resolve().is_relative_to(arm.rigid.parent.resolve()):
+    source = arm.rigid.parent
+    if file.resolve().is_relative_to(source.resolve()):
         raise InputError(file, "", "expected a place outside the arm's own folder")
     text = elastic_mjcf(arm)
     root = ET.fromstring(text)
     meshdir = Path(*(c.get("meshdir", "") for c in root.iter("compiler")))
-    part = file.with_name(file.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        for name in (m.get("file") for m in root.iter("mesh")):
-            if name:
-                (file.parent / meshdir / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(arm.rigid.parent / meshdir / name, file.parent / meshdir / name)
-        part.replace(file)
-    except OSError as err:
-        raise InputError(file, "", f"cannot be written: {err.strerror}") from err
+    meshes = [meshdir / name for name in (m.get("file") for m in root.iter("mesh")) if name]
+    for mesh in meshes:
+        _check_mesh(source / mesh, file.parent / mesh, file.parent)
+    for mesh in meshes:
+        with whole_file(file.parent / mesh) as part:
+            shutil.copyfile(source / mesh, part)
+    write_whole(text, file)
+
+
+def _check_mesh(source: Path, copy: Path, folder: Path) -> None:
+    """Refuse a copy of a mesh outside of the folder, or in place of another file."""
+    if not Path(os.path.realpath(copy)).is_relative_to(os.path.realpath(folder)):
+        raise InputError(copy, "", f"expected a mesh inside of {folder}")
+    if os.path.lexists(copy) and not (copy.is_file() and filecmp.cmp(source, copy, shallow=False)):
+        raise InputError(copy, "", "is not the arm's mesh; choose another folder, or move it away")

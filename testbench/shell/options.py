@@ -9,6 +9,9 @@ from typing import Annotated, TypeVar, get_type_hints
 import typer
 
 D = TypeVar("D")
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace what stands there, even if it is of another kind.")
+]
 
 
 def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -63,6 +66,8 @@ class Common:
     ] = None
     #: Folder of the results; runs/NAME if None.
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
+    #: Whether the folder may hold something else, or a run of another study.
+    force: Force = False
     #: Few trials, small sizes.
     quick: Annotated[bool, typer.Option("--quick", help="Few trials, small sizes.")] = False
     #: Processes; one a core if None.

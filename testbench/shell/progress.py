@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from testbench.errors import Interrupted
+from testbench.shell.interrupt import STANDS
 
 REMEMBERED = 600.0  #: Time over which the speed is averaged, for the time left [s].
 
@@ -35,5 +36,7 @@ def show_progress(counts: Iterator[int], total: int, words: str, console: Consol
             for done in counts:
                 bar.update(task, completed=done)
     except KeyboardInterrupt as err:
+        if not done:
+            raise
         stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
-        raise Interrupted(stored) from err
+        raise Interrupted(f"{STANDS}; {stored}") from err

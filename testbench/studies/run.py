@@ -14,6 +14,7 @@ from rich.console import Console
 
 from testbench import files
 from testbench.errors import BenchError
+from testbench.output.run import check_folder, whole_folder
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
@@ -56,11 +57,13 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
     scenario = {"settings": plain, "models": {arm.name: files.digests(arm) for arm in arms}}
+    script = f"scenarios/{study.name}.py"
+    check_folder(out, script, inputs=arms, force=common.force)
     experiment = Experiment(study.name, scenario, seeds)
     backend = choose_backend(common)
     with (
         open_store(out, experiment, row=study.row, resume=common.resume) as store,
-        files.whole_folder(out) as folder,
+        whole_folder(out) as folder,
     ):
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
@@ -70,7 +73,6 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         write_parquet(store, folder)
         found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
         _write(study, found)
-        script = f"scenarios/{study.name}.py"
         seconds = time.perf_counter() - start
         files.write_manifest(folder, command=script, scenario=plain, seeds=seeds, arms=arms, seconds=seconds)
     terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])

@@ -1,8 +1,6 @@
 """Trials on the cores of this machine."""
 
-import contextlib
 import os
-import signal
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,6 +14,7 @@ from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from testbench.errors import BenchError
+from testbench.output.scratch import interrupts_wait
 from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
 
 ONE_THREAD = dict.fromkeys(
@@ -52,7 +51,7 @@ def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -
     under_way: set[Future[Chunk]] = set()
     try:
         resource_tracker.ensure_running()  # as it starts it lets Ctrl-C through again
-        with _interrupts_wait():
+        with interrupts_wait():  # a terminal sends it to all processes: this one, which stops them, is enough
             under_way |= set(islice(calls, 2 * processes))
         while under_way:
             done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
@@ -64,19 +63,6 @@ def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -
         if isinstance(err, TerminatedWorkerError):
             raise WorkersLost("a worker was killed, or crashed, or ran out of memory") from err
         raise
-
-
-@contextlib.contextmanager
-def _interrupts_wait() -> Iterator[None]:
-    """Ctrl-C waits for the end of the block, and never reaches processes that are started in it.
-
-    A terminal sends it to all of them: this one, which will stop the others, is enough.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end_with(parent: int) -> None:

@@ -12,6 +12,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from testbench.errors import InputError
+from testbench.output.scratch import whole_file
 from testbench.trials.experiment import check_header
 from testbench.trials.rows import SEED, Column, Flat
 
@@ -32,19 +33,12 @@ def write_trials(
     kinds = {name: pa.list_(TYPES[c.kind]) if c.several else TYPES[c.kind] for name, c in columns.items()}
     about = {"testbench": json.dumps(header, sort_keys=True), "trials": str(count)}
     schema = pa.schema({SEED: pa.int64(), **kinds}, about)
-    part = path.with_name(f"{path.name}.part")
-    try:
-        with part.open("wb") as file:
-            with parquet.ParquetWriter(file, schema, write_page_checksum=True) as writer:
-                for group in _groups({SEED: seed, **row} for seed, rows in trials for row in rows):
-                    writer.write_table(pa.Table.from_pylist(group, schema))
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except OSError as err:
-        raise InputError(path, "", f"cannot be written: {err.strerror or err}") from err
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as part, part.open("wb") as file:
+        with parquet.ParquetWriter(file, schema, write_page_checksum=True) as writer:
+            for group in _groups({SEED: seed, **row} for seed, rows in trials for row in rows):
+                writer.write_table(pa.Table.from_pylist(group, schema))
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _groups(rows: Iterator[Flat]) -> Iterator[list[Flat]]:

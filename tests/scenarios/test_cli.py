@@ -66,9 +66,9 @@ def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):
 
 
 def test_simulated_runs_are_identified(simulated, tmp_path):
-    done = run("identify", ARM, simulated / "data.csv", "--model", "mgco56", "--out", tmp_path)
+    done = run("identify", ARM, simulated / "data.csv", "--model", "mgco56", "--out", tmp_path / "fit")
     assert done.returncode == 0, done.stderr
-    (model,) = json.loads((tmp_path / "models.json").read_text())["models"]
+    (model,) = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     assert model["name"] == "MGCO56 + prior"
     assert model["conservative"]
     assert model["rank"] <= 18
@@ -84,9 +84,9 @@ EVERY = ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MG
 
 @pytest.mark.parametrize(("flags", "wanted"), [([], [*PLAIN, *FILLED]), (["--no-prior"], EVERY)])
 def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, flags, wanted):
-    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "fit")
     assert done.returncode == 0, done.stderr
-    written = json.loads((tmp_path / "models.json").read_text())
+    written = json.loads((tmp_path / "fit" / "models.json").read_text())
     assert [m["name"] for m in written["models"]] == wanted
     assert [m["intervals"] is not None for m in written["models"]] == [
         m in FILLED or bool(flags) for m in wanted
@@ -161,7 +161,7 @@ def test_an_unwritable_place_is_one_line(simulated, tmp_path):
     (tmp_path / "file").write_text("")
     place = tmp_path / "file" / "inside"
     assert "cannot be written" in refused(run("identify", ARM, simulated / "data.csv", "--out", place))
-    assert "elastic.xml" in refused(run("elastic", ARM, tmp_path / "no" / "elastic.xml"))
+    assert "elastic.xml" in refused(run("elastic", ARM, tmp_path / "file" / "elastic.xml"))
 
 
 def test_a_marker_that_did_not_move_and_a_sigma_of_another_unit(simulated, tmp_path):
@@ -183,13 +183,15 @@ def test_the_bare_command_and_an_endless_name_are_one_line(simulated, tmp_path):
 
 def test_poses_held_back_are_scored_apart(simulated, tmp_path):
     flags = ["--model", "MGCO56", "--check-pose", "2", "--check-pose", "3"]
-    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "fit")
     assert done.returncode == 0, done.stderr
-    (model,) = json.loads((tmp_path / "models.json").read_text())["models"]
+    (model,) = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     assert model["check"]["rms_mm"] > 0
     assert model["equations"] == 7 * 9
     flags = ["--check-pose", "99"]
-    assert "no pose 99" in refused(run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path))
+    assert "no pose 99" in refused(
+        run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "fit")
+    )
 
 
 def test_an_arm_in_pieces_is_one_line(tmp_path):
@@ -223,10 +225,10 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     cells = lines[8].split(",")
     cells[column] = repr(float(cells[column]) + 2e-3)
     (tmp_path / "spoiled.csv").write_text("\n".join([*lines[:8], ",".join(cells), *lines[9:]]) + "\n")
-    flags = ["--uncertainty-percent", "30", "--robust", "--model", "MGCO56", "--out", tmp_path]
+    flags = ["--uncertainty-percent", "30", "--robust", "--model", "MGCO56", "--out", tmp_path / "fit"]
     done = run("identify", ARM, tmp_path / "spoiled.csv", *flags)
     assert done.returncode == 0, done.stderr
-    [model] = json.loads((tmp_path / "models.json").read_text())["models"]
+    [model] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     run_id, marker = cells[lines[0].split(",").index("run")], cells[lines[0].split(",").index("marker")]
     assert [(r["run"], r["marker"]) for r in model["rejected"]] == [(int(run_id), marker)]
     assert "uncertainty 30 %" in " ".join(done.stdout.split())
@@ -263,27 +265,27 @@ def test_exchanged_readings_are_told_although_no_prior_fits_them(simulated, tmp_
 
 
 def test_bad_places_and_sizes_of_pictures_are_refused(simulated, tmp_path):
-    for name in ("seen.txt", "no/such/seen.png"):
-        done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / name)
-        assert "expected the name of a .png in a folder that exists" in refused(done)
-    assert "size: expected WIDTHxHEIGHT" in refused(run("shot", tmp_path, "--size", "foo"))
+    data = simulated / "data.csv"
+    for figure in (data, tmp_path):
+        assert f"error: {figure}: expected" in refused(run("identifiability", ARM, data, "--figure", figure))
+    assert "size: expected WIDTHxHEIGHT" in refused(run("shot", tmp_path / "run", "--size", "foo"))
 
 
 def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp_path):
     flags = ["--uncertainty-percent", "30", "--model", "MGCO56", "--model", "MGCO47"]
-    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path)
+    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "fit")
     assert done.returncode == 0, done.stderr
-    written = json.loads((tmp_path / "models.json").read_text())
+    written = json.loads((tmp_path / "fit" / "models.json").read_text())
     words = " ".join(done.stdout.split())
     assert f"Take {written['recommended']}, marked with *: {written['why']}." in words
     assert [c["name"] for c in written["held_out"]] == ["MGCO56 + prior", "MGCO47 + prior"]
 
 
 def test_intervals_are_of_the_poses_held_back_and_none_where_the_data_see_nothing(simulated, tmp_path):
-    flags = ["--model", "MLS56", "--no-prior", "--check-pose", "2", "--out", tmp_path]
+    flags = ["--model", "MLS56", "--no-prior", "--check-pose", "2", "--out", tmp_path / "fit"]
     done = run("identify", ARM, simulated / "data.csv", *flags)
     assert done.returncode == 0, done.stderr
-    [model] = json.loads((tmp_path / "models.json").read_text())["models"]
+    [model] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     found = model["intervals"]
     assert {(d["run"], d["marker"]) for d in found["deflections"]} == {(2, "P1"), (2, "P2"), (2, "P3")}
     widths = [

@@ -96,7 +96,7 @@ def test_more_poses_and_the_scenario_asked_for(report):
 )
 def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
     (tmp_path / "report.json").write_text("earlier")
-    done = here(APP, "--out", tmp_path, "--quick", "--workers", 1, *flags)
+    done = here(APP, "--out", tmp_path, "--quick", "--workers", 1, "--force", *flags)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert text in done.stderr

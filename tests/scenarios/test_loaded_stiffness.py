@@ -178,7 +178,7 @@ BAD_FLAGS = [
 @pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
 def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
     (tmp_path / "report.json").write_text("earlier")
-    done = run("--out", tmp_path, "--quick", *flags)
+    done = run("--out", tmp_path, "--quick", "--force", *flags)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("error: ")

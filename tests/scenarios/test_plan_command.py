@@ -171,20 +171,21 @@ def errors_at_tasks(cell, C_theta):
 
 def test_without_a_tracker_the_report_says_that_nobody_looked(tmp_path, capsys):
     flags = ["--poses", 3, "--load", 200, "--candidates", 100, "--box", "1,-1.5,0.5,3,1.5,2.5"]
-    flags += ["--model", "MGCO56", "--criterion", "D", "--out", tmp_path]
+    flags += ["--model", "MGCO56", "--criterion", "D", "--out", tmp_path / "plan"]
     assert (
         run("plan", ARM, "--task", tasks_with(tmp_path, "force_y_N,force_x_N,force_z_N", "900,0,0"), *flags)[
             0
         ]
         == 0
     )
-    page = (tmp_path / "plan.md").read_text()
+    page = (tmp_path / "plan" / "plan.md").read_text()
     said = capsys.readouterr().out
     assert "Visibility was NOT checked" in page
     assert "Visibility was NOT checked" in said
     assert "line of sight" not in page
     assert max(map(len, said.splitlines()[:8])) <= 80
-    places = np.array([row["tool_m"] for row in json.loads((tmp_path / "plan.json").read_text())["plan"]])
+    rows = json.loads((tmp_path / "plan" / "plan.json").read_text())["plan"]
+    places = np.array([row["tool_m"] for row in rows])
     assert (places >= [1, -1.5, 0.5]).all()
     assert (places <= [3, 1.5, 2.5]).all()
 

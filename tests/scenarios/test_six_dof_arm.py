@@ -152,7 +152,7 @@ def test_results_do_not_depend_on_other_seeds(quick, report, tmp_path):
 )
 def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
     (tmp_path / "report.json").write_text("earlier")
-    done = here(APP, "--out", tmp_path, "--quick", *flags)
+    done = here(APP, "--out", tmp_path, "--quick", "--force", *flags)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("error: ")

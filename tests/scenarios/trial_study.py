@@ -13,7 +13,7 @@ import trial_work
 import typer
 from rich.console import Console
 
-from testbench import files
+from testbench.output.run import whole_folder
 from testbench.shell import command
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
@@ -49,7 +49,7 @@ def main(common: Common, toy: Toy) -> None:
     chosen = choose_backend(common)
     with (
         open_store(toy.where, study, row=trial_work.Toy, resume=common.resume) as store,
-        files.whole_folder(toy.where) as folder,
+        whole_folder(toy.where) as folder,
     ):
         counts = run_study(work, store, chosen, size=2)
         show_progress(counts, toy.trials, "trials", console)

@@ -15,9 +15,12 @@ from testbench.bench.plan_report import PlanReport, Row
 from testbench.bench.plan_settings import PlanSettings
 from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
+from testbench.output.run import whole_folder
+from testbench.output.scratch import write_whole
 from testbench.views.plan.figure import overview
 from testbench.views.plan.tables import words
 
+COMMAND = "testbench plan"  #: As manifest.json names it.
 EXPECTED = [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
 
 
@@ -31,16 +34,16 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
     own = {field.name: getattr(report, field.name) for field in fields(PlanSettings)}
     asked = {"task": task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position
-    with files.whole_folder(out) as folder:
+    with whole_folder(out) as folder:
         write_poses(report, cell.arm.joints, folder / "plan.csv")
         write_tasks(report, cell.arm.joints, folder / "tasks_expected.csv")
         files.write_json(asdict(report), folder / "plan.json")
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png", dpi=120)
-        command, seeds = "testbench plan", range(report.seed, report.seed + 1)
-        header = Header(command, json.dumps(asked, sort_keys=True), report.seed)
+        seeds = range(report.seed, report.seed + 1)
+        header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
-        files.write_manifest(folder, command=command, scenario=asked, seeds=seeds, arms=[arm])
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, arms=[arm])
 
 
 def write_poses(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:
@@ -71,4 +74,4 @@ def _expected(row: Row) -> list[str]:
 def _write(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([head, *rows])
-    files.write_whole(text.getvalue(), path)
+    write_whole(text.getvalue(), path)

@@ -11,6 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.files import versions
+from testbench.output.scratch import whole_file
 from testbench.views.recording.pen import Pen
 
 LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 1, "arm": 1}
@@ -37,26 +38,24 @@ def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -
         header: What identifies it.
         blueprint: Its layout, embedded.
     """
-    part = path.with_name(path.name + ".part")
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
     words = f"{header.scenario} {header.parameters} {header.seed}"
     application = f"testbench_{kind}_v{LAYOUTS[kind]}"
     digest = hashlib.sha256(words.encode()).hexdigest()[:16]
     try:
-        # The stream's own properties would hold the time of writing: equal seeds would differ.
-        stream = rr.RecordingStream(application, recording_id=digest, send_properties=False)
-        try:
-            stream.set_log_time_enabled(False)
-            stream.set_log_tick_enabled(False)
-            stream.save(part, default_blueprint=blueprint)
-            _write_properties(stream, header)
-            yield Pen(stream)
-        finally:
-            stream.disconnect()
-        part.replace(path)
+        with whole_file(path) as part:
+            # The stream's own properties would hold the time of writing: equal seeds would differ.
+            stream = rr.RecordingStream(application, recording_id=digest, send_properties=False)
+            try:
+                stream.set_log_time_enabled(False)
+                stream.set_log_tick_enabled(False)
+                stream.save(part, default_blueprint=blueprint)
+                _write_properties(stream, header)
+                yield Pen(stream)
+            finally:
+                stream.disconnect()
     finally:
-        part.unlink(missing_ok=True)
         rr.set_strict_mode(strict)
 
 

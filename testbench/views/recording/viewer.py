@@ -16,7 +16,8 @@ from typing import Any
 
 from rerun.experimental import ViewerClient
 
-from testbench.errors import BenchError, InputError
+from testbench.errors import BenchError
+from testbench.output.scratch import whole_file
 
 SOFTWARE = "lvp_icd*.json"  #: Vulkan's description of lavapipe, Mesa's driver that needs no graphics card.
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
@@ -77,10 +78,6 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
     if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", sight.size):
         raise BenchError(f"size: expected WIDTHxHEIGHT in pixels, such as 1600x1000, got {sight.size!r}")
     file, driver = newest(folder), _software_driver()
-    try:
-        png.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as err:
-        raise InputError(png, "", f"cannot be written: {err.strerror}") from err
     with _headless(driver, sight.size) as client:
         client.open(str(file.resolve()))
         _wait(lambda: _loaded(client), LOAD, f"the viewer did not load {file} in {LOAD:g} s")
@@ -89,7 +86,9 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
         if sight.timeline is not None:
             client.set_time(sight.timeline, sequence=sight.at, play_state="paused")
         _settle(client)
-        client.save_screenshot(str(png.resolve()))
+        picture = client.take_screenshot()
+    with whole_file(png) as part:
+        part.write_bytes(picture)
     return file
 
 

@@ -1,0 +1,109 @@
+"""Whether an output may go to a place, asked before anything is computed."""
+
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbench.errors import InputError
+from testbench.output.manifest import is_run
+
+LONGEST = 255  #: Longest name of a file [byte].
+HEAD = 4096  #: How much of a file says what it is [byte].
+INSTEAD = "choose another name, or replace it by --force"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file that a command writes."""
+
+    name: str  #: For people, such as "a dataset".
+    begins: bytes  #: Regular expression of its beginning.
+
+
+PNG = Kind("a PNG picture", rb"\x89PNG\r\n")
+
+
+def check_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bool = False) -> None:
+    """Refuse a file that must not be replaced, or cannot be written.
+
+    Args:
+        path: Where to write; its folder need not exist.
+        kind: What is written.
+        inputs: Files and folders that the same command reads.
+        force: Whether a link, or a file of another kind, may be replaced.
+
+    Raises:
+        InputError: When it is an input, a folder, a device, without force a link, a file of another kind or a
+            guest in a run's folder; when it cannot be written.
+    """
+    status = look(path)
+    if status is not None and not stat.S_ISREG(status.st_mode) and not stat.S_ISLNK(status.st_mode):
+        raise InputError(path, "", "expected the name of a file, got a folder or a device")
+    for source in inputs:
+        if same(path, source) or inside(path, source):
+            raise InputError(path, "", f"expected a place outside of {source}, which is read")
+    if status is not None and not force:
+        if stat.S_ISLNK(status.st_mode):
+            raise InputError(path, "", f"is a symbolic link; {INSTEAD}")
+        if status.st_size and not _is(path, kind):
+            raise InputError(path, "", f"expected {kind.name} where one is replaced; {INSTEAD}")
+    if not force and is_run(path.parent):
+        problem = "a run folder holds only runs; choose another place, or add to it by --force"
+        raise InputError(path, "", problem)
+    check_writable(path.parent, path)
+
+
+def _is(path: Path, kind: Kind) -> bool:
+    try:
+        with path.open("rb") as file:
+            return re.match(kind.begins, file.read(HEAD)) is not None
+    except OSError as err:
+        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+
+
+def look(path: Path) -> os.stat_result | None:
+    """What stands at a path, links not followed; None if nothing does.
+
+    Raises:
+        InputError: When nothing can stand there.
+    """
+    try:
+        if any(len(os.fsencode(part)) > LONGEST for part in path.parts):
+            raise InputError(path, "", f"cannot be written: a name has more than {LONGEST} bytes")
+        return path.lstat()
+    except FileNotFoundError:
+        return None
+    except OSError as err:
+        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+
+
+def same(path: Path, other: Path) -> bool:
+    """Whether two paths lead to one file."""
+    try:
+        return path.samefile(other)
+    except OSError:
+        return False
+
+
+def inside(path: Path, folder: Path) -> bool:
+    """Whether a path leads into a folder."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
+def check_writable(folder: Path, path: Path) -> None:
+    """Refuse a folder in which no file can be made, or which cannot be made.
+
+    Raises:
+        InputError: Names `path`.
+    """
+    while not os.path.lexists(folder) and folder != folder.parent:
+        folder = folder.parent
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as err:
+        raise InputError(path, "", f"cannot be written: {err.strerror}") from err

@@ -1,0 +1,136 @@
+"""The folder of a run: all files of one run and nothing else; manifest.json says of which, and names them."""
+
+import contextlib
+import stat
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from testbench.errors import InputError
+from testbench.output import manifest
+from testbench.output.manifest import is_run, read_manifest
+from testbench.output.place import check_writable, inside, look
+from testbench.output.scratch import interrupts_wait, remove, scratch_name, sweep
+
+SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd"))
+"""Of files of runs whose manifest does not name them: older ones."""
+UNDER_WAY = frozenset(("trials.sqlite", "trials.sqlite-journal", "prepared"))
+"""What a study keeps in its folder beside the files of a finished run."""
+INSTEAD = "choose another folder, or write into this one by --force"
+
+
+def check_folder(
+    out: Path, command: str, *, own: frozenset[str] = UNDER_WAY, inputs: Sequence[Path] = (), force: bool
+) -> None:
+    """Refuse a folder that holds something else than a run of a command, or cannot be written.
+
+    Args:
+        out: Folder of the results; it need not exist.
+        command: Whose run it is, as manifest.json names it.
+        own: Names of what such a run may leave without a manifest.
+        inputs: Files and folders that the same command reads.
+        force: Whether files of another kind may stay there, and a run of another kind may be replaced.
+
+    Raises:
+        InputError: Names the file that is not of such a run.
+    """
+    status = look(out)
+    for source in inputs:
+        if inside(out, source) or inside(source, out):
+            raise InputError(out, "", f"expected a folder without {source}, which is read")
+    if status is not None and not out.is_dir():
+        raise InputError(out, "", "expected a folder, got a file, a device or a link to nothing")
+    if not force:
+        if status is not None and stat.S_ISLNK(status.st_mode):
+            raise InputError(out, "", f"is a symbolic link; {INSTEAD}")
+        if is_run(out.absolute().parent):
+            raise InputError(out, "", f"lies in the folder of a run; {INSTEAD}")
+        if status is not None:
+            _check_held(out, command, own)
+    check_writable(out, out)
+
+
+def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
+    found = read_manifest(out)
+    if found.command not in (command, None):
+        raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {INSTEAD}")
+    for path in _entries(out):
+        plain = path.is_file() and not path.is_symlink()
+        named = path.suffix in SUFFIXES if found.files is None and found.command else False
+        if path.name in own or (plain and (named or path.name in (found.files or ()))):
+            continue
+        raise InputError(path, "", f"is not of {command}, and a run folder holds only runs; {INSTEAD}")
+
+
+def _entries(out: Path) -> list[Path]:
+    try:
+        return sorted(path for path in out.iterdir() if not path.name.startswith(".new-"))
+    except OSError as err:
+        raise InputError(out, "", f"cannot be read: {err.strerror}") from err
+
+
+@contextlib.contextmanager
+def whole_folder(out: Path) -> Iterator[Path]:
+    """A scratch folder whose files replace the run in `out` once the block has ended well.
+
+    After an error or Ctrl-C the earlier results stand as they were.
+
+    Args:
+        out: Folder of the results; made where it does not exist.
+
+    Raises:
+        InputError: When the folder cannot be made or written.
+    """
+    fresh, scratch = not out.exists(), out / scratch_name()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        sweep(out)
+        scratch.mkdir()
+    except OSError as err:
+        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
+    try:
+        yield scratch
+        with interrupts_wait():
+            _replace(out, sorted(scratch.iterdir(), key=lambda file: (file.name != manifest.NAME, file.name)))
+    except OSError as err:
+        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
+    finally:
+        remove(scratch)
+        if fresh:
+            with contextlib.suppress(OSError):  # not empty
+                out.rmdir()
+
+
+@contextlib.contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A scratch folder that becomes `out` once the block has ended well; nothing is left of it otherwise.
+
+    Args:
+        out: A folder that does not exist yet; it is named so in the block too.
+
+    Raises:
+        InputError: When it exists, or cannot be made or written.
+    """
+    if look(out) is not None:
+        raise InputError(out, "", "exists already; expected the name of a new folder")
+    scratch = out.parent / scratch_name()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        sweep(out.parent)
+        (scratch / out.name).mkdir(parents=True)
+        yield scratch / out.name
+        (scratch / out.name).rename(out)
+    except OSError as err:
+        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
+    finally:
+        remove(scratch)
+
+
+def _replace(out: Path, made: Sequence[Path]) -> None:
+    """The files of the new run for those of the earlier one; the manifest first, which names what follows."""
+    earlier = read_manifest(out).files or frozenset()
+    for name in earlier - {file.name for file in made}:
+        if Path(name).name == name:  # as it was written; a name that leads elsewhere was not
+            with contextlib.suppress(OSError):  # removed by hand
+                (out / name).unlink()
+    for file in made:
+        file.replace(out / file.name)

@@ -1,0 +1,92 @@
+"""Files under way: beside the place that they take in the end, named after the process that makes them."""
+
+import contextlib
+import os
+import re
+import secrets
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+from testbench.errors import InputError
+
+HOST = re.sub("[^A-Za-z0-9.-]", "", os.uname().nodename)[:40]
+LIFE = secrets.token_hex(4)  #: Tells this process from an earlier one of the same number.
+NAME = re.compile(r"\.new-(?P<host>[A-Za-z0-9.-]*)-(?P<pid>[0-9]{1,9})-(?P<life>[0-9a-f]{8})-[0-9a-f]{8}")
+
+
+def scratch_name() -> str:
+    """A name that nothing else has."""
+    return f".new-{HOST}-{os.getpid()}-{LIFE}-{secrets.token_hex(4)}"
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes of this machine were making in a folder when they were killed."""
+    for path in folder.iterdir():
+        found = NAME.fullmatch(path.name)
+        if found and found["host"] == HOST and not _runs(int(found["pid"]), found["life"]):
+            remove(path)
+
+
+def _runs(pid: int, life: str) -> bool:
+    if pid == os.getpid():
+        return life == LIFE
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # of another user
+        return True
+    return True
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder, if it can be."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A file to write that takes the place of `path` once the block has ended well.
+
+    Args:
+        path: The place; its folder is made where it does not exist.
+
+    Raises:
+        InputError: When it cannot be written.
+    """
+    part = path.with_name(scratch_name())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        sweep(path.parent)
+        yield part
+        part.replace(path)
+    except OSError as err:
+        raise InputError(path, "", f"cannot be written: {err.strerror or err}") from err
+    finally:
+        remove(part)
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Write a text file; an existing one is replaced only by a whole one.
+
+    Raises:
+        InputError: When the file cannot be written.
+    """
+    with whole_file(path) as part:
+        part.write_bytes(text.encode())
+
+
+@contextlib.contextmanager
+def interrupts_wait() -> Iterator[None]:
+    """Ctrl-C waits for the end of the block, and never reaches processes that are started in it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,126 @@
+"""Outputs replace what is of their kind, and nothing else; what a killed process left is removed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench.errors import InputError
+from testbench.output import scratch
+from testbench.output.place import PNG, check_file
+from testbench.output.run import check_folder, whole_folder
+from testbench.output.scratch import scratch_name, write_whole
+
+OURS, OTHER = "testbench identify", "testbench plan"
+PICTURE = b"\x89PNG\r\n\x1a\n"
+
+
+def write_run(out, *names, command=OURS, listed=True):
+    with whole_folder(out) as folder:
+        for name in names:
+            (folder / name).write_text("new")
+        said = {"command": command, "versions": {"testbench": "0"}}
+        files = {"files": [*names, "manifest.json"]} if listed else {}
+        (folder / "manifest.json").write_text(json.dumps(said | files))
+
+
+def folder_refused(out, text, **kwargs):
+    with pytest.raises(InputError, match=text) as caught:
+        check_folder(out, OURS, **({"force": False} | kwargs))
+    return str(caught.value)
+
+
+def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files(tmp_path):
+    out = tmp_path / "deep" / "run"
+    check_folder(out, OURS, force=False)
+    assert not out.parent.exists()
+    write_run(out, "a.json", "old.png")
+    check_folder(out, OURS, force=False)
+    write_run(out, "a.json")
+    assert sorted(p.name for p in out.iterdir()) == ["a.json", "manifest.json"]
+
+
+def test_a_folder_with_anything_else_is_refused_and_the_file_named(tmp_path):
+    write_run(tmp_path / "run", "a.json")
+    (tmp_path / "run" / "thesis.tex").touch()
+    assert "thesis.tex: is not of testbench identify" in folder_refused(tmp_path / "run", "holds only runs")
+    check_folder(tmp_path / "run", OURS, force=True)
+    write_run(tmp_path / "run", "b.json")
+    assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["b.json", "manifest.json", "thesis.tex"]
+
+
+def test_other_runs_links_files_and_inputs_are_refused(tmp_path):
+    write_run(tmp_path / "plan", "a.json", command=OTHER)
+    folder_refused(tmp_path / "plan", "holds a run of testbench plan")
+    folder_refused(tmp_path / "plan" / "inside", "lies in the folder of a run")
+    (tmp_path / "link").symlink_to(tmp_path)
+    folder_refused(tmp_path / "link", "is a symbolic link")
+    (tmp_path / "file").touch()
+    folder_refused(tmp_path / "file", "expected a folder", force=True)
+    folder_refused(tmp_path / "file" / "below", "cannot be written")
+    data = tmp_path / "run" / "data.csv"
+    write_run(data.parent, "data.csv")
+    folder_refused(data.parent, "data.csv, which is read", force=True, inputs=[data])
+    folder_refused(data.parent / "arm" / "out", "which is read", force=True, inputs=[data.parent / "arm"])
+    (tmp_path / "run" / "manifest.json").unlink()
+    (tmp_path / "run" / "manifest.json").symlink_to(tmp_path / "plan" / "manifest.json")
+    folder_refused(tmp_path / "run", "holds a run of testbench plan")
+    folder_refused(tmp_path / ("x" * 300) / "y", "more than 255 bytes")
+
+
+def test_runs_of_earlier_versions_are_known_by_their_names(tmp_path):
+    write_run(tmp_path, "a.json", "b.png", listed=False)
+    check_folder(tmp_path, OURS, force=False)
+    (tmp_path / "notes.txt").touch()
+    folder_refused(tmp_path, "notes.txt")
+
+
+def test_a_file_is_replaced_by_one_of_its_kind_only(tmp_path):
+    def refused(path, text, **kwargs):
+        with pytest.raises(InputError, match=text):
+            check_file(path, PNG, **kwargs)
+
+    old, new, link = tmp_path / "old.png", tmp_path / "new.png", tmp_path / "link"
+    old.write_bytes(PICTURE)
+    check_file(old, PNG)
+    check_file(new, PNG)
+    new.write_text("my thesis")
+    refused(new, "expected a PNG picture where one is replaced")
+    check_file(new, PNG, force=True)
+    link.symlink_to(old)
+    refused(link, "is a symbolic link")
+    check_file(link, PNG, force=True)
+    refused(link, "which is read", force=True, inputs=[old])
+    refused(tmp_path / "arm" / "x.png", "which is read", force=True, inputs=[tmp_path / "arm"])
+    os.mkfifo(tmp_path / "pipe")
+    for other in (tmp_path, tmp_path / "pipe", "/dev/null"):
+        refused(tmp_path / other, "got a folder or a device", force=True)
+    refused(tmp_path / "x" / ("y" * 300), "more than 255 bytes")
+    write_run(tmp_path / "run", "a.json")
+    refused(tmp_path / "run" / "x.png", "a run folder holds only runs")
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that root cannot write")
+def test_a_place_that_cannot_be_written_is_found_before_anything_is_made(tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        check_file(tmp_path / "/proc/new/x.png", PNG)
+    folder_refused(tmp_path / "/proc/new", "cannot be written")
+
+
+def test_what_killed_processes_left_goes_and_what_others_make_stays(tmp_path, monkeypatch):
+    code = "import os, sys; from testbench.output.run import whole_folder; from pathlib import Path\n"
+    code += "with whole_folder(Path(sys.argv[1])) as f: (f / 'half').touch(); os.kill(os.getpid(), 9)"
+    subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
+    [left] = tmp_path.glob(".new-*")
+    neighbours = [tmp_path / scratch_name(), tmp_path / left.name.replace(scratch.HOST, "elsewhere", 1)]
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "getpid", os.getppid)  # a process that runs
+        neighbours.append(tmp_path / scratch_name())
+    for path in (*neighbours, tmp_path / ".new-mine"):
+        path.touch()
+    write_whole("text", tmp_path / "file")
+    assert not left.exists()
+    assert all(path.exists() for path in (*neighbours, tmp_path / ".new-mine"))
