@@ -7,9 +7,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from testbench.arm.catalogue import find_arm
 from testbench.bench.checked import check
 from testbench.cli.arguments import ArmName
-from testbench.shell.options import takes
+from testbench.output.run import check_folder
+from testbench.shell.options import Force, takes
+from testbench.views.checked.files import COMMAND, write
 from testbench.views.checked.words import confirm_lines, contents, doubt_lines, sag_words
 
 MOST = 12  #: Numbers to confirm that are listed.
@@ -21,11 +24,14 @@ class Options:
 
     arm: ArmName
     out: Annotated[Path | None, typer.Option(help="Folder for arm.png and recording.rrd.")] = None
+    force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Read an arm with MuJoCo and Pinocchio, compare, say what to confirm."""
+    if asked.out is not None:
+        check_folder(asked.out, COMMAND, own=frozenset(), inputs=[find_arm(asked.arm)], force=asked.force)
     checked = check(asked.arm)
     console = Console(highlight=False)
     doubts = doubt_lines(checked)
@@ -41,8 +47,6 @@ def command(asked: Options) -> None:
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
     if asked.out is not None:
-        from testbench.views.checked.files import write  # importing matplotlib takes a third of a second
-
-        write(checked, asked.out)
+        write(checked, find_arm(asked.arm), asked.out)
         text = f"picture    {asked.out / 'arm.png'}\nrecording  {asked.out / 'recording.rrd'}"
         console.print(f"{text}; open it with: testbench view {asked.out}", soft_wrap=True, markup=False)

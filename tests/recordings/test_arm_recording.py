@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from read_back import chunks_of, columns, document, rerun, views
 
+from testbench.arm.catalogue import find_arm
 from testbench.bench.checked import check
 from testbench.views.checked.files import write
 
@@ -16,12 +17,12 @@ BUDGET = 2**20
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("arm")
-    write(check("kr500_l480"), out)
+    write(check("kr500_l480"), find_arm("kr500_l480"), out)
     return out
 
 
 def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
-    assert sorted(file.name for file in folder.iterdir()) == ["arm.png", "recording.rrd"]
+    assert sorted(file.name for file in folder.iterdir()) == ["arm.png", "manifest.json", "recording.rrd"]
     assert "1 file verified without error" in rerun("verify", folder / "recording.rrd")[1]
     assert (folder / "recording.rrd").stat().st_size < BUDGET
     picture = matplotlib.image.imread(folder / "arm.png")[..., :3]
