@@ -114,8 +114,9 @@ def _mesh_folder(file: Path, root: ET.Element) -> Path:
 
 def _keep(root: ET.Element) -> set[str]:
     """Take out what is not on the list; tells what of it somebody might miss."""
-    left_out = set()
-    for parent in list(root.iter()):
+    left_out, inside = set(), [root]
+    while inside:
+        parent = inside.pop()
         for child in list(parent):
             if child.tag not in KEPT:
                 parent.remove(child)
@@ -123,6 +124,8 @@ def _keep(root: ET.Element) -> set[str]:
                     left_out.add(str(child.tag))
             elif child.tag == "geom" and (child.get("type") in ("hfield", "sdf") or "hfield" in child.attrib):
                 parent.remove(child)
+            else:
+                inside.append(child)
     return left_out
 
 

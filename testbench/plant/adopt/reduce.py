@@ -141,6 +141,7 @@ def _part(bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, carri
     if index:
         pose = placed[bodies[carrier].parent].pose @ bodies[carrier].pose
     mass, com, inertia = _joined(own)
+    stated = sum(body.mass for body, _ in own if body.weighed)
     return Part(
         name=bodies[carrier].name,
         joint=bodies[carrier].joint,
@@ -148,7 +149,7 @@ def _part(bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, carri
         mass=mass or SPECK,
         com=com,
         inertia=inertia,
-        inertia_from="file" if mass and all(b.weighed or b.mass == 0 for b, _ in own) else "geometry",
+        inertia_from="file" if 2 * stated > mass else "geometry",
         shapes=tuple(_moved(shape, pose) for body, pose in own for shape in body.shapes),
         sites=tuple(_site(site, pose) for body, pose in own for site in body.sites),
     )

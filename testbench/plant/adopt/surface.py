@@ -12,6 +12,8 @@ from testbench.plant.adopt.solids import VISIBLE, hull_of
 
 DRAWN_FACES = 1500  #: Of the mesh that shows a part.
 HULL_FACES = 200  #: Of a hull.
+GRID = 64, 48, 32, 24, 16, 12  #: Cells along the longest side of a surface that cannot be thinned as it is.
+ENOUGH = 1.2  #: A surface of so many times the faces asked for is thin enough [1].
 MOST_HULLS = 8  #: Of a part; more are one.
 
 Surface = tuple[Array, Faces]
@@ -58,13 +60,25 @@ def _joined(shapes: Sequence[Shape]) -> Surface:
 
 
 def _small(surface: Surface, most: int) -> Surface:
-    """A surface of few faces; the largest ones of it if it cannot be thinned."""
-    vertices, faces = decimated(*surface, most)
-    if len(faces) > 2 * most:
-        t = vertices[faces]
-        area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
-        faces = faces[np.sort(np.argsort(-area)[: 2 * most])]
-    return vertices, faces
+    """A surface of few faces: thinned; where screws and plates cannot be thinned, on a coarser grid first."""
+    thin = decimated(*surface, most)
+    for cells in GRID:
+        if len(thin[1]) <= ENOUGH * most:
+            break
+        thin = decimated(*_gridded(*surface, cells), most)
+    return thin
+
+
+def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
+    """A surface whose corners in one cell of a grid are one, in their middle."""
+    cell = np.round(vertices / (np.ptp(vertices, axis=0).max() / cells))
+    _, inverse, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    inverse = inverse.reshape(-1)
+    middle = np.column_stack([np.bincount(inverse, weights=x) for x in vertices.T]) / count[:, None]
+    a, b, c = inverse[faces].T
+    kept = np.column_stack([a, b, c])[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
+    return middle, kept[np.sort(first)]
 
 
 def _hulls(shapes: Sequence[Shape]) -> list[Surface]:

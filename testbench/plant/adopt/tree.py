@@ -10,7 +10,7 @@ from testbench.plant.adopt.chain import JointOf, Shape, Site
 
 TIPS = (
     *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef", "ee_link"),
-    *("end_effector", "grip_site", "pinch_site"),
+    *("end_effector", "grip_site", "pinch_site", "hand"),
 )
 """How files call the place of the tool, the best first; a prefix such as `panda_` may stand before."""
 FINGER_JOINTS = 4  #: A branch of so few joints behind an arm is a finger.

@@ -36,26 +36,36 @@ def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple
     """
     own = [k for k, belongs in enumerate(of_arm) if belongs]
     weighed, notes = list(bodies), []
-    stated = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
-    if len(stated) >= PLACEHOLDERS and min(stated) == max(stated):
-        notes.append(f"every link weighs {stated[0]:g} kg in the file, which no arm does: not used")
+    masses = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
+    if len(masses) >= PLACEHOLDERS and min(masses) == max(masses):
+        notes.append(f"every link weighs {masses[0]:g} kg in the file, which no arm does: not used")
         for k in own:
             weighed[k] = replace(bodies[k], weighed=False, mass=0.0 if bodies[k].shapes else bodies[k].mass)
-    missing = [k for k in own if not weighed[k].weighed and weighed[k].mass == 0 and bodies[k].shapes]
-    if not missing and not any(weighed[k].mass > 0 for k in own):
+    some = any(weighed[k].mass > 0 for k in own)
+    missing = [k for k in own if _is_missing(weighed[k], some)]
+    if not missing and not some:
         raise InputError(file, "", "expected masses, or shapes to estimate them from; there are neither")
     for k in missing:
         volume, centre, inertia = _integrals(bodies[k].shapes)
         weighed[k] = replace(weighed[k], mass=DENSITY * volume, com=centre, inertia=DENSITY * inertia)
     if missing:
         names, total = ", ".join(bodies[k].name for k in missing), sum(weighed[k].mass for k in missing)
-        said = f"{DENSITY:g} kg/m^3 inside of the shapes stand in, {total:.3g} kg in all"
+        said = f"{DENSITY:g} kg/m^3 inside of the shapes stand in, {total:.4g} kg in all"
         notes.append(f"no mass in the file: {said}: {names}")
-    if drawn := [
-        bodies[k].name for k in own if not weighed[k].weighed and bodies[k].mass > 0 and k not in missing
-    ]:
+    rest = [weighed[k] for k in own if k not in missing]
+    if drawn := [body.name for body in rest if not body.weighed and body.mass > 0]:
         notes.append(f"no <inertial> in the file, so MuJoCo weighs the geoms: {', '.join(drawn)}")
-    return tuple(weighed), notes + _doubt([weighed[k] for k in own if k not in missing])
+    return tuple(weighed), notes + _doubt(rest)
+
+
+def _is_missing(body: Body, some: bool) -> bool:
+    """Whether a mass must be estimated; where others have one, a fixed link without one is a mere frame."""
+    return (
+        not body.weighed
+        and body.mass == 0
+        and bool(body.shapes)
+        and (not some or body.moves or body.parent < 0)
+    )
 
 
 def _doubt(bodies: Sequence[Body]) -> list[str]:
