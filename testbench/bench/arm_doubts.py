@@ -107,6 +107,8 @@ def tube_lengths(arm: Looked) -> Iterator[str]:
     for link, step in zip(arm.elastic.link, arm.steps, strict=True):
         if link.tube is not None:
             length, distance = link.tube.length.value, float(np.linalg.norm(step))
+            if distance < length <= link.tube.outer_diameter.value:
+                continue  # a stub, where joints meet in one point
             small, large = sorted((length, distance))
             if large > LENGTH * small and large - small > CLOSE * arm.reach:
                 yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"

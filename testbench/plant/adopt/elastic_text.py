@@ -64,7 +64,7 @@ def _head(rows: Rows) -> list[str]:
         *([payload] if rows.payload_origin == "estimated" else []),
         f"compliance of the joints, by a law that misses known ones by a factor of {SPREAD:g}",
         f"tubes of the links: diameter by the drawn shape, {rows.of.material.name}, inner 0.9 of outer",
-        *(f"{words}; change it in rigid.xml, then take it out of to_confirm" for _, words in rows.proposed),
+        *(words for _, words in rows.proposed),
     ]
     numbered = [f"#  {k}. {words}." for k, words in enumerate(confirm, start=1)]
     return [
@@ -72,6 +72,7 @@ def _head(rows: Rows) -> list[str]:
         "# To confirm, the largest effect on the sag first; `testbench check` puts numbers to it:",
         *numbered,
         '# Where you know better, change the value and its origin: "published", "inferred" or "assumed".',
+        "# Tool, load point and markers are bodies of rigid.xml; take out of to_confirm what stands right.",
     ]
 
 

@@ -79,8 +79,10 @@ def _payload(chain: Chain, wishes: Wishes, long: float) -> tuple[float, str]:
     if wishes.payload is not None:
         return wishes.payload, "as stated by --payload-kg"
     if all(part.inertia_from == "file" for part in chain.parts[1:]):
-        return estimated_payload(chain.mass, long), f"a fifth of the arm's {chain.mass:.3g} kg"
-    return estimated_payload(None, long), f"10 kg at 1 m, with the cube of the reach of {long:.2f} m"
+        return estimated_payload(
+            chain.mass, long
+        ), f"by {chain.mass:.0f} kg of mass and {long:.2f} m of reach"
+    return estimated_payload(None, long), f"by {long:.2f} m of reach, the file has no masses"
 
 
 def _link(part: Part, line: Beam, of: Class) -> LinkRow:
