@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from testbench.identify.evaluate import predict as predict
     from testbench.identify.evaluate import score as score
     from testbench.identify.prior import cad_prior as cad_prior
+    from testbench.identify.registered import registered as registered
     from testbench.model.structure import Structure as Structure
 
 HOMES = {
@@ -46,6 +47,7 @@ HOMES = {
     "read_csv": "data.csvfile",
     "write_csv": "data.csvfile",
     "Structure": "model.structure",
+    "registered": "identify.registered",
     "least_squares": "identify",
     "completed_least_squares": "identify",
     "gco": "identify",

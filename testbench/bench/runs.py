@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.fits import Runs
 from testbench.bench.frame_choice import to_base
@@ -28,6 +29,10 @@ class Asked(Protocol):
         """Frame of the readings, as of `to_base`."""
 
     @property
+    def new_target(self) -> Sequence[str] | None:
+        """Targets in the file that the arm's folder lacks."""
+
+    @property
     def check_pose(self) -> Sequence[int] | None:
         """Poses to hold back."""
 
@@ -46,7 +51,7 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    data = read_csv(asked.dataset, cell.arm)
+    data = read_csv(asked.dataset, with_new(cell.arm, asked.new_target or ()))
     if asked.full_pose and data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
@@ -59,3 +64,16 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
         poses = asked.check_pose
         raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
     return cell, replace(runs, used=used, check=check)
+
+
+def with_new(arm: Arm, names: Sequence[str]) -> Arm:
+    """The arm as a reader of files knows it: with targets that it lacks.
+
+    Raises:
+        BenchError: When it has one of them, or a name is empty or comes twice.
+    """
+    markers = (*arm.markers, *names)
+    if "" in markers or len(set(markers)) < len(markers):
+        have = ", ".join(arm.markers)
+        raise BenchError(f"--new-target: expected new names, got {', '.join(names)}; {arm.name} has {have}")
+    return replace(arm, markers=markers)

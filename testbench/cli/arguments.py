@@ -14,3 +14,7 @@ FrameName = Annotated[
         "--frame", help="Of the readings: auto, base, tracker, or a TOML file with the base in the tracker's."
     ),
 ]
+NewTarget = Annotated[
+    list[str] | None,
+    typer.Option("--new-target", help="Target in the file that the arm's folder lacks; again for more."),
+]

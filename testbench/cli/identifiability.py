@@ -11,7 +11,8 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.bench.frame_choice import to_base
 from testbench.bench.models import named_models, plain_name
-from testbench.cli.arguments import ArmName, Dataset, FrameName
+from testbench.bench.runs import with_new
+from testbench.cli.arguments import ArmName, Dataset, FrameName, NewTarget
 from testbench.data.csvfile import read_csv
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
@@ -34,6 +35,7 @@ class Options:
     ] = None
     uncertainty_percent: Annotated[float, typer.Option(help="Of the CAD prior of the arm's folder.")] = 30.0
     frame: FrameName = "auto"
+    new_target: NewTarget = None
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None
     force: Force = False
 
@@ -46,7 +48,8 @@ def command(asked: Options) -> None:
         check_file(figure, PNG, inputs=[find_arm(asked.arm), asked.dataset], force=asked.force)
     cell = build_cell(asked.arm)
     [entry] = named_models(cell, [asked.model or plain_name(cell.arm)])
-    cell, found = to_base(cell, read_csv(asked.dataset, cell.arm), asked.frame)
+    data = read_csv(asked.dataset, with_new(cell.arm, asked.new_target or ()))
+    cell, found = to_base(cell, data, asked.frame)
     strength = Strength(asked.uncertainty_percent / 100)
     seen = seen_report(describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength))
     console = Console(highlight=False)

@@ -15,7 +15,7 @@ from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import read_runs
-from testbench.cli.arguments import ArmName, Dataset, FrameName
+from testbench.cli.arguments import ArmName, Dataset, FrameName, NewTarget
 from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
@@ -38,6 +38,7 @@ class Options:
     model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None
     check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None
     frame: FrameName = "auto"
+    new_target: NewTarget = None
     full_pose: Annotated[
         bool, typer.Option("--full-pose", help="Insist on both terms of Eq. 19, positions and orientations.")
     ] = False

@@ -30,7 +30,7 @@ Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm, t
 """
 MOVED = 0.005
 """Distance from its nominal position beyond which a target of readings in the base's frame is taken as found
-[m]: with joints 1 mm and 1 mrad off it seems moved by up to 7 mm."""
+[m]. By its own weight a sound arm moves one by up to 2 mm; to take targets as found costs nothing."""
 SURE = 3.0  #: Standard deviations within which a frame may be the base.
 LOOSE = math.radians(1.0)  #: Standard deviation of a frame's rotation beyond which it is not known [rad].
 FAR = 0.05  #: Median distance of readings from an arm that is another, or has other joint angles [m].

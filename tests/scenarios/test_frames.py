@@ -67,6 +67,21 @@ def test_identifiability_takes_readings_in_any_frame(runs):
     assert "mm in the tracker's frame, turned by" in " ".join(done.stdout.split())
 
 
+def test_target_that_the_folder_lacks_is_found(runs, tmp_path):
+    data = tmp_path / "data.csv"
+    data.write_text((runs / "tracker.csv").read_text().replace(",P2,", ",T9,"))
+    flags = ["--model", "Joints", "--no-intervals", "--out", tmp_path / "fit"]
+    done = run("identify", ARM, data, "--new-target", "T9", *flags)
+    assert done.returncode == 0, done.stderr
+    targets = json.loads((tmp_path / "fit" / "models.json").read_text())["registration"]["targets"]
+    (new,) = [target for target in targets if target["marker"] == "T9"]
+    assert new["from_nominal_mm"] is None
+    np.testing.assert_allclose(new["position_mm"], [480, -320, 260], atol=3)
+    unknown, twice = (run("identify", ARM, data, *flag, *flags) for flag in ([], ["--new-target", "P1"]))
+    assert "no marker 'T9' in kr500_l480; markers are P1, P2, P3" in unknown.stderr
+    assert "--new-target: expected new names, got P1; kr500_l480 has P1, P2, P3" in twice.stderr
+
+
 def test_readings_of_several_trackers_have_a_frame_each(kr500):
     scenario = Scenario(arm="kr500_l480", noise=False, workspace_poses=1)
     clean = simulate(kr500, scenario, 500).measured

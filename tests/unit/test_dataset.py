@@ -484,6 +484,12 @@ def test_select_takes_whole_runs_with_all_their_arrays(rotation: bool) -> None:
         assert part.rotation_before is None
 
 
+def test_station_has_a_round_trip(tmp_path: Path) -> None:
+    data = replace(dataset(), station=np.array([1, 2, 1, 3]))
+    write_csv(data, JOINTS, tmp_path / "dataset.csv")
+    np.testing.assert_array_equal(read_csv(tmp_path / "dataset.csv", ARM).station, data.station)
+
+
 def test_station_follows_its_runs() -> None:
     inside, outside = split(replace(dataset(), station=np.array([1, 2, 1, 3])), np.array([7]))
     np.testing.assert_array_equal(inside.station, [1, 2])
