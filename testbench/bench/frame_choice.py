@@ -51,12 +51,17 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
     choice: Choice | tuple[Frame, ...]
     if frame in words:
         choice = next(word for word in words if word == frame)
-    elif frame.endswith(".toml"):
-        choice = read_frames(Path(frame))
+    elif files := frame_files(frame):
+        choice = read_frames(files[0])
     else:
         raise BenchError(f"--frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
     found = registered(cell.vjm, data, choice)
     return replace(cell, vjm=found.vjm), found
+
+
+def frame_files(frame: str) -> list[Path]:
+    """The file that a choice of frame names, if it names one."""
+    return [Path(frame)] if frame.endswith(".toml") else []
 
 
 def read_frames(path: Path) -> tuple[Frame, ...]:

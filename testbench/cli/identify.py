@@ -13,6 +13,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
+from testbench.bench.frame_choice import frame_files
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, NewTarget
@@ -59,7 +60,8 @@ class Options:
 def command(asked: Options) -> None:
     """Fit, judge, write models.json, and say which model to take."""
     arm = find_arm(asked.arm)
-    check_folder(asked.out, COMMAND, own=OLD, inputs=[arm, asked.dataset], force=asked.force)
+    inputs = [arm, asked.dataset, *frame_files(asked.frame)]
+    check_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
         raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
