@@ -1,9 +1,10 @@
 """The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,7 +14,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.bench.agreement import check_agreement
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm
@@ -21,6 +22,7 @@ from testbench.model.vjm import Vjm
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant import Equilibrium, Plant, Room
 
+T = TypeVar("T")
 Truth = Literal["nonlinear", "linear"]
 
 
@@ -42,22 +44,51 @@ class Setup(BaseModel):
         return self.sigma, None
 
 
-class Scenario(Setup):
-    """A gravity calibration as in section 6."""
+SECTION_6 = (
+    "kr500_l480"  #: The arm of section 6: its scenarios have the payload and the areas of that campaign.
+)
 
-    payload: float = Field(default=460.3, ge=0.001, le=10_000)  #: Hung mass [kg].
+
+def _as_in_section_6(value: T) -> Callable[[dict[str, object]], T | None]:
+    """A default that holds for the arm of section 6 and is None for any other."""
+    return lambda known: value if known.get("arm") == SECTION_6 else None
+
+
+class Scenario(Setup):
+    """A gravity calibration as in section 6, of any arm."""
+
+    #: Hung mass [kg]; None for the payload that the arm states.
+    payload: float | None = Field(default_factory=_as_in_section_6(460.3), ge=0.001, le=10_000)
     sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
     truth: Truth = "nonlinear"
-    #: Work area of the calibration poses.
-    station: WorkArea = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
-    #: Area of the second check: the whole workspace above the floor.
-    workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+    #: Work area of the calibration poses; None for all that the arm reaches.
+    station: WorkArea | None = Field(
+        default_factory=_as_in_section_6(
+            WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+        )
+    )
+    #: Area of the second check, the whole workspace above the floor; None for all that the arm reaches.
+    workspace: WorkArea | None = Field(
+        default_factory=_as_in_section_6(WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)))
+    )
     identification_poses: int = Field(default=8, ge=1, le=1000)  #: Poses to identify from.
     check_poses: int = Field(default=3, ge=1, le=1000)  #: Poses never used for it.
     #: Runs over the identification poses; some poses are measured twice.
     identification_runs: int = Field(default=15, ge=1, le=10_000)
     check_runs: int = Field(default=6, ge=1, le=10_000)  #: Runs over the check poses.
     workspace_poses: int = Field(default=200, ge=1, le=10_000)  #: Poses of the second check.
+
+    @property
+    def mass(self) -> float:
+        """Hung mass [kg]; BenchError where neither scenario nor arm states one."""
+        if self.payload is None:
+            raise BenchError(f"payload [kg]: expected one, {self.arm} states none")
+        return self.payload
+
+
+def of_arm(arm: Arm, scenario: Scenario) -> Scenario:
+    """The scenario with the payload that the arm states, where it names none."""
+    return scenario if scenario.payload else scenario.model_copy(update={"payload": arm.payload})
 
 
 @dataclass(frozen=True)
@@ -70,6 +101,7 @@ class Cell:
     arm: Arm
     vjm: Vjm
     truth: "Plant | None" = None  #: A truth other than that of the arm's folder.
+    floor: float | None = None  #: Height of a floor that rigid.xml does not have [m]; None for none.
 
     @cached_property
     def plant(self) -> "Plant":
@@ -83,7 +115,7 @@ class Cell:
         """Where it stands, for collisions."""
         from testbench.plant import build_room
 
-        return build_room(self.arm)
+        return build_room(self.arm, self.floor)
 
 
 @dataclass(frozen=True)
@@ -128,17 +160,18 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
 
     Args:
         cell: The arm.
-        scenario: What to measure; None for the campaign of section 6, 460.3 kg.
+        scenario: What to measure; None for the campaign of section 6 under the payload that the arm states.
         seed: Root of all randomness.
 
     Returns:
         The runs to identify from, those to check with, and true deflections over the workspace.
 
     Raises:
+        BenchError: When neither scenario nor arm states a payload.
         PoseError: When too few feasible poses exist.
         NoEquilibrium: When the arm cannot carry the payload.
     """
-    scenario = Scenario(arm=cell.arm.name) if scenario is None else scenario
+    scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
     return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
 
 
@@ -166,17 +199,17 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
             scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
         ]
     )
-    loaded = hanging(cell, poses.station[pose], pose + 1, scenario.payload)
+    loaded = hanging(cell, poses.station[pose], pose + 1, scenario.mass)
     measured, true = measure_both(cell, scenario, loaded, stream(seed, 1))
-    everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.payload)
+    everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.mass)
     (fitted, check), (_, check_true) = (
         split(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
     )
     return Campaign(scenario, seed, measured, fitted, check, check_true, measure(cell, scenario, everywhere))
 
 
-def clear_poses(cell: Cell, area: WorkArea, count: int, rng: np.random.Generator) -> Array:
-    """Random poses with the tool in an area, free of collision, (count, n) [rad, m].
+def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
+    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m].
 
     Raises:
         PoseError: When too few can be found.

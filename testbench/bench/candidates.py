@@ -76,7 +76,8 @@ class Candidates:
 def build_checks(cell: Cell, conditions: Conditions) -> Checks:
     """The checks of an arm; BenchError where the tracker stands inside something that does not move."""
     station = conditions.station
-    site = build_site(cell.arm, conditions.payload, None if station is None else station.position)
+    place = None if station is None else station.position
+    site = build_site(cell.arm, conditions.payload, place, cell.floor)
     return Checks(cell.vjm, site, conditions)
 
 

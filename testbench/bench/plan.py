@@ -28,7 +28,8 @@ from testbench.identify.prior import cad_prior
 from testbench.plant import build_site, contacts
 
 WORKSPACE = 200  #: Poses that stand for the workspace.
-STEP = math.radians(5)  #: Largest joint's step between collision checks on the way from pose to pose [rad].
+STEP, SLIDE_STEP = math.radians(5), 0.02
+"""Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
 NAMED = 5  #: Tasks that a message names; more are counted.
 
 
@@ -138,10 +139,11 @@ def _around(cell: Cell, plan: Plan) -> Forecast:
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
     """Tells whether all joints can go straight from pose to pose, nothing hung, the tracker in the way."""
-    site = build_site(cell.arm, None, None if station is None else station.position)
+    site = build_site(cell.arm, None, None if station is None else station.position, cell.floor)
+    step = np.array([SLIDE_STEP if joint.prismatic else STEP for joint in cell.arm.joints])
 
     def clear(start: Array, end: Array) -> bool:
-        steps = max(1, math.ceil(float(np.abs(end - start).max()) / STEP))
+        steps = max(1, math.ceil(float((np.abs(end - start) / step).max(initial=0.0))))
         share = np.arange(1, steps)[:, None] / steps
         return all(contact is None for contact in contacts(site, start + share * (end - start)))
 

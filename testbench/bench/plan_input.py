@@ -94,6 +94,14 @@ def read_payload(path: Path) -> Array | None:
     return mass
 
 
+def read_masses(text: str) -> list[float]:
+    """Masses, KG,KG ...; BenchError for anything but different numbers that can hang."""
+    masses, (low, high) = _numbers(text, text.count(",") + 1, "--loads"), LOAD_RANGE
+    if len(set(masses)) < len(masses) or not all(low <= mass <= high for mass in masses):
+        raise BenchError(f"--loads: expected different masses of {low:g} to {high:g} kg, got {text[:80]!r}")
+    return list(masses)
+
+
 def place(text: str) -> Place:
     """Where the tracker stands, x,y,z [m]; BenchError for anything but three finite numbers."""
     x, y, z = _numbers(text, 3, "--tracker x,y,z [m]")

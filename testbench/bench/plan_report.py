@@ -193,7 +193,8 @@ class PlanReport(PlanSettings):
     """A plan, what it promises, and what stands beside it; the fields are the keys of plan.json.
 
     Whether the model has every link and joint; the prior is said by its name, None without one; the arm
-    stands at base_m. Expected errors are root mean
+    stands at base_m, whether beside anything that it could hit; margins are the least distances of the
+    plan's joints from their limits, in their units. Expected errors are root mean
     squares over arms of which every link and joint gives, within so many per cent of the folder, identified
     by the planned model; their intervals hold 90 % of the arms, the half width 95 % of the errors of a
     deflection at the tasks along one axis. Joints alone are identified by least squares.
@@ -204,6 +205,8 @@ class PlanReport(PlanSettings):
     base_m: list[float]
     joints: list[str]
     units: list[str]
+    margins: list[float]
+    surrounded: bool
     prior: str | None
     within_percent: float
     error_mm: Expected

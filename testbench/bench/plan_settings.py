@@ -18,6 +18,7 @@ from testbench.plant import Payload
 
 Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in bench.Scenario.
+HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
 MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
 
@@ -39,6 +40,7 @@ class PlanSettings:
     box_m: tuple[Place, Place] | None = None
     sling_m: float = 0.5  #: From the load point to the weight.
     candidates_wanted: int = 5000  #: Feasible poses to choose from.
+    floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
     seed: int = 1  #: Root of all randomness.
 
     def __post_init__(self) -> None:
@@ -54,6 +56,8 @@ class PlanSettings:
             _check_range(
                 "uncertainty of the prior [%]", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1]
             )
+        if self.floor_z_m is not None:
+            _check_range("floor [m]", self.floor_z_m, -HIGHEST, HIGHEST)
         if self.acceptance_deg is not None and self.tracker_m is None:
             raise BenchError("acceptance [deg]: expected a tracker with it")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.bench import plan_report as r
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
@@ -28,6 +29,7 @@ from testbench.errors import Array
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, chain
+from testbench.plant import has_surroundings
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
@@ -54,6 +56,8 @@ def summary(
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],
         units=[joint.shown_unit for joint in cell.arm.joints],
+        margins=_margins(cell.arm, plan.q),
+        surrounded=has_surroundings(cell.room),
         prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
         within_percent=100 * within(spec),
         error_mm=overall(tasks),
@@ -77,6 +81,13 @@ def summary(
         greedy_mm=[_finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
     )
+
+
+def _margins(arm: Arm, q: Array) -> list[float]:
+    """Least distance of every joint from its limits over the poses (poses, n), [deg, mm]."""
+    lower, upper = arm.limits
+    nearest = np.minimum(q - lower, upper - q).min(axis=0)
+    return [float(distance) for distance in arm.shown * nearest]
 
 
 def _doubted(cell: Cell, plan: Plan) -> r.Expected | None:

@@ -1,6 +1,6 @@
 """testbench plan ARM --task TASKS --load KG: the poses to measure, and what they promise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,7 @@ from testbench.arm.folder import Arm
 from testbench.bench import plan as plans
 from testbench.bench.campaign import build_cell
 from testbench.bench.models import EVERY, plain_name, right_name
+from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName
@@ -29,7 +30,10 @@ class Options:
 
     arm: ArmName
     task: Annotated[Path, typer.Option(help="CSV of tasks: JOINT_deg or JOINT_rad, force_x_N ... if any.")]
-    load: Annotated[list[float], typer.Option(help="Mass to hang in kg; again for a choice.")]
+    load: Annotated[
+        list[float] | None,
+        typer.Option(help="Mass to hang in kg, again for a choice; what the arm states if not given."),
+    ] = None
     poses: Annotated[int, typer.Option(help="How many to measure.")] = 12
     tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None
     acceptance_deg: Annotated[
@@ -47,6 +51,9 @@ class Options:
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
     candidates: Annotated[int, typer.Option(help="Feasible poses to choose from.")] = 5000
     sling_m: Annotated[float, typer.Option(help="From the load point to the weight.")] = 0.5
+    floor_z: Annotated[
+        float | None, typer.Option(help="Height in m of a floor that rigid.xml does not have.")
+    ] = None
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1
     out: Annotated[Path, typer.Option(help="Folder of the plan.")] = Path("runs/plan")
     force: Force = False
@@ -57,11 +64,13 @@ def command(asked: Options) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
     folder = find_arm(asked.arm)
     check_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, asked.task], force=asked.force)
-    cell = build_cell(asked.arm)
+    cell = replace(build_cell(asked.arm), floor=asked.floor_z)
     settings = _settings(cell.arm, asked)
     structure(cell, settings.model)  # refused here, not after the search
-    tasks = read_tasks(asked.task, cell, plans.hung(cell, asked.load[0]))
+    tasks = read_tasks(asked.task, cell, plans.hung(cell, settings.loads_kg[0]))
     console = Console(highlight=False)
+    if doubt := overloaded(cell.arm, settings.loads_kg):
+        console.print(doubt, soft_wrap=True, markup=False)
     with console.status("looking for feasible poses") as status:
         found = plans.search(cell, settings)
         status.update(f"choosing {asked.poses} of {len(found.q)} poses")
@@ -96,13 +105,14 @@ def _settings(arm: Arm, asked: Options) -> PlanSettings:
         model=right_name(arm, asked.model or (plain_name(arm) if asked.no_prior else EVERY)),
         criterion=asked.criterion,
         poses=asked.poses,
-        loads_kg=tuple(asked.load),
+        loads_kg=tuple(asked.load or [payload_of(arm, None, "--load")]),
         sigma_um=asked.sigma_um,
         uncertainty_percent=None if asked.no_prior else percent,
         tracker_m=None if asked.tracker is None else place(asked.tracker),
         acceptance_deg=asked.acceptance_deg,
         box_m=None if asked.box is None else box(asked.box),
         sling_m=asked.sling_m,
+        floor_z_m=asked.floor_z,
         candidates_wanted=asked.candidates,
         seed=asked.seed,
     )

@@ -1,4 +1,4 @@
-"""testbench simulate ARM POSES --out DATA: measured runs of the true arm."""
+"""testbench simulate ARM [FILE] --out DATA: measured runs of the true arm."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,21 +9,23 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
-from testbench.bench.plan_input import read_payload
+from testbench.bench.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
+from testbench.bench.candidates import Conditions, build_checks, find
+from testbench.bench.payload import overloaded, payload_of
+from testbench.bench.plan_input import read_masses, read_payload
 from testbench.bench.tracker_runs import by_trackers, places
 from testbench.cli.arguments import ArmName
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
-from testbench.errors import InputError
+from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, check_file
 from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.shell.options import Force, takes
 
-HUNG = 460.3  #: Mass that hangs where nothing else is said [kg].
 DATASET = Kind("a dataset", rb"run,pose,marker,")
+MOST_POSES = 1000  #: Random poses that are drawn at most.
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,18 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    poses: Annotated[Path, typer.Argument(help="CSV of joint angles, columns JOINT_rad; or a plan.csv.")]
     out: Annotated[Path, typer.Option(help="Dataset to write, CSV.")]
-    payload_kg: Annotated[
-        float | None, typer.Option(help=f"Hung mass, {HUNG} if not given; a plan.csv has its own.")
+    file: Annotated[
+        Path | None, typer.Argument(help="CSV of poses, JOINT_deg or JOINT_rad; or a plan.csv.")
     ] = None
+    poses: Annotated[
+        int | None, typer.Option(min=1, max=MOST_POSES, help="So many random poses instead of a file.")
+    ] = None
+    payload_kg: Annotated[
+        float | None,
+        typer.Option(help="Hung mass; what the arm states if not given; a plan.csv has its own."),
+    ] = None
+    loads: Annotated[str | None, typer.Option(help="Several hung masses a pose: KG,KG ...")] = None
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
     tracker: Annotated[
         list[str] | None,
@@ -46,33 +55,62 @@ class Options:
     geometry_mm: Annotated[
         float, typer.Option(min=0, max=10, help="Error of every joint's frame along an axis, and in mrad.")
     ] = 0.0
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of the noise.")] = 1
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of poses and noise.")] = 1
     force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Settle the true arm, read the markers, write the dataset."""
-    check_file(asked.out, DATASET, inputs=[find_arm(asked.arm), asked.poses], force=asked.force)
+    inputs = [find_arm(asked.arm), *([asked.file] if asked.file else [])]
+    check_file(asked.out, DATASET, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
-    mass = HUNG if asked.payload_kg is None else asked.payload_kg
-    scenario = Scenario(arm=cell.arm.name, payload=mass, sigma=asked.sigma_um / 1e6)
-    q = read_poses(asked.poses, cell.arm)
-    payload = read_payload(asked.poses)
-    if payload is not None and asked.payload_kg is not None:
-        raise InputError(
-            asked.poses, "column load_kg", "says what hangs in every run; leave out --payload-kg"
-        )
-    check_poses(cell.room, q)
+    q = _poses(cell, asked)
+    masses = _masses(cell, asked, len(q))
+    scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()), sigma=asked.sigma_um / 1e6)
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
         cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
-    loaded = hanging(cell, q, np.arange(len(q)) + 1, mass if payload is None else payload)
     trackers = places(asked.tracker or [])
-    data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
+    data = measure(cell, scenario, _loaded(cell, q, masses), None if trackers else stream(asked.seed, 1))
     if trackers:
         data = by_trackers(data, trackers, asked.seed)
     write_csv(data, cell.arm, asked.out)
-    size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    console, size = Console(highlight=False), 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    if doubt := overloaded(cell.arm, masses.ravel().tolist()):
+        console.print(doubt, soft_wrap=True, markup=False)
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
-    Console(highlight=False).print(text, soft_wrap=True)
+    console.print(text, soft_wrap=True, markup=False)
+
+
+def _poses(cell: Cell, asked: Options) -> Array:
+    """Those of the file, or random ones that nothing refuses, (poses, n) [rad, m]."""
+    if (asked.file is None) == (asked.poses is None):
+        raise BenchError("poses: expected either a file of poses or --poses NUMBER")
+    if asked.file is None:
+        assert asked.poses is not None
+        return find(build_checks(cell, Conditions()), asked.poses, stream(asked.seed, 0)).q
+    q = read_poses(asked.file, cell.arm)
+    check_poses(cell.room, q)
+    return q
+
+
+def _masses(cell: Cell, asked: Options, poses: int) -> Array:
+    """What hangs in every pose, one after the other, (poses, loads) [kg]."""
+    if asked.loads is not None and asked.payload_kg is not None:
+        raise BenchError("--loads: expected no --payload-kg with it")
+    stated = None if asked.file is None else read_payload(asked.file)
+    if stated is None:
+        mass = payload_of(cell.arm, asked.payload_kg, "--payload-kg") if asked.loads is None else 0.0
+        return np.tile([mass] if asked.loads is None else read_masses(asked.loads), (poses, 1))
+    for flag, value in (("--payload-kg", asked.payload_kg), ("--loads", asked.loads)):
+        if value is not None:
+            problem = f"says what hangs in every run; leave out {flag}"
+            raise InputError(asked.file or Path(), "column load_kg", problem)
+    return stated[:, None]
+
+
+def _loaded(cell: Cell, q: Array, masses: Array) -> LoadedPoses:
+    """A run a pose and mass, (poses, loads)."""
+    pose = np.repeat(np.arange(len(q)), masses.shape[1])
+    return hanging(cell, q[pose], pose + 1, masses.ravel())

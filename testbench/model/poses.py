@@ -35,7 +35,7 @@ def in_area(vjm: Vjm, area: WorkArea, q: Array) -> npt.NDArray[np.bool_]:
 
 def random_poses(
     vjm: Vjm,
-    area: WorkArea,
+    area: WorkArea | None,
     count: int,
     clear: Callable[[Array], npt.NDArray[np.bool_]],
     rng: np.random.Generator,
@@ -44,7 +44,7 @@ def random_poses(
 
     Args:
         vjm: The model, for its nominal kinematics.
-        area: Where the tool has to be.
+        area: Where the tool has to be; None for anywhere.
         count: How many.
         clear: Tells which of the poses, (poses, n) [rad, m], are free of collision.
         rng: Source of the poses.
@@ -59,7 +59,7 @@ def random_poses(
         q = rng.uniform(lower, upper, (BATCH, vjm.arm.n_joints))
         drawn += len(q)
         for piece in np.split(q, range(PIECE, BATCH, PIECE)):
-            inside = piece[in_area(vjm, area, piece)]
+            inside = piece if area is None else piece[in_area(vjm, area, piece)]
             reached += len(inside)
             kept.extend(inside[clear(inside)])
             if len(kept) >= count:

@@ -19,7 +19,7 @@ from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
 from testbench.plant.elastic import elastic_mjcf, write_elastic
 from testbench.plant.equilibrium import Equilibrium, part_of, settle, unloaded
-from testbench.plant.feasible import Room, build_room, check_poses, collisions
+from testbench.plant.feasible import Room, build_room, check_poses, collisions, has_surroundings
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
 
@@ -48,6 +48,7 @@ __all__ = [
     "contacts",
     "disturb",
     "elastic_mjcf",
+    "has_surroundings",
     "hidden",
     "part_of",
     "settle",

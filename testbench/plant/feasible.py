@@ -1,5 +1,6 @@
 """Which poses the rigid arm can take: within its limits, free of collision with itself and the floor."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 import mujoco
@@ -7,8 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.folder import Arm
+from testbench.arm.mjcf import read_mjcf
 from testbench.errors import Array, PoseError, check_array
 from testbench.plant.build import compile_mjcf
+
+COLLIDES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
+"""Of a geom that collides with all that collides, whatever the defaults of a stranger's MJCF say."""
 
 
 @dataclass(frozen=True)
@@ -20,15 +25,38 @@ class Room:
     joints: npt.NDArray[np.int_]  #: Address of each actuated joint in qpos, (n,).
 
 
-def build_room(arm: Arm) -> Room:
+def build_room(arm: Arm, floor: float | None = None) -> Room:
     """The rigid MuJoCo model of an arm.
+
+    Args:
+        arm: The arm.
+        floor: Height of a floor that its MJCF does not have [m]; None for none.
 
     Raises:
         InputError: When MuJoCo refuses the arm's MJCF.
     """
-    model = compile_mjcf(arm.rigid, arm.rigid.read_text(encoding="utf-8"))
+    root = read_mjcf(arm.rigid)
+    lay_floor(root, floor)
+    model = compile_mjcf(arm.rigid, ET.tostring(root, encoding="unicode"))
     joints = np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int)
     return Room(arm, model, joints)
+
+
+def lay_floor(root: ET.Element, height: float | None) -> None:
+    """Add a floor to the MJCF that collides with all that collides; None for none."""
+    if height is None:
+        return
+    world = root.find("worldbody")
+    assert world is not None  # the arm has bodies
+    place = {"type": "plane", "size": "0 0 1", "pos": f"0 0 {height!r}", "quat": "1 0 0 0"}
+    ET.SubElement(world, "geom", {**place, "margin": "0", **COLLIDES})
+
+
+def has_surroundings(room: Room) -> bool:
+    """Whether anything of the world collides, such as a floor or a wall."""
+    model = room.model
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    return bool((collides & (model.geom_bodyid == 0)).any())
 
 
 def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:

@@ -20,6 +20,7 @@ from testbench.arm.mjcf import read_mjcf
 from testbench.data.station import check_position
 from testbench.errors import Array, BenchError, check_array, check_least
 from testbench.plant.build import compile_mjcf
+from testbench.plant.feasible import COLLIDES, lay_floor
 from testbench.plant.shapes import VISUAL_GROUPS
 
 Index = npt.NDArray[np.int_]
@@ -38,8 +39,7 @@ HEAD_RADIUS = 0.2
 """Radius of the sphere that stands for the tracker's head, its swing and the top of its stand [m]."""
 TARGET_RADIUS = 0.06
 """What is hit this near to a marker [m] is the target itself, its nest or the end of its holder."""
-COLLIDES = f'contype="{2**31 - 1}" conaffinity="{2**31 - 1}" gap="0" group="0"'
-"""Collides with all that collides; says what the defaults of a stranger's MJCF could say otherwise."""
+SOLID = " ".join(f'{key}="{value}"' for key, value in COLLIDES.items())
 OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
 """Geom groups that stop a ray: `build_site` puts such geoms into group 0, all others into group 5."""
 
@@ -105,9 +105,18 @@ class Site:
 
 
 def build_site(
-    arm: Arm, payload: Payload | None = None, station: tuple[float, float, float] | None = None
+    arm: Arm,
+    payload: Payload | None = None,
+    station: tuple[float, float, float] | None = None,
+    floor: float | None = None,
 ) -> Site:
     """The rigid MuJoCo model of an arm with its payload and its tracker.
+
+    Args:
+        arm: The arm.
+        payload: What hangs from it; None for nothing.
+        station: Where the tracker's beam leaves [m]; None for no tracker.
+        floor: Height of a floor that the arm's MJCF does not have [m]; None for none.
 
     Raises:
         InputError: When MuJoCo refuses the arm's MJCF.
@@ -115,6 +124,7 @@ def build_site(
     """
     where = None if station is None else check_position(station)
     root = read_mjcf(arm.rigid)
+    lay_floor(root, floor)
     weight, head = _unused(root, "payload"), _unused(root, "tracker")
     if payload is not None:
         _hang(root, weight, payload)
@@ -161,9 +171,9 @@ def _hang(root: ET.Element, name: str, payload: Payload) -> None:
         root,
         f"""<body name="{name}"><inertial pos="0 0 0" mass="{payload.mass}" diaginertia="1 1 1"/>{slides}
         <geom type="cylinder" size="{half} {half}" pos="0 0 {-payload.sling - half}"
-          mass="{payload.mass}" margin="{payload.clearance}" {COLLIDES}/>
+          mass="{payload.mass}" margin="{payload.clearance}" {SOLID}/>
         <geom type="capsule" size="{SLING_RADIUS} {rope - SLING_RADIUS}" pos="0 0 {-top - rope}"
-          mass="0" margin="{payload.clearance}" {COLLIDES}/></body>""",
+          mass="0" margin="{payload.clearance}" {SOLID}/></body>""",
     )
 
 
@@ -172,7 +182,7 @@ def _stand(root: ET.Element, name: str, where: Array) -> None:
     _add(
         root,
         f"""<body name="{name}" pos="{x} {y} {z}">
-        <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {COLLIDES}/></body>""",
+        <geom type="sphere" size="{HEAD_RADIUS}" pos="0 0 0" mass="0" margin="0" {SOLID}/></body>""",
     )
 
 

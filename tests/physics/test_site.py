@@ -9,7 +9,16 @@ import pytest
 from testbench.arm.folder import load_arm
 from testbench.errors import BenchError
 from testbench.model.vjm import chain
-from testbench.plant import Contact, Payload, build_room, build_site, collisions, contacts, hidden
+from testbench.plant import (
+    Contact,
+    Payload,
+    build_room,
+    build_site,
+    collisions,
+    contacts,
+    has_surroundings,
+    hidden,
+)
 from testbench.plant.shapes import body_names, rigid_frames
 from testbench.plant.site import HEAD_RADIUS, KINDS, TARGET_RADIUS
 
@@ -47,6 +56,18 @@ def altered(cell, tmp_path, *changes):
 def furnished(cell, tmp_path, geom):
     """The arm with one more geom in the world."""
     return altered(cell, tmp_path, ("<worldbody>", f"<worldbody>{geom}"))
+
+
+def test_a_floor_that_is_laid_is_one_that_stands_in_the_file(kr500, tmp_path, rng):
+    floor = '<geom name="floor" type="plane" size="5 5 0.1" material="floor"/>'
+    raised = altered(kr500, tmp_path / "raised", (floor, floor.replace("/>", ' pos="0 0 0.3"/>')))
+    bare = altered(kr500, tmp_path / "bare", (floor, ""))
+    q = random_q(kr500, rng, 300)
+    assert contacts(build_site(bare, floor=0.3), q) == contacts(build_site(raised), q)
+    assert collisions(build_room(bare, 0.3), q) == collisions(build_room(raised), q)
+    assert collisions(build_room(bare), q) != collisions(build_room(bare, 0.3), q)
+    there = [has_surroundings(build_room(*own)) for own in ((raised,), (bare, 0.3), (bare,))]
+    assert there == [True, True, False]
 
 
 def is_kind(found, kind):

@@ -61,6 +61,8 @@ def report(rng):
         arm="heavy",
         joints=JOINTS,
         units=["deg"] * len(JOINTS),
+        margins=[1.25, 20.0, 30.0, 40.0, 50.0, 60.0],
+        surrounded=True,
         poses=POSES,
         criterion="test",
         plan=filled(PoseRow, rng, poses, way="clear"),
@@ -198,6 +200,8 @@ def test_what_must_not_be_overlooked_is_said_where_it_holds_only(report):
     assert "NOT checked" not in said(quiet)
     assert "prior alone" not in said(quiet)
     assert "collides before" not in said(quiet)
+    assert "No floor" not in said(quiet)
+    assert "poses below the mount are not refused. `--floor-z" in said(replace(quiet, surrounded=False))
     assert "**Visibility was NOT checked**" in said(replace(quiet, tracker_m=None))
     assert "**0.118 mm of the error rest on the prior alone**" in said(
         part(report, "directions", hidden_mm=0.118)
@@ -205,6 +209,10 @@ def test_what_must_not_be_overlooked_is_said_where_it_holds_only(report):
     ways = [replace(row, way="via" if row.run in (2, 4) else "clear") for row in report.plan]
     assert "collides** before runs 2 and 4:" in said(replace(quiet, plan=ways))
     assert "collides** before run 2:" in said(replace(quiet, plan=ways[:3]))
+
+
+def test_the_distance_to_the_limits_is_told_joint_by_joint(report):
+    assert "stay at least so far away: swing 1.2 deg, boom 20.0 deg, arm 30.0 deg," in said(report)
 
 
 def test_refusals_come_with_the_most_frequent_first(report):

@@ -99,7 +99,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
         scenario=NAME,
         seed=seeds[0] if len(seeds) == 1 else list(seeds),
         arm=scenario.arm,
-        payload_kg=scenario.payload,
+        payload_kg=scenario.mass,
         truth=scenario.truth,
         noise=scenario.noise,
         dataset=merge([row.measured for row in first]),

@@ -9,8 +9,18 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import load_arm
 from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
+from testbench.bench.campaign import (
+    Campaign,
+    Cell,
+    Scenario,
+    build_cell,
+    draw_poses,
+    of_arm,
+    simulate_at,
+    stream,
+)
 from testbench.bench.default import with_priors
 from testbench.bench.judged import Result, identify
 from testbench.bench.models import named_models
@@ -43,7 +53,9 @@ class Options:
     """Flags of the study."""
 
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
-    payload_kg: Annotated[float, typer.Option(help="Hung mass.")] = 460.3
+    payload_kg: Annotated[float | None, typer.Option(help="Hung mass; what the arm states if not given.")] = (
+        None
+    )
     sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
     truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear"
     true_arm: Annotated[
@@ -111,6 +123,7 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
         noise=options.noise,
         workspace_poses=QUICK_WORKSPACE if quick else 200,
     )
+    scenario = of_arm(load_arm(options.arm), scenario)
     return Settings(options.arm, scenario, options.magnification, options.true_arm)
 
 

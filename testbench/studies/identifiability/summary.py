@@ -178,7 +178,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         scenario=NAME,
         seed=roots[0] if len(roots) == 1 else roots,
         arm=asked.scenario.arm,
-        payload_kg=asked.scenario.payload,
+        payload_kg=asked.scenario.mass,
         noise=asked.scenario.noise,
         truth="linear",
         prior=PriorReport(SCALE, 100 * SHAPE),

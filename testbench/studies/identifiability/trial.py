@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Scenario, build_cell
+from testbench.arm.folder import load_arm
+from testbench.bench.campaign import Scenario, build_cell, of_arm
 from testbench.studies.identifiability import campaigns, coverage
 from testbench.studies.identifiability.campaigns import CampaignRow, Tried
 from testbench.studies.identifiability.coverage import Covered
@@ -61,7 +62,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     return Settings(
         arm=options.arm,
-        scenario=Scenario(arm=find_arm(options.arm).resolve().name),
+        scenario=of_arm(load_arm(options.arm), Scenario(arm=find_arm(options.arm).resolve().name)),
         tried=QUICK if quick else Tried(),
         first=seeds[0],
         campaigns=min(options.campaigns, len(seeds), 2 if quick else len(seeds)),

@@ -8,6 +8,7 @@ from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
 MOST_ROWS = 40  #: Rows of the plan that are shown; plan.csv has all of them.
+MANY = 6  #: More joints than these have no decimals in a terminal of 80 columns, and no travel of slides.
 WORST = 5  #: Tasks that are shown, those of the largest errors.
 CRITERIA = {
     "test": "mean square error at the tasks",
@@ -45,9 +46,13 @@ def tables(report: PlanReport) -> dict[str, Table]:
     shown = report.plan[:MOST_ROWS]
     columns = (*POSES, *[SLID] * ("mm" in report.units), WAY)
     narrow = tuple(replace(c, exact=True, heading="error") if c is ERROR else c for c in columns)
+    many = len(report.joints) > MANY
+    left_out = (DEFLECTION, *[SLID] * many)
     return {
         "poses": Table((*_joints(report, ".2f"), *columns), shown),
-        "short": Table((*_joints(report, ".1f"), *(c for c in narrow if c is not DEFLECTION)), shown),
+        "short": Table(
+            (*_joints(report, ".0f" if many else ".1f"), *(c for c in narrow if c not in left_out)), shown
+        ),
         "tasks": Table(TASKS, report.worst[:WORST]),
         "curve": Table(CURVE, report.curve),
     }
