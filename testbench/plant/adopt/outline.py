@@ -10,7 +10,6 @@ from testbench.plant.adopt.chain import Shape
 
 CUTS = 17  #: Cuts across a link.
 INNER = 0.1, 0.9  #: They stand at this share of its length, clear of the flanges [1].
-QUANTILE = 0.25  #: The thin quarter of a link decides how it bends [1].
 FEWEST = 3  #: Cuts that must meet the surface.
 
 
@@ -27,20 +26,22 @@ def extent(surface: Array, axis: Array) -> tuple[float, float]:
 
 
 def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> float | None:
-    """Diameter of the circle of the same area as the hull of a cut, the thin quarter of the cuts [m].
+    """Diameter of the circle of the same area as the hull of a cut, the median of the cuts [m].
 
     Args:
         surface: Triangles in the part's frame, (f, 3, 3) [m].
         frame: Beam axes as columns, (3, 3).
-        span: From where to where along the beam axis [m].
+        span: From where to where along the beam axis, as far as the surface goes there [m].
 
     Returns:
         None where too few cuts meet the surface.
     """
-    low, high = (span[0] + share * (span[1] - span[0]) for share in INNER)
+    first, last = extent(surface, frame[:, 0])
+    start, end = max(span[0], first), min(span[1], last)
+    low, high = (start + share * (end - start) for share in INNER)
     found = [_diameter(surface @ frame, x) for x in np.linspace(low, high, CUTS)]
     met = [d for d in found if d is not None]
-    return float(np.quantile(met, QUANTILE)) if len(met) >= FEWEST else None
+    return float(np.median(met)) if len(met) >= FEWEST else None
 
 
 def _diameter(surface: Array, x: float) -> float | None:

@@ -93,7 +93,7 @@ def _link(part: Part, line: Beam, of: Class) -> LinkRow:
         if line.distance < SHORT * of.reach:
             span = extent(surface, line.frame[:, 0])
         outer = outer_diameter(surface, line.frame, span)
-    note = "its shape, thin quarter of the cuts" if outer else "no shape: from payload and reach"
+    note = "its shape, median of the cuts" if outer else "no shape: from payload and reach"
     outer = outer or of.outer_diameter
     length, runs = line.distance, line.runs
     if length < STUB * outer:

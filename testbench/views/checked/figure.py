@@ -19,6 +19,7 @@ from testbench.views.figure import SOFT, quiet
 DARK = "#404040"
 MARKER, WEIGHT = hexadecimal(NOMINAL), hexadecimal(LOAD)
 ARROW = 0.2  #: Length of the load's arrow over the reach [1].
+ASIDE = 30.0  #: Of a joint's number from the joint [pt].
 AXIS = 0.12  #: Length of the axes of the base over the reach [1].
 MARGIN = 0.15  #: Space around the arm over the reach [1].
 BARS = 9  #: Numbers to confirm that are shown.
@@ -58,7 +59,9 @@ def _side(axes: Axes, checked: Checked, k: int) -> None:
     _beams(axes, checked, checked.beams[k], plane)
     _tool(axes, checked, place, plane)
     low, high = np.min(seen, axis=0) - MARGIN * reach, np.max(seen, axis=0) + MARGIN * reach
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.dataLim.set_points(np.array([low, high]))  # not what patches add: a wrong tube may be long
+    axes.margins(0)
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="horizontal, the way the arm reaches [m]", ylabel="up [m]")
     quiet(axes)
 
@@ -88,7 +91,9 @@ def _beams(axes: Axes, checked: Checked, beams: Array, plane: Array) -> None:
         at = pose[:3, 3] @ plane
         axes.plot(*at, "o", color=DARK, markersize=4)
         words = f"{joint.name} ?" if checked.doubted(joint.name) else f"{k + 1}"
-        _label(axes, at, words, DARK, (0, 26 if k % 2 else -34))
+        way = (beams[k][:3, 0] + pose[:3, 0]) @ plane
+        off = ASIDE * np.array([-way[1], way[0]]) / max(float(np.linalg.norm(way)), 0.1)
+        _label(axes, at, words, DARK, tuple(off if k % 2 else -off))
 
 
 def _tool(axes: Axes, checked: Checked, place: dict[str, Array], plane: Array) -> None:
@@ -99,13 +104,13 @@ def _tool(axes: Axes, checked: Checked, place: dict[str, Array], plane: Array) -
         point = place[name] @ plane
         axes.plot(*np.transpose([tool, point]), color=MARKER, linewidth=0.8)
         axes.plot(*point, "o", color=MARKER, markersize=7)
-        _label(axes, point, name, MARKER, (7, 3))
+        _label(axes, point, name, MARKER, (16, 6))
     hook = place[arm.load] @ plane
     down = hook - [0, ARROW * checked.reach]
     axes.plot(*np.transpose([tool, hook]), color=WEIGHT, linewidth=0.8)
     _arrow(axes, hook, down, WEIGHT, 3.0)
     words = "no payload" if arm.payload is None else f"{arm.payload:g} kg"
-    _label(axes, down, words, WEIGHT, (-24, -16))
+    _label(axes, down, words, WEIGHT, (0, -12))
 
 
 def _base(axes: Axes, base: Array, plane: Array, reach: float) -> None:
@@ -115,8 +120,8 @@ def _base(axes: Axes, base: Array, plane: Array, reach: float) -> None:
         tip = (base[:3, 3] + AXIS * reach * base[:3, k]) @ plane
         if np.linalg.norm(tip - origin) > 0.8 * AXIS * reach:
             _arrow(axes, origin, tip, "black", 1.6)
-            _label(axes, tip, name, "black", (3, 3))
-    _label(axes, origin, "base", "black", (-34, -16))
+            _label(axes, tip, name, "black", (8, 6))
+    _label(axes, origin, "base", "black", (-18, -12))
 
 
 def _arrow(axes: Axes, start: Array, end: Array, colour: str, width: float) -> None:
@@ -126,17 +131,19 @@ def _arrow(axes: Axes, start: Array, end: Array, colour: str, width: float) -> N
     axes.add_patch(patch)
 
 
-def _label(axes: Axes, at: Array, words: str, colour: str, off: tuple[int, int]) -> None:
+def _label(axes: Axes, at: Array, words: str, colour: str, off: tuple[float, ...]) -> None:
     """Words off a point [pt]; names of a stranger's file are no formulas."""
     axes.annotate(
         words,
         (at[0], at[1]),
-        xytext=off,
+        xytext=(off[0], off[1]),
         textcoords="offset points",
         color=colour,
         weight="bold",
         parse_math=False,
         clip_on=True,
+        ha="center",
+        va="center",
     )
 
 

@@ -141,5 +141,6 @@ def _mesh(shapes: Sequence[Shape], colours: Sequence[Colour]) -> rr.Mesh3D:
         vertex_positions=mesh.vertices,
         vertex_normals=mesh.normals,
         triangle_indices=mesh.faces,
-        vertex_colors=np.repeat(np.array(colours, dtype=np.uint8), counts, axis=0),
+        vertex_colors=np.repeat(np.array(colours, dtype=np.uint8)[:, :3], counts, axis=0),
+        albedo_factor=(255, 255, 255, *colours[0][3:]),  # of a vertex the viewer takes no transparency
     )
