@@ -36,7 +36,7 @@ def command(  # noqa: PLR0913
         more = write_arm(chain, wishes, folder)
         arm = build_cell(folder).arm
     console = Console(highlight=False)
-    console.print(f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg")
-    for note in (*chain.notes, *more):
-        console.print(f"  {note}", soft_wrap=True, markup=False)
-    console.print(f"see it and what to confirm: testbench check {name}", soft_wrap=True, markup=False)
+    first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg"
+    last = f"see it and what to confirm: testbench check {name}"
+    for line in (first, *(f"  {note}" for note in (*chain.notes, *more)), last):
+        console.print(line, soft_wrap=True, markup=False)

@@ -82,11 +82,15 @@ def _parsed(data: bytes, kind: str) -> Mesh:
     import trimesh
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
-    if kind == "dae" and (b"<!DOCTYPE" in data or b"<!ENTITY" in data):
-        raise MeshError("document types and entities are not allowed")
+    if kind == "dae" and any(
+        word in data for word in (b"<!DOCTYPE", b"<!ENTITY", b"\0")
+    ):  # UTF-16 hides them
+        raise MeshError("expected UTF-8 without document types and entities")
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        if not parts:
+            raise MeshError(f"no triangles in this {kind}")
         scale = _metre(data) if kind == "dae" else 1.0
         vertices = np.concatenate([np.asarray(part.vertices, dtype=float) for part in parts]) * scale
         first = np.cumsum([0, *(len(part.vertices) for part in parts)])
@@ -99,7 +103,10 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         raise MeshError(f"not read as {kind}: {why}") from err
     if not np.isfinite(vertices).all():
         raise MeshError("expected finite numbers")
-    return Mesh(*_welded(vertices, faces), rgba)
+    vertices, faces = _welded(vertices, faces)
+    if not len(faces):
+        raise MeshError("no triangle has an area")
+    return Mesh(vertices, faces, rgba)
 
 
 def _metre(data: bytes) -> float:

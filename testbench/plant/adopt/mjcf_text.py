@@ -12,7 +12,7 @@ from pathlib import Path
 from testbench.errors import InputError
 from testbench.plant.adopt.meshes import MeshError, Meshes, check_size, decimated, stl_bytes
 from testbench.plant.adopt.solids import hull_of
-from testbench.plant.adopt.source import MAX_ELEMENTS, need, read_numbers, read_xml, where
+from testbench.plant.adopt.source import MAX_ELEMENTS, check_finite, need, read_numbers, read_xml, where
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
@@ -58,10 +58,13 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
         InputError: When it includes what lies elsewhere, or holds what cannot be an arm.
     """
     _include(file, root)
-    if refused := next((e for e in root.iter() if e.tag in REFUSED), None):
-        raise InputError(file, where(refused), "not read; save the compiled model as one MJCF file first")
+    if refused := [e for e in root.iter() if e.tag in REFUSED]:
+        raise InputError(file, where(refused[0]), "not read; save the compiled model as one MJCF file first")
     folder = _mesh_folder(file, root)
     left_out = _keep(root)
+    for e in root.iter():
+        for key in e.attrib:
+            check_finite(file, e, key)
     _simplify(root)
     meshes = Meshes()
     assets = _assets(file, root, folder, meshes)

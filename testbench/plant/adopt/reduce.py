@@ -15,7 +15,7 @@ from testbench.plant.adopt.weigh import weigh
 FEWEST, MOST = 3, 9  #: Moving joints of an arm.
 LONGEST = 50.0  #: Farthest of a body from the body before [m].
 HEAVIEST = 1e5  #: Of a body [kg].
-SPECK = 1e-3  #: Mass of a part of which the file says nothing [kg].
+SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
 
 
 def reduce_tree(file: Path, tree: Tree, tip: str | None = None) -> Chain:
@@ -203,7 +203,7 @@ def _merged(
         if part.joint is not None and part.joint.limits_from == "none":
             notes.append(f"no limits of {part.joint.name} in the file: {_limits(part.joint)} stands in")
     if specks := [part.name for part in parts if part.mass == SPECK and part.inertia_from == "geometry"]:
-        notes.append(f"no mass and no shape: {SPECK * 1000:g} g stands in for {', '.join(specks)}")
+        notes.append(f"no mass and no shape: {SPECK * 1e6:g} mg stands in for {', '.join(specks)}")
     return notes
 
 

@@ -10,7 +10,7 @@ from testbench.errors import Array, InputError, read_text
 from testbench.plant.adopt.tree import pose_of
 
 MAX_BYTES = 16_000_000
-MAX_ELEMENTS = 50_000
+MAX_ELEMENTS = 20_000
 MAX_DEPTH = 150
 LARGEST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
 
@@ -60,6 +60,17 @@ def read_numbers(file: Path, e: ET.Element, key: str, default: str, count: int) 
         problem = f"{key}: expected {count} number(s) up to {LARGEST:g}, got {text[:80]!r}"
         raise InputError(file, where(e), problem)
     return np.array(values)
+
+
+def check_finite(file: Path, e: ET.Element, key: str) -> None:
+    """Refuse an attribute of numbers if one of them is no number or too large, with an InputError."""
+    try:
+        values = [float(word) for word in e.get(key, "").split()]
+    except ValueError:
+        return  # words
+    if not all(abs(x) <= LARGEST for x in values):
+        text = e.get(key, "")[:80]
+        raise InputError(file, where(e), f"{key}: expected numbers up to {LARGEST:g}, got {text!r}")
 
 
 def read_number(file: Path, e: ET.Element, key: str, default: float) -> float:

@@ -58,7 +58,7 @@ def _colour(file: Path, visual: ET.Element, colours: dict[str, Array]) -> Array 
 def _solid(file: Path, form: ET.Element, pose: Array) -> Solid | None:
     """A primitive; None where it has no extent."""
     if form.tag == "box":
-        solid = Solid("box", tuple(read_numbers(file, form, "size", "", 3) / 2), pose)
+        solid = Solid("box", tuple(map(float, read_numbers(file, form, "size", "", 3) / 2)), pose)
     elif form.tag == "sphere":
         solid = Solid("sphere", (read_number(file, form, "radius", 0),), pose)
     elif form.tag in ("cylinder", "capsule"):
@@ -68,7 +68,7 @@ def _solid(file: Path, form: ET.Element, pose: Array) -> Solid | None:
         known = "box, sphere, cylinder, capsule or mesh"
         raise InputError(file, where(form), f"expected {known} as a <geometry>")
     if min(solid.size) < 0:
-        raise InputError(file, where(form), f"expected sizes of at least 0 m, got {solid.size}")
+        raise InputError(file, where(form), f"expected sizes of at least 0 m, got {min(solid.size):g}")
     return solid if min(solid.size) > 1e-6 else None
 
 

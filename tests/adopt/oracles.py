@@ -19,6 +19,7 @@ class Reading:
     tips: np.ndarray  #: Pose of the tip in the world, (runs, 4, 4).
     mass: float  #: Of all that moves [kg].
     coms: np.ndarray  #: Centre of mass of all that moves, in the world, (runs, 3).
+    inertia: np.ndarray  #: Joint-space inertia of the last run, (n, n).
 
 
 def pinocchio_urdf(file, tip, names, q):
@@ -38,7 +39,10 @@ def pinocchio_urdf(file, tip, names, q):
         tips.append(data.oMf[frame].homogeneous)
         coms.append(pin.centerOfMass(model, data, at).copy())
     mass = sum(inertia.mass for inertia in list(model.inertias)[1:])
-    return Reading(np.array(tips), mass, np.array(coms))
+    M = pin.crba(model, data, at)
+    M = np.triu(M) + np.triu(M, 1).T
+    rows = [model.joints[model.getJointId(name)].idx_v for name in names]
+    return Reading(np.array(tips), mass, np.array(coms), M[np.ix_(rows, rows)])
 
 
 def mujoco_mjcf(file, tip, names, q):
@@ -58,7 +62,18 @@ def mujoco_mjcf(file, tip, names, q):
         where = data.body(body) if site < 0 else data.site(site)
         tips.append(_pose(where.xmat.reshape(3, 3), where.xpos))
         coms.append(data.subtree_com[first].copy())
-    return Reading(np.array(tips), float(model.body_subtreemass[first]), np.array(coms))
+    mass = float(model.body_subtreemass[first])
+    return Reading(np.array(tips), mass, np.array(coms), _inertia(model, data, names))
+
+
+def _inertia(model, data, names):
+    """Joint-space inertia without that of the motors, (n, n)."""
+    model.dof_armature[:] = 0
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, M)
+    rows = [model.joint(name).dofadr[0] for name in names]
+    return M[np.ix_(rows, rows)]
 
 
 def ours(folder: Path, q):
@@ -73,10 +88,11 @@ def ours(folder: Path, q):
         mujoco.mj_comPos(model, data)
         coms.append(data.subtree_com[first].copy())
     mass = float(model.body_subtreemass[first])
+    M = _inertia(model, data, [j.name for j in cell.arm.joints])
     position, rotation = tool_pose(cell.vjm, q)
     [(p, R)] = unloaded(cell.plant, q, (cell.arm.tool,))
     return [
-        Reading(np.array([_pose(*pair) for pair in zip(Rs, ps, strict=True)]), mass, np.array(coms))
+        Reading(np.array([_pose(*pair) for pair in zip(Rs, ps, strict=True)]), mass, np.array(coms), M)
         for Rs, ps in ((rotation, position), (R, p))
     ]
 

@@ -1,0 +1,141 @@
+"""A stranger's robot made an arm of ours is the same robot, as Pinocchio and MuJoCo themselves read it."""
+
+import numpy as np
+import pytest
+from oracles import mujoco_mjcf, ours, pinocchio_urdf, random_q
+from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
+
+from testbench.arm.folder import load_arm
+from testbench.bench.campaign import build_cell
+from testbench.plant.adopt.folder import write_arm
+from testbench.plant.adopt.read import read_chain
+from testbench.plant.adopt.weigh import DENSITY
+from testbench.plant.adopt.wishes import Wishes
+
+ARMS = {
+    light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),
+    heavy_urdf: (pinocchio_urdf, "tool0", "joint_a1 joint_a2 joint_a3 joint_a4 joint_a5 joint_a6"),
+    classes_mjcf: (mujoco_mjcf, "flange", "joint1 joint2 joint3 joint4 joint5 joint6 joint7"),
+    mounted_mjcf: (mujoco_mjcf, "attachment_site", "j1 j2 j3 j4 j5 j6"),
+    sliding_mjcf: (mujoco_mjcf, "tcp", "track turn lift tilt wrist"),
+}
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    """Of every stranger its file, its chain and its arm's folder."""
+    made = {}
+    for robot in ARMS:
+        home = tmp_path_factory.mktemp(robot.__name__)
+        (home / "arm").mkdir()
+        file = robot(home)
+        chain = read_chain(file)
+        write_arm(chain, Wishes(), home / "arm")
+        made[robot] = file, chain, home / "arm"
+    return made
+
+
+@pytest.mark.parametrize("robot", ARMS)
+def test_model_and_plant_place_and_weigh_the_arm_as_the_stranger_s_own_library_does(arms, robot):
+    """Positions are written to 1e-12 m, masses to nine digits; a part without mass weighs 1 mg."""
+    file, chain, folder = arms[robot]
+    library, tip, joints = ARMS[robot]
+    names, q = random_q(folder)
+    assert (chain.tip_name, names) == (tip, joints.split())
+    theirs = library(file, tip, names, q)
+    for own in ours(folder, q):
+        assert np.abs(own.tips - theirs.tips).max() < 1e-9
+        if robot is not heavy_urdf:  # Pinocchio takes no mass for nothing
+            assert own.mass == pytest.approx(theirs.mass, rel=1e-7)
+            assert np.abs(own.coms - theirs.coms).max() < 1e-7
+            assert np.abs(own.inertia - theirs.inertia).max() < 1e-6 * np.abs(theirs.inertia).max()
+
+
+def test_limits_are_the_file_s_and_those_without_get_a_turn_each_way_which_is_said(arms):
+    _, chain, folder = arms[light_urdf]
+    joints = load_arm(folder).joints
+    assert (joints[2].lower, joints[2].upper) == (-2.2, 1.2)
+    assert joints[6].upper == pytest.approx(2 * np.pi)
+    assert any("no limits of a7" in note for note in chain.notes)
+    _, chain, folder = arms[mounted_mjcf]
+    joints = load_arm(folder).joints
+    assert joints[0].lower == pytest.approx(np.deg2rad(-150))
+    assert any("no limits of j5" in note for note in chain.notes)
+
+
+def test_a_branch_is_frozen_and_weighs_on_the_part_that_carries_it(arms):
+    """The hand of 0.7 kg and its fingers of 0.02 kg hang on the last link of 2 kg."""
+    _, chain, _ = arms[light_urdf]
+    assert chain.parts[-1].mass == pytest.approx(2 + 0.7 + 2 * 0.02)
+    assert "merged into link_7: hand, finger_1, finger_2" in chain.notes
+    assert "off the arm, so held at zero: finger_joint_1, finger_joint_2" in chain.notes
+
+
+def test_what_is_drawn_stands_where_the_file_has_it_in_metres(arms):
+    """A tetrahedron of 100 x 60 x 200 mm behind its own origin."""
+    _, chain, folder = arms[light_urdf]
+    shape = next(s for s in chain.parts[3].shapes if s.visual)
+    turn = np.array([[np.cos(0.2), 0, np.sin(0.2)], [0, 1, 0], [-np.sin(0.2), 0, np.cos(0.2)]])
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.06, 0], [0, 0, 0.2]]) @ turn.T + [0, 0.01, -0.02]
+    gap = np.linalg.norm(shape.vertices[:, None] - corners, axis=2).min(axis=0)
+    assert gap.max() < 1e-8
+    assert shape.rgba.tolist() == [1, 0.4, 0, 1]
+    assert sum(p.stat().st_size for p in folder.rglob("*.*")) < 20_000
+
+
+def test_an_arm_without_masses_is_weighed_by_the_volume_of_its_boxes(arms):
+    _, chain, _ = arms[heavy_urdf]
+    link = chain.parts[2]
+    assert link.inertia_from == "geometry"
+    assert link.mass == pytest.approx(DENSITY * 0.4 * 0.4 * 1.4)
+    assert link.com == pytest.approx([0.1, 0, 0.1])
+    assert np.diag(link.inertia) == pytest.approx(
+        link.mass / 12 * np.array([0.4**2 + 1.4**2] * 2 + [2 * 0.4**2])
+    )
+    assert any(note.startswith("no mass in the file: 1200 kg/m^3") for note in chain.notes)
+
+
+def test_fixed_links_of_the_file_and_its_free_things_are_no_links_of_the_arm(arms):
+    _, chain, folder = arms[classes_mjcf]
+    assert [link.name for link in load_arm(folder).links] == [f"link{k}" for k in range(8)]
+    assert "not of this arm, so left out: cube" in chain.notes
+    assert any("actuator, equality, keyframe" in note for note in chain.notes)
+
+
+def test_a_tip_may_be_named_and_what_lies_behind_it_is_frozen(arms):
+    file, _, _ = arms[classes_mjcf]
+    assert read_chain(file, "pinch").tip_name == "pinch"
+    short = read_chain(file, "link5")
+    assert short.n_joints == 5
+    assert any("held at zero: joint6, joint7, left_joint" in note for note in short.notes)
+
+
+def test_names_that_no_column_can_have_are_made_fit_and_said(arms):
+    _, chain, _ = arms[light_urdf]
+    assert chain.parts[0].name == "base_link"
+    assert any("'base/link' is base_link" in note for note in chain.notes)
+
+
+def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn(tmp_path):
+    file = light_urdf(tmp_path)
+    text = file.read_text().replace("meshes/link.stl", "meshes/gone.dae", 1)
+    file.write_text(text)
+    chain = read_chain(file)
+    assert any("gone.dae" in note for note in chain.notes)
+    (tmp_path / "arm").mkdir()
+    write_arm(chain, Wishes(), tmp_path / "arm")
+    assert 'class="visual" rgba' in (tmp_path / "arm/rigid.xml").read_text()
+    assert build_cell(tmp_path / "arm").arm.n_joints == 7
+
+
+def test_equal_masses_of_all_links_are_placeholders(tmp_path):
+    file = light_urdf(tmp_path)
+    text = file.read_text()
+    for k in range(7):
+        text = text.replace(f'<mass value="{5 - k / 2}"/>', '<mass value="2"/>')
+    for light in ("0.7", "0.02"):
+        text = text.replace(f'<mass value="{light}"/>', '<mass value="2"/>')
+    file.write_text(text)
+    chain = read_chain(file)
+    assert "every link weighs 2 kg in the file, which no arm does: not used" in chain.notes
+    assert chain.parts[1].mass == pytest.approx(DENSITY * 0.1 * 0.06 * 0.2 / 6, rel=1e-6)

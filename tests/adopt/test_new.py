@@ -1,0 +1,151 @@
+"""`testbench new`: a robot's file becomes a folder in one command, or one line says why not."""
+
+import random
+import re
+import shutil
+
+import pytest
+from run_here import here
+from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
+
+from testbench.arm.folder import load_arm
+from testbench.cli.program import program
+
+STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
+FUZZED = 25
+
+
+def new(*args):
+    return here(program(["new"]), "new", *args)
+
+
+def refused(done):
+    assert done.returncode == 2, done.stdout
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert len(done.stderr) < 2100
+    return done.stderr
+
+
+def test_a_robot_s_file_is_an_arm_in_one_command(tmp_path):
+    flags = "--payload-kg", 3, "--tool", "0,0,0.1,0,0,45", "--load", "0,0,0.05"
+    done = new(tmp_path / "mine", "--from", light_urdf(tmp_path), *flags)
+    assert done.returncode == 0, done.stderr
+    assert "7 joints, tool at 'tool0'" in done.stdout
+    assert "merged into link_7: hand" in done.stdout
+    arm = load_arm(tmp_path / "mine")
+    assert (arm.payload, arm.n_joints) == (3, 7)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["light_support", "mine"]
+
+
+def test_an_arm_that_exists_is_not_touched(tmp_path):
+    (tmp_path / "mine").mkdir()
+    assert "exists already" in refused(new(tmp_path / "mine", "--from", heavy_urdf(tmp_path)))
+    assert not list((tmp_path / "mine").iterdir())
+
+
+WRONG = {
+    ("</robot>", "<link name='more'/></robot>"): "expected one link without a parent, got base_link, more",
+    ('<child link="link_4"/>', '<child link="link_9"/>'): "child: there is no link 'link_9'",
+    ('<parent link="base_link"/><child link="link_1"/>', '<parent link="link_6"/><child link="link_1"/>'): (
+        "these links stand in a circle of joints: link_1"
+    ),
+    ('<axis xyz="-1 0 0"/>', '<axis xyz="0 0 0"/>'): "axis: expected a direction, got zero",
+    ('lower="-2" upper="1.5"', 'lower="2" upper="1.5"'): "limit: expected lower < upper",
+    (
+        'name="joint_a3" type="revolute"',
+        'name="joint_a3" type="floating"',
+    ): "the joint of 'link_3' floats free",
+    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="joint_a2"/>'): (
+        "the joint of 'link_3' follows 'joint_a2' (mimic)"
+    ),
+    (
+        "<robot ",
+        "<robot xmlns:xacro='x'><xacro:arg name='q'/></robot><robot ",
+    ): "this is xacro; expand it first",
+    ("<robot ", "<!DOCTYPE robot><robot "): "document types and entities are not allowed",
+    ("<geometry><box", "<geometry><torus"): "<torus>: expected box, sphere",
+    ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",
+    ('name="joint_a4" type="revolute"', 'name="joint_a4" type="fixed"'): "",
+}
+
+
+@pytest.mark.parametrize(("change", "said"), WRONG.items())
+def test_a_wrong_urdf_is_one_line(tmp_path, change, said):
+    file = heavy_urdf(tmp_path)
+    text = file.read_text()
+    assert change[0] in re.sub(r"\s+", " ", text)
+    file.write_text(re.sub(r"\s+", " ", text).replace(*change))
+    done = new(tmp_path / "mine", "--from", file)
+    if said:
+        assert said in refused(done)
+        assert [p.name for p in tmp_path.iterdir()] == ["heavy.urdf"]
+    else:  # five joints are an arm as well
+        assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    {
+        ('<include file="rest.xml"/>', '<include file="../rest.xml"/>'): "expected a file inside of",
+        ('<include file="rest.xml"/>', '<include file="rest.xml"/>' * 2): "is included twice",
+        ('<include file="rest.xml"/>', '<include file="classes.xml"/>'): "is included twice",
+        ("<worldbody>", '<worldbody><replicate count="9"/>'): "<replicate>: not read",
+        ('"joint3"/>', '"joint3" type="ball" limited="false"/>'): "the joint of 'link3' is a ball",
+        ('mass="3"', 'mass="nan"'): "mass: expected numbers up to",
+        ('name="link0"', 'name="link1"'): "MuJoCo refuses it",
+    }.items(),
+)
+def test_a_wrong_mjcf_is_one_line(tmp_path, change, said):
+    file = classes_mjcf(tmp_path)
+    text = re.sub(r"\s+", " ", file.read_text())
+    assert change[0] in text
+    file.write_text(text.replace(*change))
+    assert said in refused(new(tmp_path / "mine", "--from", file))
+
+
+@pytest.mark.parametrize(
+    ("tip", "said"), {"a": "no link, body or site 'a'", "carriage": "got 1: track", "tcp": ""}.items()
+)
+def test_a_tip_must_be_there_and_lie_behind_three_joints_or_more(tmp_path, tip, said):
+    done = new(tmp_path / "mine", "--from", sliding_mjcf(tmp_path), "--tip", tip)
+    assert said in refused(done) if said else done.returncode == 0
+
+
+def test_whatever_the_file_holds_nothing_but_an_arm_or_one_line_comes_of_it(tmp_path):
+    """Truncated, overwritten, with huge numbers, exchanged names, lost and doubled elements, odd meshes."""
+    rng, made = random.Random(20), 0
+    for k in range(FUZZED):
+        home = tmp_path / str(k)
+        home.mkdir()
+        file = STRANGERS[k % len(STRANGERS)](home)
+        file.write_text(mutated(file.read_text(), rng))
+        for mesh in home.rglob("*.stl"):
+            mesh.write_bytes(mesh.read_bytes()[: rng.choice([0, 83, 100, 284, 284, 284])])
+        done = new(home / "arm", "--from", file)
+        if done.returncode:
+            refused(done)
+        assert (home / "arm").exists() == (done.returncode == 0)
+        assert not list(home.glob(".new-*"))
+        made += done.returncode == 0
+        shutil.rmtree(home)
+    assert 0.1 * FUZZED < made < 0.9 * FUZZED  # the mutations neither break all nor none
+
+
+def mutated(text, rng):
+    """The text with one fault."""
+    numbers = list(re.finditer(r'(?<=[" ])-?\d+\.?\d*(?=[" ])', text))
+    words = list(re.finditer(r'(?<==")[A-Za-z_/0-9]+(?=")', text))
+    tags = list(re.finditer(r"<[^>]+>", text))
+    kind = rng.randrange(6)
+    spot = rng.choice([numbers, words, tags, tags, tags, tags][kind])
+    new_text = [
+        rng.choice(["1e308", "-1e300", "nan", "inf", "0", "-1", "1e-300", "1_0", "", "9" * 400]),
+        rng.choice([rng.choice(words).group(), "../../etc/passwd", "/dev/zero", "", "a" * 500, "tool", "P1"]),
+        "",
+        spot.group() * 2,
+        rng.choice(['<composite count="999 999 999"/>', "<x>" * 300, '<geom type="mesh" mesh="q"/>']),
+        chr(rng.choice([0, 34, 60, 255, 0x2028])),
+    ][kind]
+    end = len(text) if kind == 4 and rng.random() < 0.5 else spot.end()
+    return text[: spot.start()] + new_text + text[end:]
