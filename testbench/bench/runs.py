@@ -1,4 +1,4 @@
-"""Measured runs for a fit: read, checked, and the poses that are held back set apart."""
+"""Measured runs for a fit: read, brought into the base's frame, poses that are held back set apart."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,19 +10,29 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.fits import Runs
-from testbench.bench.frame_choice import to_base
+from testbench.bench.frame_choice import frame_files, to_base
 from testbench.bench.frame_rows import registration_row
-from testbench.data.csvfile import read_csv
+from testbench.bench.rows import UM
 from testbench.data.dataset import split
+from testbench.data.export import Export, read_export
 from testbench.errors import BenchError, InputError
+from testbench.identify.registered import Registered
 
 
-class Asked(Protocol):
-    """What a command says about its runs."""
+class Source(Protocol):
+    """What a command says about where its readings are, and how to read them."""
 
     @property
     def dataset(self) -> Path:
         """The file."""
+
+    @property
+    def mapping(self) -> Path | None:
+        """A map of its names; None where it uses ours."""
+
+    @property
+    def sigma_um(self) -> float | None:
+        """Standard deviation of a reading; None where the file says it."""
 
     @property
     def frame(self) -> str:
@@ -32,6 +42,10 @@ class Asked(Protocol):
     def new_target(self) -> Sequence[str] | None:
         """Targets in the file that the arm's folder lacks."""
 
+
+class Asked(Source, Protocol):
+    """What a command says about its runs."""
+
     @property
     def check_pose(self) -> Sequence[int] | None:
         """Poses to hold back."""
@@ -39,6 +53,30 @@ class Asked(Protocol):
     @property
     def full_pose(self) -> bool:
         """Whether orientations are insisted on."""
+
+
+def files_read(asked: Source) -> list[Path]:
+    """The files that are read: table, map, frames."""
+    return [asked.dataset, *([asked.mapping] if asked.mapping else []), *frame_files(asked.frame)]
+
+
+def read(cell: Cell, asked: Source) -> Export:
+    """The runs as they were read; InputError names what is wrong with the file or its map."""
+    sigma = None if asked.sigma_um is None else asked.sigma_um / UM
+    return read_export(asked.dataset, with_new(cell.arm, asked.new_target or ()), asked.mapping, sigma)
+
+
+def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registered]:
+    """The cell with targets where they are, and the runs in the base's frame.
+
+    A flag counts more than the map.
+
+    Raises:
+        InputError: When a file of frames is wrong.
+        BenchError: When the frame cannot be found.
+    """
+    said = asked.frame if asked.frame != "auto" or export.frame is None else export.frame
+    return to_base(cell, export.data, said)
 
 
 def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
@@ -51,12 +89,13 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    data = read_csv(asked.dataset, with_new(cell.arm, asked.new_target or ()))
-    if asked.full_pose and data.rotation_before is None:
+    export = read(cell, asked)
+    if asked.full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
-    cell, found = to_base(cell, data, asked.frame)
-    runs = Runs(asked.dataset.name, found.data, found.data, None, found.notes, registration_row(found))
+    cell, found = register(cell, export, asked)
+    notes = (*export.notes, *found.notes)
+    runs = Runs(asked.dataset.name, found.data, found.data, None, notes, registration_row(found))
     if not asked.check_pose:
         return cell, runs
     check, used = split(found.data, np.array(asked.check_pose))

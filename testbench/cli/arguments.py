@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
-Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV.")]
+Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV or any other text table.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
 FrameName = Annotated[
     str,
@@ -17,4 +17,10 @@ FrameName = Annotated[
 NewTarget = Annotated[
     list[str] | None,
     typer.Option("--new-target", help="Target in the file that the arm's folder lacks; again for more."),
+]
+MapFile = Annotated[
+    Path | None, typer.Option("--map", help="TOML file that says how the table names our quantities.")
+]
+SigmaUm = Annotated[
+    float | None, typer.Option(help="Noise of a reading along an axis, where the file does not say it.")
 ]

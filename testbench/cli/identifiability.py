@@ -9,11 +9,9 @@ from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
-from testbench.bench.frame_choice import to_base
 from testbench.bench.models import named_models, plain_name
-from testbench.bench.runs import with_new
-from testbench.cli.arguments import ArmName, Dataset, FrameName, NewTarget
-from testbench.data.csvfile import read_csv
+from testbench.bench.runs import files_read, read, register
+from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, check_file
@@ -34,6 +32,8 @@ class Options:
         str | None, typer.Option(help="Model whose parameters are asked for: MGCO68 of six joints.")
     ] = None
     uncertainty_percent: Annotated[float, typer.Option(help="Of the CAD prior of the arm's folder.")] = 30.0
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None
@@ -45,16 +45,16 @@ def command(asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
     figure = asked.figure
     if figure is not None:
-        check_file(figure, PNG, inputs=[find_arm(asked.arm), asked.dataset], force=asked.force)
+        check_file(figure, PNG, inputs=[find_arm(asked.arm), *files_read(asked)], force=asked.force)
     cell = build_cell(asked.arm)
     [entry] = named_models(cell, [asked.model or plain_name(cell.arm)])
-    data = read_csv(asked.dataset, with_new(cell.arm, asked.new_target or ()))
-    cell, found = to_base(cell, data, asked.frame)
+    export = read(cell, asked)
+    cell, found = register(cell, export, asked)
     strength = Strength(asked.uncertainty_percent / 100)
     seen = seen_report(describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength))
     console = Console(highlight=False)
     console.print(terminal.grid(table(seen)))
-    for sentence in (*found.notes, *seen.sentences):
+    for sentence in (*export.notes, *found.notes, *seen.sentences):
         console.print(f"- {sentence}", markup=False)
     if figure is not None:
         with whole_file(figure) as part:

@@ -13,10 +13,9 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
-from testbench.bench.frame_choice import frame_files
 from testbench.bench.models import Model, named_models
-from testbench.bench.runs import read_runs
-from testbench.cli.arguments import ArmName, Dataset, FrameName, NewTarget
+from testbench.bench.runs import files_read, read_runs
+from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
@@ -38,6 +37,8 @@ class Options:
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify")
     model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None
     check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
     full_pose: Annotated[
@@ -60,7 +61,7 @@ class Options:
 def command(asked: Options) -> None:
     """Fit, judge, write models.json, and say which model to take."""
     arm = find_arm(asked.arm)
-    inputs = [arm, asked.dataset, *frame_files(asked.frame)]
+    inputs = [arm, *files_read(asked)]
     check_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
@@ -77,9 +78,10 @@ def command(asked: Options) -> None:
 
 
 def _plain(asked: Options) -> dict[str, object]:
-    """What was asked for, but for the place of the results, and which file was read."""
+    """What was asked for, but for the place of the results, and which files were read."""
     flags = {key: value for key, value in asdict(asked).items() if key not in ("arm", "out", "force")}
-    return {**flags, "dataset": {asked.dataset.name: files.digest(asked.dataset)}}
+    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
+    return {**flags, "dataset": {asked.dataset.name: files.digest(asked.dataset)}, "mapping": mapping}
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:

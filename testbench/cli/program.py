@@ -15,6 +15,7 @@ COMMANDS = {
     "elastic": "Write the elastic arm as MJCF for MuJoCo's own viewer.",
     "plan": "Choose the poses to measure; say what they promise.",
     "simulate": "Measure the true arm in given poses.",
+    "data": "Read a file of measured runs; say what was understood.",
     "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
     "demo": "Calibrate a heavy arm in simulation.",
@@ -22,6 +23,7 @@ COMMANDS = {
     "shot": "Render the newest recording of a run without a screen.",
 }
 """What there is, one module each, and its line of help."""
+GROUPS = ("data",)  #: Those that have commands of their own.
 TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")  #: Where a shell that completes says what was typed.
 
 
@@ -36,9 +38,11 @@ def program(arguments: Sequence[str]) -> typer.Typer:
     app = typer.Typer(help="Virtual calibration cell for heavy robot arms.", callback=_options)
     named = list(arguments[:1]) or " ".join(os.environ.get(name, "") for name in TYPED).split()[1:2]
     for name, line in COMMANDS.items():
-        asked = name in named
-        body = import_module(f"testbench.cli.{name}").command if asked else _elsewhere
-        app.command(name, help=line)(body)
+        module = import_module(f"testbench.cli.{name}") if name in named else None
+        if module is not None and name in GROUPS:
+            app.add_typer(module.group, name=name, help=line)
+        else:
+            app.command(name, help=line)(module.command if module is not None else _elsewhere)
     return app
 
 

@@ -28,7 +28,7 @@ class Export:
     data: Dataset  #: The runs.
     frame: Frame | None  #: What the readings are in, by the map; None where it does not say.
     columns: Columns  #: Which column says what.
-    notes: tuple[str, ...]  #: What was assumed, left out or numbered.
+    notes: tuple[str, ...]  #: What was assumed, left out or numbered; none for a file that says it all.
 
 
 def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
@@ -75,7 +75,7 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
         precision=precision,
         station=None if conditions.station is None else conditions.station[runs.row],
     )
-    notes = [*table.notes, *conditions.notes, *runs.notes, *sigma_note]
+    notes = [*conditions.notes, *runs.notes, *sigma_note]
     notes += [f"{dropped} rows of points that the map calls no markers are left out"] * bool(dropped)
     return Export(data, names.frame, columns, tuple(notes))
 

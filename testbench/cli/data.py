@@ -1,0 +1,60 @@
+"""testbench data check ARM FILE: what is in a file of measured runs, and how it was understood."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.arm.catalogue import find_arm
+from testbench.bench.campaign import build_cell
+from testbench.bench.runs import files_read, read, register
+from testbench.bench.understood import understand
+from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.output.run import check_folder
+from testbench.shell.options import Force, takes
+from testbench.views.data import words
+from testbench.views.data.files import COMMAND, write
+
+group = typer.Typer(no_args_is_help=True)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    arm: ArmName
+    dataset: Dataset
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    frame: FrameName = "auto"
+    new_target: NewTarget = None
+    out: Annotated[Path | None, typer.Option(help="Folder for data.png and recording.rrd.")] = None
+    force: Force = False
+
+
+@group.callback()
+def commands() -> None:
+    """Read a file of measured runs; say what was understood."""
+
+
+@group.command("check")
+@takes(Options)
+def check(asked: Options) -> None:
+    """Say which column is which quantity, what was assumed, and show the runs on the arm."""
+    arm = find_arm(asked.arm)
+    if asked.out is not None:
+        inputs = [arm, *files_read(asked)]
+        check_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
+    cell = build_cell(asked.arm)
+    export = read(cell, asked)
+    found = understand(export)
+    console = Console(highlight=False)
+    console.print("\n".join([*words.table(found), "", *words.lines(found)]), soft_wrap=True, markup=False)
+    cell, registered = register(cell, export, asked)  # after the table, which helps where no frame is found
+    console.print("\n".join(f"- {note}" for note in registered.notes), soft_wrap=True, markup=False)
+    if asked.out is not None:
+        write(cell, asked.dataset.name, found, registered, asked.out)
+        text = f"picture    {asked.out / 'data.png'}\nrecording  {asked.out / 'recording.rrd'}"
+        console.print(f"{text}; open it with: testbench view {asked.out}", soft_wrap=True, markup=False)

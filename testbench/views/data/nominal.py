@@ -1,0 +1,27 @@
+"""Measured runs beside the arm without sag: where its targets would be, and how far to magnify."""
+
+import numpy as np
+
+from testbench.bench.campaign import Cell
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify.weighed import marker_points
+from testbench.model.vjm import chain
+
+SHARE = 0.15  #: Length of the longest drawn deflection over the extent of the readings, before rounding [1].
+
+
+def nominal_markers(cell: Cell, data: Dataset) -> Array:
+    """Targets of the rigid arm, (runs, m, 3) [m]."""
+    where = chain(cell.vjm, data.q)
+    points = marker_points(cell.vjm, data.markers)
+    return np.asarray(where.position[:, None] + points @ where.rotation.transpose(0, 2, 1))
+
+
+def magnification(data: Dataset, nominal: Array) -> float:
+    """Magnification 1, 2 or 5 times a power of ten for a longest deflection of at most SHARE."""
+    longest = float(np.linalg.norm(data.deflection, axis=-1).max())
+    extent = float(np.linalg.norm(np.ptp(nominal.reshape(-1, 3), axis=0))) or 1.0
+    wanted = min(SHARE * extent / max(longest, 1e-9), 1e4)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(1.0, power * max(k for k in (1, 2, 5) if k * power <= wanted * (1 + 1e-9))))

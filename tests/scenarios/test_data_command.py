@@ -1,0 +1,96 @@
+"""`testbench data check` says what was understood of a file, and shows it; maps serve the other commands."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_here import here
+
+from testbench.arm.folder import load_arm
+from testbench.cli.program import program
+from testbench.data.export import read_export
+
+ROOT = Path(__file__).resolve().parents[2]
+MAPS = ROOT / "docs" / "maps"
+ARM = "kr500_l480"
+
+
+def run(*args):
+    return here(program([args[0]]), *args)
+
+
+def mapped(name):
+    return MAPS / f"{name}.csv", "--map", MAPS / f"{name}.toml"
+
+
+def test_a_spreadsheet_is_understood_and_shown(tmp_path):
+    done = run("data", "check", ARM, *mapped("spreadsheet"), "--out", tmp_path / "seen")
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert "joint 2 A2 [°] deg -126.97 to -49.95 16" in words
+    assert "position P3 loaded Ziel 3 voll X [mm] ... Ziel 3 voll Z [mm] mm" in words
+    assert "16 rows: 16 runs in 8 poses, 3 markers P1, P2, P3 lost targets: 1 of 48" in words
+    assert "1471.5 N (as of 150 kg hung) in 8 runs; 4515.5 N (as of 460.3 kg hung) in 8 runs" in words
+    assert "columns not read: Bemerkung" in words
+    assert "text in cp1252, ';' between the cells, header in line 4" in words
+    assert "readings are in the base's frame" in words
+    assert sorted(p.name for p in (tmp_path / "seen").iterdir()) == [
+        "data.png",
+        "manifest.json",
+        "recording.rrd",
+    ]
+
+
+def test_points_of_a_tracker_are_brought_into_the_base_and_fitted(tmp_path):
+    """The tracker stood at (4.2, 1.7, -1.4) m of its own frame from the base; truth of the example."""
+    done = run("data", "check", ARM, *mapped("spatialanalyzer"))
+    assert done.returncode == 0, done.stderr
+    assert "8 unloaded readings serve several loads each" in done.stdout
+    assert "8 rows of points that the map calls no markers are left out" in done.stdout
+    assert "turned by 137.0" in done.stdout
+    out = tmp_path / "fit"
+    models = "--model", "Joints", "--no-intervals"
+    done = run("identify", ARM, *mapped("spatialanalyzer"), *models, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "sigma 50 um is assumed" in done.stdout
+    done = run("identifiability", ARM, *mapped("spreadsheet"))
+    assert done.returncode == 0, done.stderr
+
+
+def test_both_examples_hold_the_same_loads_and_deflections():
+    arm = load_arm(ROOT / "models" / ARM)
+    one, other = (
+        read_export(MAPS / f"{name}.csv", arm, MAPS / f"{name}.toml").data
+        for name in ("spreadsheet", "spatialanalyzer")
+    )
+    np.testing.assert_array_equal(one.wrench, other.wrench)
+    np.testing.assert_allclose(one.q, other.q, atol=1e-9)
+    both = one.seen & other.seen
+    size, again = (np.linalg.norm(data.deflection[both], axis=-1) for data in (one, other))
+    np.testing.assert_allclose(size, again, atol=5e-4)  # two readings of each unloaded target, 50 um
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("frame =", "fame =", "fame: unknown key; keys are frame, file, columns, cells, words, values"),
+        ('"tracker"', '"moon"', "frame: Input should be 'base' or 'tracker', got 'moon'"),
+        (
+            '"Point"',
+            '"Pint"',
+            "columns.marker: no such column in spatialanalyzer.csv; columns are 'Collection'",
+        ),
+        ("A{n}", "A{k}", "columns.joint_{n}_deg: expected one of our quantities"),
+        ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore"),
+        ("Pose {pose} /", "Pose {pose} :", "line 4, column Group: expected 'Pose {pose} : {mass_kg} kg'"),
+        ("_mm", "_deg", "columns.{axis}_deg: expected one of our quantities"),
+        ("frame =", "= frame", "not TOML"),
+    ],
+)
+def test_a_wrong_map_is_one_line(tmp_path, old, new, text):
+    whole = (MAPS / "spatialanalyzer.toml").read_text()
+    (tmp_path / "map.toml").write_text(whole.replace(old, new))
+    done = run("data", "check", ARM, MAPS / "spatialanalyzer.csv", "--map", tmp_path / "map.toml")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert text in done.stderr
