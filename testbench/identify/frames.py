@@ -15,6 +15,9 @@ from testbench.errors import Array
 from testbench.model.vjm import Vjm, tool_pose
 
 LEAST_POINTS = 3  #: That fix a frame, as long as they are on no line.
+MOST = (
+    3000  #: Readings that are used, drawn at random where there are more: noise is not what limits a frame.
+)
 BLIND = 1e-6
 """Least singular value of the linear form over its largest, below which it is not taken."""
 
@@ -45,24 +48,23 @@ class Found:
 
 
 def unloaded(vjm: Vjm, data: Dataset) -> Unloaded:
-    """The unloaded readings of a dataset; stations and targets by their place in order."""
+    """The unloaded readings of a dataset, MOST at most; stations and targets by their place in order."""
     seen = data.seen
     run, target = np.nonzero(seen)
-    station = np.zeros(data.runs, dtype=int)
+    station = np.zeros(len(run), dtype=int)
     if data.station is not None:
-        station = np.unique(data.station, return_inverse=True)[1].ravel()
-    keys = np.column_stack([station, data.q])[run]
-    keys = np.column_stack([keys, target])
+        station = np.unique(data.station[run], return_inverse=True)[1].ravel()
+    keys = np.column_stack([station, data.q[run], target])
     _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     group, count = group.ravel(), np.bincount(group.ravel())[:, None]
     y, C = np.zeros((len(first), 3)), np.zeros((len(first), 3, 3))
     np.add.at(y, group, data.before[seen])
     np.add.at(C, group, _covariance(data)[seen])
-    position, rotation = tool_pose(vjm, data.q)
-    at = run[first]
-    return Unloaded(
-        station[at], target[first], y / count, C / count[..., None] ** 2, rotation[at], position[at]
-    )
+    some = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(first))[:MOST])
+    first, count = first[some], count[some]
+    position, rotation = tool_pose(vjm, data.q[run[first]])
+    C = C[some] / count[..., None] ** 2
+    return Unloaded(station[first], target[first], y[some] / count, C, rotation, position)
 
 
 def _covariance(data: Dataset) -> Array:

@@ -34,7 +34,7 @@ def in_base(found: Registration, data: Dataset) -> Dataset:
 
     before, after = data.before.copy(), data.after.copy()
     turned = [r if r is None else r.copy() for r in (data.rotation_before, data.rotation_after)]
-    R, about = np.empty((data.runs, 3, 3)), np.empty((data.runs, 3, 3))
+    R, about = np.tile(np.eye(3), (data.runs, 1, 1)), np.zeros((data.runs, 3, 3))
     for frame in found.frames:
         own = of_station(frame, data)
         R[own], about[own] = frame.rotation, frame.covariance[:3, :3]

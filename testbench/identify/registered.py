@@ -22,18 +22,20 @@ from testbench.model.vjm import Vjm, skew
 
 Choice = Literal["auto", "base", "tracker"]
 
-TURN, SHIFT = math.radians(0.5), 0.03
-"""A frame nearer to the base than this, at the targets, is the base [rad, m].
+TURN, SHIFT = math.radians(0.5), 0.01
+"""A frame nearer to the base than this is the base [rad, share of the targets' distance].
 
-Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm, those of a heavy arm with
-`plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns of a KR 500).
+Readings in the base's frame seem turned by up to 0.35 deg and moved by 15 mm at 2.5 m, those of a heavy arm
+with `plant.TYPICAL` errors; without errors, by 0.13 deg and 4 mm by its own weight (30 campaigns, KR 500).
 """
 MOVED = 0.005
 """Distance from its nominal position beyond which a target of readings in the base's frame is taken as found
 [m]. By its own weight a sound arm moves one by up to 2 mm; to take targets as found costs nothing."""
 SURE = 3.0  #: Standard deviations within which a frame may be the base.
 LOOSE = math.radians(1.0)  #: Standard deviation of a frame's rotation beyond which it is not known [rad].
-FAR = 0.05  #: Median distance of readings from an arm that is another, or has other joint angles [m].
+FAR = 0.02
+"""Median distance of readings from where the arm has them, over the targets' distance from its base, from
+which it is another arm, or has other joint angles."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +71,10 @@ def registered(vjm: Vjm, data: Dataset, frame: Choice | tuple[Frame, ...] = "aut
         found = register(vjm, data)
     except BenchError as why:
         return _unknown(vjm, data, str(why))
-    if found.typical > FAR:
-        return _unknown(
-            vjm, data, f"in no frame do the unloaded readings fit the arm ({1e3 * found.rms:.3g} mm RMS)"
-        )
-    if all(_is_base(one, data) for one in found.frames):
+    if found.typical > FAR * found.reach:
+        fit = f"({1e3 * found.rms:.3g} mm RMS)"
+        return _unknown(vjm, data, f"in no frame do the unloaded readings fit the arm {fit}")
+    if all(_is_base(one, data, found.reach) for one in found.frames):
         return _in_base(vjm, data)
     return _in_tracker(vjm, data, found)
 
@@ -84,7 +85,7 @@ def _unknown(vjm: Vjm, data: Dataset, why: str) -> Registered:
     return Registered(vjm, data, None, "base", (f"readings are taken to be in the base's frame: {why}",))
 
 
-def _is_base(frame: Frame, data: Dataset) -> bool:
+def _is_base(frame: Frame, data: Dataset, reach: float) -> bool:
     """Whether a frame is the base's but for the arm's errors, or cannot be told from it."""
     own = data.seen & of_station(frame, data)[:, None]
     y = data.before[own]
@@ -92,7 +93,7 @@ def _is_base(frame: Frame, data: Dataset) -> bool:
     at_targets = np.hstack([-frame.rotation @ skew(x.mean(axis=0)), np.eye(3)])
     turn, shift = frame.deviation, spread(at_targets @ frame.covariance @ at_targets.T)
     moved = float(np.median(np.linalg.norm(y - x, axis=1)))
-    return frame.angle < TURN + SURE * turn and moved < SHIFT + SURE * shift
+    return frame.angle < TURN + SURE * turn and moved < SHIFT * reach + SURE * shift
 
 
 def _in_base(vjm: Vjm, data: Dataset) -> Registered:

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array, BenchError
-from testbench.identify.frames import Found, starts, unloaded
+from testbench.identify.frames import LEAST_POINTS, Found, points, starts, unloaded
 from testbench.identify.refinement import Solved, refine
 from testbench.identify.weighed import check_runs
 from testbench.model.vjm import Vjm
@@ -57,6 +57,7 @@ class Registration:
     targets: Array  #: Their positions in the tool's frame, (m, 3) [m].
     nominal: Array  #: Where the arm's folder has them, (m, 3) [m]; NaN for a target that it lacks.
     covariance: Array  #: Of rotation and translation of every frame not given, then of all targets [rad, m].
+    reach: float  #: Median distance of the targets from the arm's base [m].
     readings: int  #: Targets read, once a pose.
     rms: float  #: RMS distance of readings from where arm, frames and targets have them [m].
     typical: float  #: Median of these distances [m].
@@ -101,6 +102,7 @@ def register(vjm: Vjm, data: Dataset, given: tuple[Frame, ...] = ()) -> Registra
         targets=best.found.targets,
         nominal=nominal,
         covariance=best.covariance,
+        reach=float(np.median(np.linalg.norm(points(seen, best.found.targets) - vjm.base[:3, 3], axis=1))),
         readings=len(seen.y),
         rms=float(np.sqrt(np.mean(best.distance**2))),
         typical=float(np.median(best.distance)),
@@ -115,8 +117,10 @@ def spread(covariance: Array) -> float:
 
 
 def station_names(data: Dataset) -> list[int]:
-    """Identifiers of the stations in order; 1 where the data name none."""
-    return [1] if data.station is None else [int(name) for name in np.unique(data.station)]
+    """Identifiers of the stations that read anything, in order; 1 where the data name none."""
+    if data.station is None:
+        return [1]
+    return [int(name) for name in np.unique(data.station[data.seen.any(axis=1)])]
 
 
 def _frames(names: list[int], free: Mask, solved: Solved) -> Iterator[Frame]:
@@ -132,6 +136,10 @@ def _unsolved(vjm: Vjm, data: Dataset, tried: list[Solved]) -> str:
     """Why no registration was found, and what would help."""
     if any(one.status == "no convergence" for one in tried):
         return "registration: no convergence; a wrong unit, order of joints or sign of an angle?"
+    for name in station_names(data):
+        own = data.seen if data.station is None else data.seen[data.station == name]
+        if own.sum() < LEAST_POINTS:
+            return f"registration: station {name} read {own.sum()} targets; expected at least {LEAST_POINTS}"
     turning = [
         j.name for j, size in zip(vjm.arm.joints, np.ptp(data.q, axis=0), strict=True) if size > TURNED
     ]

@@ -13,6 +13,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import gco
 from testbench.identify.evaluate import predict
+from testbench.identify.frames import MOST
 from testbench.identify.in_base import in_base
 from testbench.identify.method import with_prior
 from testbench.identify.prior import Strength, cad_prior
@@ -137,6 +138,27 @@ def test_same_reading_again_tells_nothing_new(kr500, rng):
     few, many = register(vjm, data), register(vjm, more)
     np.testing.assert_allclose(many.targets, few.targets, rtol=0, atol=1e-9)
     np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-4)
+
+
+def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
+    """The tenth run by a station of its own: all its targets lost, then one of them read."""
+    vjm, data = unloaded(kr500, rng, 10)
+    data = replace(data, station=np.repeat([1, 2], [9, 1]))
+    P = np.tile(np.eye(3) / FINE**2, (10, 3, 1, 1))
+    P[9] = 0
+    found = registered(vjm, replace(read(data, *frames(rng, 3)), precision=P))
+    assert [frame.station for frame in found.registration.frames] == [1]
+    np.testing.assert_allclose(found.data.before[:9], data.before[:9], rtol=0, atol=1e-9)
+    P[9, 0] = P[0, 0]
+    with pytest.raises(BenchError, match="station 2 read 1 targets; expected at least 3"):
+        registered(vjm, replace(data, precision=P), "tracker")
+
+
+def test_many_readings_take_no_longer_than_some(kr500, rng):
+    vjm, data = unloaded(kr500, rng, 4000, stations=2, noise=1e-3)
+    found = register(vjm, read(data, *frames(rng, 2)))
+    assert found.readings == MOST
+    np.testing.assert_allclose(found.targets, kr500.vjm.markers, rtol=0, atol=1e-4)
 
 
 def test_one_joint_alone_leaves_a_new_target_open(kr500, rng):
