@@ -70,7 +70,7 @@ def default_name(arm: Arm) -> str:
 
 def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
     """Names of those kinds of models that the arm has."""
-    return [name for kind in kinds if (name := own_name(cell.arm, kind))]
+    return list(dict.fromkeys(name for kind in kinds if (name := own_name(cell, kind))))
 
 
 def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:

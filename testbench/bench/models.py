@@ -22,6 +22,7 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
+from testbench.model.vjm import Vjm
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and parameters.
 ANY_ARM = ("Joints", "MLS56", "MGCO56", "MGCO147", "ALL153")
 """Kinds of models that take all links or none, and so are of any arm."""
+LEVEL = 1e-9  #: Of a direction's upward part: rounding.
 EVERY = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
 
 
@@ -82,16 +84,28 @@ def own_names(arm: Arm) -> dict[str, str]:
     return found if arm.joints else {name: kind for name, kind in found.items() if kind != "Joints"}
 
 
-def own_name(arm: Arm, kind: str) -> str | None:
-    """What an arm calls its model of a kind, a key of `MODELS`; None where it has none."""
-    return next((name for name, own in own_names(arm).items() if own == kind), None)
+def own_name(cell: Cell, kind: str) -> str | None:
+    """What an arm calls its model of a kind, a key of `MODELS`; None where it has none.
+
+    MGCO68 leaves out joint 1 as gravity does not load it. Where it does, MGCO69 stands in.
+    """
+    kind = "MGCO69" if kind == "MGCO68" and _first_is_loaded(cell.vjm) else kind
+    return next((name for name, own in own_names(cell.arm).items() if own == kind), None)
 
 
-def plain_name(arm: Arm) -> str:
+def plain_name(cell: Cell) -> str:
     """The model that is asked for where none is named and no prior fills it."""
-    found = own_name(arm, "MGCO68") or own_name(arm, "MGCO56")
+    found = own_name(cell, "MGCO68") or own_name(cell, "MGCO56")
     assert found  # of any arm
     return found
+
+
+def _first_is_loaded(vjm: Vjm) -> bool:
+    """Whether gravity moves joint 1: a hinge that is not upright, a slide that is not level."""
+    if not vjm.arm.joints:
+        return False
+    upward = abs(float(vjm.base[2, :3] @ vjm.placements[0, :3, :3] @ vjm.axes[0]))
+    return upward > LEVEL if vjm.arm.joints[0].prismatic else upward < 1 - LEVEL
 
 
 def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:

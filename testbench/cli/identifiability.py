@@ -47,7 +47,7 @@ def command(asked: Options) -> None:
     if figure is not None:
         check_file(figure, PNG, inputs=[find_arm(asked.arm), *files_read(asked)], force=asked.force)
     cell = build_cell(asked.arm)
-    [entry] = named_models(cell, [asked.model or plain_name(cell.arm)])
+    [entry] = named_models(cell, [asked.model or plain_name(cell)])
     export = read(cell, asked)
     cell, found = register(cell, export, asked)
     strength = Strength(asked.uncertainty_percent / 100)

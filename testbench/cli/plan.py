@@ -8,9 +8,8 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import Arm
 from testbench.bench import plan as plans
-from testbench.bench.campaign import build_cell
+from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.models import EVERY, plain_name, right_name
 from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box, place, read_tasks
@@ -65,7 +64,7 @@ def command(asked: Options) -> None:
     folder = find_arm(asked.arm)
     check_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, asked.task], force=asked.force)
     cell = replace(build_cell(asked.arm), floor=asked.floor_z)
-    settings = _settings(cell.arm, asked)
+    settings = _settings(cell, asked)
     structure(cell, settings.model)  # refused here, not after the search
     tasks = read_tasks(asked.task, cell, plans.hung(cell, settings.loads_kg[0]))
     console = Console(highlight=False)
@@ -90,7 +89,7 @@ def command(asked: Options) -> None:
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _settings(arm: Arm, asked: Options) -> PlanSettings:
+def _settings(cell: Cell, asked: Options) -> PlanSettings:
     """The flags as settings.
 
     Raises:
@@ -102,10 +101,10 @@ def _settings(arm: Arm, asked: Options) -> PlanSettings:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
     return PlanSettings(
-        model=right_name(arm, asked.model or (plain_name(arm) if asked.no_prior else EVERY)),
+        model=right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY)),
         criterion=asked.criterion,
         poses=asked.poses,
-        loads_kg=tuple(asked.load or [payload_of(arm, None, "--load")]),
+        loads_kg=tuple(asked.load or [payload_of(cell.arm, None, "--load")]),
         sigma_um=asked.sigma_um,
         uncertainty_percent=None if asked.no_prior else percent,
         tracker_m=None if asked.tracker is None else place(asked.tracker),

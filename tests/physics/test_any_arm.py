@@ -9,7 +9,7 @@ from serial_arms import turned_arm, write_arm
 from testbench.bench.agreement import check_agreement
 from testbench.bench.campaign import Scenario, build_cell, hanging, measure
 from testbench.bench.default import default_models, default_name
-from testbench.bench.models import named_models
+from testbench.bench.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
 from testbench.identify import least_squares
 from testbench.identify.prior import cad_prior
@@ -79,7 +79,7 @@ def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_pat
     data = measure(cell, setup, hanging(cell, q, np.arange(12) + 1, 10.0))
     found = least_squares(cell.vjm, mgco147(cell.arm), data)
     assert np.abs(data.deflection).max() > 1e-4
-    assert found.f_m < 1e-6  # sigmas of 50 um, so 1e-10 m; deflections of millimetres round at 1e-16 m
+    assert found.f_m < 1e-10  # in sigmas of 50 um: deflections of millimetres round at 1e-16 m
 
 
 def test_the_slides_weightless_plant_nears_the_model_as_the_square_of_the_load(slides):
@@ -113,8 +113,29 @@ def test_models_are_called_by_the_unknowns_that_they_have(joints, names, tmp_pat
     assert [m.name for m in models] == [m.structure.name for m in models] == names
     assert [int(m.name.strip("MLSGCOA")) for m in models[1:]] == [m.structure.n for m in models[1:]]
     assert named_models(cell, ["all"])[0].name == names[-1]
+    assert plain_name(cell) == names[2]
     assert (
         default_models(cell, cad_prior(cell.arm))[-1].name == default_name(cell.arm) == f"{names[-1]} + prior"
     )
     with pytest.raises(BenchError, match=r"no model 'MGCO68' of arm, \d joints; models are Joints, MLS"):
         named_models(cell, ["MGCO68"])
+
+
+@pytest.mark.parametrize(
+    ("joints", "turned", "name"),
+    [
+        ("zyyxyx", "", "MGCO68"),
+        ("zyyxyx", 'euler="3.14159265358979 0 0.3"', "MGCO68"),  # below a ceiling joint 1 is upright as well
+        ("zyyxyx", 'euler="0.3 0 0"', "MGCO69"),
+        ("XyyxyZ", "", "MGCO68"),
+        ("ZyyxyZ", "", "MGCO69"),
+    ],
+)
+def test_joint_1_is_a_parameter_where_gravity_loads_it(joints, turned, name, tmp_path):
+    folder = write_arm(tmp_path / "arm", joints, pose=lambda body: turned if body == "link_0" else "")
+    cell = build_cell(folder)
+    assert plain_name(cell) == name
+    names = [m.name for m in default_models(cell, cad_prior(cell.arm))]
+    assert [n for n in names if n.startswith("MGCO6")] == [name, f"{name} + prior"]
+    without = [m.name for m in default_models(cell, None)]
+    assert len(set(without)) == len(without)
