@@ -10,6 +10,9 @@ import pytest
 from testbench.bench.checked import check
 from testbench.bench.sag import sag
 from testbench.model.vjm import chain
+from testbench.plant.adopt.propose import propose
+from testbench.plant.adopt.read import read_chain
+from testbench.plant.adopt.wishes import Wishes
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"
@@ -155,3 +158,16 @@ def test_the_effect_of_the_load_point_is_that_of_a_load_point_that_is_moved(tmp_
         other = sag(planted(tmp_path / f"b{k}", moved).cell)
         changes.append(np.sqrt(np.square(other.whole - sound.sag.whole).sum()))
     assert item.share == pytest.approx(max(changes) / np.sqrt(np.square(sound.sag.whole).sum()), rel=1e-6)
+
+
+def test_a_proposal_for_the_geometry_of_our_kr500_sags_within_three_times_as_it_does(tmp_path, sound):
+    """Its shapes and a rated payload of 500 kg are all that the proposal knows of it."""
+    folder = Path(shutil.copytree(MODELS / "kr500_l480", tmp_path / "proposed"))
+    markers = tuple((name, np.zeros(3)) for name in ("P1", "P2", "P3"))  # their places stay in rigid.xml
+    robot = read_chain(folder / XML, "tool")
+    (folder / TOML).write_text(propose(robot, Wishes(payload=500.0, markers=markers)).elastic, "utf-8")
+    proposed = check(folder)
+    assert proposed.doubts == []
+    np.testing.assert_array_equal(proposed.sag.q, sound.sag.q)
+    ratio = proposed.sag.size / sound.sag.size
+    assert 1 / 3 < ratio.min() <= ratio.max() < 3
