@@ -14,6 +14,7 @@ from testbench.errors import BenchError
 from testbench.identify import gco
 from testbench.identify.evaluate import predict
 from testbench.identify.frames import MOST
+from testbench.identify.frames import unloaded as run_means
 from testbench.identify.in_base import in_base
 from testbench.identify.method import with_prior
 from testbench.identify.prior import Strength, cad_prior
@@ -118,19 +119,19 @@ def test_covariance_is_that_of_the_errors(kr500):
 
 @pytest.mark.parametrize("size", [0.01, 1.0, 100.0])
 def test_wild_readings_hardly_move_anything(size, kr500, rng):
-    """Every tenth reading off by `size`: errors stay within five of the deviations that are stated."""
+    """Every fifth reading off by `size`: errors stay within five of the deviations that are stated."""
     vjm, data = unloaded(kr500, rng, 20, noise=3e-4)
     R, t = frames(rng, 1)
     data = read(data, R, t)
-    data.before.reshape(-1, 3)[::10] += size * rng.standard_normal((6, 3))
+    data.before.reshape(-1, 3)[::5] += size * rng.standard_normal((12, 3))
     found = register(vjm, data)
     e = errors(found, kr500.vjm, R, t)
     assert (np.abs(e) < 5 * np.sqrt(np.diag(found.covariance))).all()
-    assert found.wild >= 5
+    assert found.wild >= 11
     assert found.noise < 4e-4
 
 
-def test_same_reading_again_tells_nothing_new(kr500, rng):
+def test_same_pose_again_tells_less_noise_of_the_tracker_and_nothing_else(kr500, rng):
     vjm, data = unloaded(kr500, rng, 8, noise=1e-3)
     again = {name: np.concatenate([getattr(data, name)] * 3) for name in ("q", "wrench", "point", "before")}
     ids = np.arange(24)
@@ -138,6 +139,7 @@ def test_same_reading_again_tells_nothing_new(kr500, rng):
     few, many = register(vjm, data), register(vjm, more)
     np.testing.assert_allclose(many.targets, few.targets, rtol=0, atol=1e-9)
     np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-4)
+    np.testing.assert_allclose(run_means(vjm, more).covariance[0], FINE**2 / 3 * np.eye(3), rtol=1e-12)
 
 
 def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
