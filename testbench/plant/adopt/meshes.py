@@ -4,6 +4,7 @@ import io
 import logging
 import stat
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -95,7 +96,7 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         vertices = np.concatenate([np.asarray(part.vertices, dtype=float) for part in parts]) * scale
         first = np.cumsum([0, *(len(part.vertices) for part in parts)])
         faces = np.concatenate([np.asarray(p.faces, dtype=int) + first[k] for k, p in enumerate(parts)])
-        rgba = _colour(max(parts, key=lambda part: part.area))
+        rgba = _main_colour(parts)
     except MeshError:
         raise
     except Exception as err:  # parsers of strangers' files fail in every way
@@ -116,14 +117,23 @@ def _metre(data: bytes) -> float:
     return float(collada.Collada(io.BytesIO(data)).assetInfo.unitmeter or 1.0)
 
 
-def _colour(part: object) -> Array | None:
-    """The main colour of a part of a COLLADA or OBJ file."""
-    visual = getattr(part, "visual", None)
-    material = getattr(visual, "material", None)
+def _main_colour(parts: Sequence[object]) -> Array | None:
+    """The colour of the most area of a COLLADA or OBJ file."""
+    areas: dict[tuple[float, ...], float] = {}
+    for part in parts:
+        colour = _colour(part)
+        if colour is not None:
+            areas[colour] = areas.get(colour, 0.0) + float(getattr(part, "area", 0.0))
+    return np.array(max(areas, key=lambda colour: areas[colour])) if areas else None
+
+
+def _colour(part: object) -> tuple[float, ...] | None:
+    """The colour of one part; None where the file states none."""
+    material = getattr(getattr(part, "visual", None), "material", None)
     colour = getattr(material, "main_color", None)
-    if colour is None or getattr(material, "name", "") == "material_0":
+    if colour is None or getattr(material, "name", "") == "material_0":  # trimesh's own grey
         return None
-    return np.asarray(colour, dtype=float)[:4] / 255
+    return tuple(float(x) / 255 for x in colour[:4])
 
 
 def _welded(vertices: Array, faces: Faces) -> tuple[Array, Faces]:

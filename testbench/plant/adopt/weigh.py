@@ -76,7 +76,7 @@ def _doubt(bodies: Sequence[Body]) -> list[str]:
     if volume == 0 or low <= mass / volume <= high:
         return []
     return [
-        f"{mass:.4g} kg in the file are {mass / volume:.3g} kg/m^3 inside of the shapes: check the masses"
+        f"{mass:.4g} kg in the file are {mass / volume:.0f} kg/m^3 inside of the shapes: check the masses"
     ]
 
 
