@@ -21,7 +21,7 @@ def frame_notes(found: Registration) -> Iterator[str]:
         text += f"{math.degrees(frame.angle):.3f} deg about ({about})"
         if frame.covariance.any():
             where = 1e3 * spread(frame.covariance[3:, 3:])
-            text += f"; standard deviations up to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
+            text += f"; by noise known to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
         yield text
     text = f"unloaded readings fit the arm's kinematics to {1e3 * found.rms:.2f} mm RMS"
     wild = f"; {found.wild} of {found.readings} are wild and count less" if found.wild else ""
@@ -35,5 +35,5 @@ def target_notes(found: Registration, taken: Mask) -> Iterator[str]:
         at = ", ".join(f"{1e3 * x:.1f}" for x in found.targets[k])
         away = float(np.linalg.norm(found.targets[k] - found.nominal[k]))
         new = "new" if math.isnan(away) else f"{1e3 * away:.1f} mm from nominal"
-        text = f"target {found.markers[k]} at ({at}) mm in the tool's frame, {new}, standard deviation up to"
+        text = f"target {found.markers[k]} at ({at}) mm in the tool's frame, {new}; by noise known to"
         yield f"{text} {1e3 * deviations[k]:.2f} mm"
