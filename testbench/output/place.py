@@ -37,19 +37,20 @@ def check_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bo
         force: Whether a link, or a file of another kind, may be replaced.
 
     Raises:
-        InputError: When it is an input, a folder, a device, without force a link, a file of another kind or a
-            guest in a run's folder; when it cannot be written.
+        InputError: When it is an input or a file of one, a folder or a device; without force, when it is a
+            link, a file of another kind or a guest in a run's folder; when it cannot be written.
     """
     status = look(path)
     if status is not None and not stat.S_ISREG(status.st_mode) and not stat.S_ISLNK(status.st_mode):
         raise InputError(path, "", "expected the name of a file, got a folder or a device")
+    ours = status is None or stat.S_ISLNK(status.st_mode) or not status.st_size or _is(path, kind)
     for source in inputs:
-        if same(path, source) or inside(path, source):
-            raise InputError(path, "", f"expected a place outside of {source}, which is read")
+        if same(path, source) or (not ours and inside(path, source)):
+            raise InputError(path, "", "is read by this command; choose another name")
     if status is not None and not force:
         if stat.S_ISLNK(status.st_mode):
             raise InputError(path, "", f"is a symbolic link; {INSTEAD}")
-        if status.st_size and not _is(path, kind):
+        if not ours:
             raise InputError(path, "", f"expected {kind.name} where one is replaced; {INSTEAD}")
     if not force and is_run(path.parent):
         problem = "a run folder holds only runs; choose another place, or add to it by --force"

@@ -1,6 +1,7 @@
 """The shell of every command: one line and an exit code for what the user can mend, one BLAS thread."""
 
 import contextlib
+import io
 import os
 import sys
 from collections.abc import Callable
@@ -17,7 +18,15 @@ from testbench.shell.interrupt import INTERRUPTED
 WRONG = 2
 
 
-def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> int:
+def say(line: str) -> None:
+    """Say a line on standard error, if anybody listens."""
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError):
+            sys.stderr.write(line)
+            sys.stderr.flush()
+
+
+def run(app: typer.Typer, fail: Callable[[str], object] = say) -> int:
     """Run a typer app on the command line's arguments.
 
     Args:
@@ -27,6 +36,8 @@ def run(app: typer.Typer, fail: Callable[[str], object] = sys.stderr.write) -> i
     Returns:
         0 when it went well, 2 for what the user can mend, 130 after Ctrl-C.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # what its encoding cannot write is no reason to fail
     with interrupt.raised() as pressed:
         try:
             code, words = _outcome(app)
@@ -59,8 +70,8 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
         return WRONG, f"error: {place} in SI units: {first['msg']}, got {first['input']!r}"
     except OSError as err:
         _drop_output()
-        place = f"{err.filename}: " if err.filename else ""
-        return WRONG, f"error: {place}cannot be read or written: {err.strerror or err}"
+        place = err.filename or "standard output or another device"
+        return WRONG, f"error: {place}: cannot be read or written: {err.strerror or err}"
     return code if isinstance(code, int) else 0, ""
 
 

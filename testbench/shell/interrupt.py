@@ -16,8 +16,9 @@ def leave_at_once(*_: object) -> None:
     For imports, which have nothing to clean up and whose C code may make other errors of an exception, and
     for whoever presses Ctrl-C again while the program cleans up.
     """
-    with contextlib.suppress(OSError):
-        os.write(2, f"interrupted: {STANDS}\n".encode())
+    if sys.stderr is not None:  # else a file of ours may have its number
+        with contextlib.suppress(OSError):
+            os.write(2, f"interrupted: {STANDS}\n".encode())
     os._exit(INTERRUPTED)
 
 
@@ -55,5 +56,5 @@ def leave(code: int) -> None:
     Raises:
         SystemExit: Always.
     """
-    handle(lambda *_: None)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(code)

@@ -148,27 +148,29 @@ def open_store(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
         raise InputError(folder, "", f"cannot be written: {err.strerror}") from err
-    database = _locked(path)
     try:
-        store = TrialStore(path, experiment, row, database)
-        store.load(resume=resume)
-        yield store
-        if store.finished and path.with_name(WHOLE).exists():
-            path.unlink()
+        with contextlib.closing(_locked(path)) as database:
+            try:
+                store = TrialStore(path, experiment, row, database)
+                store.load(resume=resume)
+                yield store
+                if store.finished and path.with_name(WHOLE).exists():
+                    path.unlink()
+            finally:
+                with contextlib.suppress(sqlite3.Error):  # a damaged one stays
+                    if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
+                        path.unlink()
     finally:
-        with contextlib.suppress(sqlite3.Error):  # a damaged one stays
-            if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
-                path.unlink()
-        database.close()
-        if fresh and not any(folder.iterdir()):
-            folder.rmdir()
+        if fresh:
+            with contextlib.suppress(OSError):  # not empty
+                folder.rmdir()
 
 
 def _locked(path: Path) -> sqlite3.Connection:
     if path.exists() and not path.is_file():
         raise InputError(path, "", "expected a file, got a folder or a device")
     with _told(path):
-        database = sqlite3.connect(path, timeout=0)
+        new, database = not path.exists(), sqlite3.connect(path, timeout=0)
         try:
             database.execute("PRAGMA locking_mode=EXCLUSIVE")
             with database:
@@ -178,6 +180,8 @@ def _locked(path: Path) -> sqlite3.Connection:
                         database.execute(statement)
         except sqlite3.Error:
             database.close()
+            if new and path.exists() and not path.stat().st_size:
+                path.unlink()
             raise
     return database
 

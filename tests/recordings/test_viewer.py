@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+from dataclasses import replace
 
 import pytest
 
@@ -69,7 +70,11 @@ def has_lavapipe():
 def test_a_recording_becomes_a_picture_without_a_screen(folder):
     png = folder / "made" / "picture.png"
     at_2 = viewer.Sight(size="640x400", timeline="sweep", at=2)
+    at_9, lost = replace(at_2, at=9), replace(at_2, timeline="load")
     assert viewer.shot(folder, png, at_2) == folder / "inner" / "new.rrd"
     assert png.read_bytes().startswith(b"\x89PNG")
     with pytest.raises(BenchError, match="no tab 'Nothing'; tabs are Overview, Table"):
         viewer.shot(folder, png, viewer.Sight(size="640x400", tab="Nothing"))
+    for sight, said in ((at_9, "--at: expected 1 to 2"), (lost, "no timeline 'load'; timelines are sweep")):
+        with pytest.raises(BenchError, match=said):
+            viewer.shot(folder, png, sight)

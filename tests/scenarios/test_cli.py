@@ -266,8 +266,8 @@ def test_exchanged_readings_are_told_although_no_prior_fits_them(simulated, tmp_
 
 def test_bad_places_and_sizes_of_pictures_are_refused(simulated, tmp_path):
     data = simulated / "data.csv"
-    for figure in (data, tmp_path):
-        assert f"error: {figure}: expected" in refused(run("identifiability", ARM, data, "--figure", figure))
+    for figure, said in ((data, "is read by this command"), (tmp_path, "got a folder")):
+        assert said in refused(run("identifiability", ARM, data, "--figure", figure))
     assert "size: expected WIDTHxHEIGHT" in refused(run("shot", tmp_path / "run", "--size", "foo"))
 
 

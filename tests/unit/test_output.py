@@ -64,7 +64,7 @@ def test_other_runs_links_files_and_inputs_are_refused(tmp_path):
     data = tmp_path / "run" / "data.csv"
     write_run(data.parent, "data.csv")
     folder_refused(data.parent, "data.csv, which is read", force=True, inputs=[data])
-    folder_refused(data.parent / "arm" / "out", "which is read", force=True, inputs=[data.parent / "arm"])
+    check_folder(data.parent / "out", OURS, force=True, inputs=[data.parent])
     (tmp_path / "run" / "manifest.json").unlink()
     (tmp_path / "run" / "manifest.json").symlink_to(tmp_path / "plan" / "manifest.json")
     folder_refused(tmp_path / "run", "holds a run of testbench plan")
@@ -93,8 +93,9 @@ def test_a_file_is_replaced_by_one_of_its_kind_only(tmp_path):
     link.symlink_to(old)
     refused(link, "is a symbolic link")
     check_file(link, PNG, force=True)
-    refused(link, "which is read", force=True, inputs=[old])
-    refused(tmp_path / "arm" / "x.png", "which is read", force=True, inputs=[tmp_path / "arm"])
+    refused(link, "is read by this command", force=True, inputs=[old])
+    refused(new, "is read by this command", force=True, inputs=[tmp_path])
+    check_file(old, PNG, inputs=[tmp_path])
     os.mkfifo(tmp_path / "pipe")
     for other in (tmp_path, tmp_path / "pipe", "/dev/null"):
         refused(tmp_path / other, "got a folder or a device", force=True)

@@ -24,21 +24,23 @@ DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"
 START, LOAD, SETTLE = 30.0, 60.0, 3.0
 """Longest waits for the viewer and for the data, least wait for its messages to fade [s]."""
 LOOK_EVERY = 0.25
+LINKED = ("sh", "-c", 'exec 3<&0 </dev/null; (cat <&3 >/dev/null; kill -9 0) & exec "$@" 3<&-', "sh")
+"""Runs a program that is killed, with all that it starts, when its standard input is closed."""
 ALIKE = 3  #: Equal pictures in a row after which nothing moves any more.
 
 
 def newest(folder: Path) -> Path:
-    """The newest recording of a run's folder.
+    """The newest recording of a run's folder, or of the runs in a folder.
 
     Raises:
         BenchError: When there is none.
     """
     if folder.is_file() and folder.suffix == ".rrd":
         return folder
-    found = [(file.stat().st_mtime, file) for file in folder.rglob("*.rrd")] if folder.is_dir() else []
+    found = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
     if not found:
         raise BenchError(f"no recording (*.rrd) in {folder}: a scenario writes one into its --out folder")
-    return max(found)[1]
+    return max(found, key=lambda file: file.stat().st_mtime)
 
 
 def view(folder: Path) -> None:
@@ -84,7 +86,7 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
         if sight.tab is not None:
             _bring_forward(client, sight.tab)
         if sight.timeline is not None:
-            client.set_time(sight.timeline, sequence=sight.at, play_state="paused")
+            _go(client, sight.timeline, sight.at)
         _settle(client)
         picture = client.take_screenshot()
     with whole_file(png) as part:
@@ -122,8 +124,9 @@ def _headless(driver: Path, size: str) -> Iterator[ViewerClient]:
         quiet = {"CI": "1", "NO_COLOR": "1"}  # CI: the viewer sends no usage data
         flags = ["--headless", "--hide-welcome-screen", "--window-size", size]
         process = subprocess.Popen(
-            [_program(), *flags, "--bind", "127.0.0.1", "--port", str(port)],
+            [*LINKED, _program(), *flags, "--bind", "127.0.0.1", "--port", str(port)],
             env={**os.environ, **state, **vulkan, **quiet},
+            stdin=subprocess.PIPE,  # closed when this process ends, however
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # the program starts the viewer as a child, and both must end
@@ -134,7 +137,7 @@ def _headless(driver: Path, size: str) -> Iterator[ViewerClient]:
         finally:
             with suppress(ProcessLookupError):  # it may have ended by itself
                 os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+            process.communicate()
 
 
 def _connected(process: subprocess.Popen[bytes], url: str) -> ViewerClient | None:
@@ -176,6 +179,18 @@ def _settle(client: ViewerClient) -> None:
     _wait(still, LOAD, f"the picture did not come to rest in {LOAD:g} s")
 
 
+def _go(client: ViewerClient, timeline: str, at: int) -> None:
+    """Go to a place on a timeline."""
+    state = client.get_state()
+    known = {t.name: t for r in state.recordings if r.store_id == state.active_recording for t in r.timelines}
+    if timeline not in known:
+        raise BenchError(f"--timeline: no timeline {timeline!r}; timelines are {', '.join(known)}")
+    start, end = known[timeline].start, known[timeline].end
+    if start is None or end is None or not start <= at <= end:
+        raise BenchError(f"--at: expected {start} to {end} on timeline {timeline!r}, got {at}")
+    client.set_time(timeline, sequence=at, play_state="paused")
+
+
 def _bring_forward(client: ViewerClient, tab: str) -> None:
     """Make a tab of the layout the active one."""
     blueprint = client.get_blueprint("recording").blueprint
@@ -189,7 +204,7 @@ def _bring_forward(client: ViewerClient, tab: str) -> None:
                 if known[-1] == tab:
                     container["active_tab"] = child
     if tab not in known:
-        raise BenchError(f"no tab {tab!r}; tabs are {', '.join(filter(None, known))}")
+        raise BenchError(f"--tab: no tab {tab!r}; tabs are {', '.join(filter(None, known))}")
     client.set_blueprint(blueprint, "recording")
 
 
