@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName
 from testbench.output.place import Kind, check_file
 from testbench.plant import write_elastic
@@ -21,6 +21,6 @@ def command(
 ) -> None:
     """Write the arm with its springs."""
     check_file(file, ELASTIC, inputs=[find_arm(arm)], force=force)
-    write_elastic(load_arm(arm), file)
+    write_elastic(build_cell(arm).arm, file)
     console = Console(highlight=False)
     console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={file}", soft_wrap=True)

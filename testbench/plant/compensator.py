@@ -83,12 +83,16 @@ def attached(plant: Plant) -> tuple[int, int]:
     """Body ids of link 1 and link 2.
 
     Raises:
-        BenchError: When the arm has fewer than two joints.
+        BenchError: When the arm has fewer than two joints, or joint 2 slides.
     """
     links = plant.arm.links
     if len(links) < 3:
         raise BenchError(
             f"compensator: expected an arm with links 1 and 2, {plant.arm.name} has {len(links)} links"
+        )
+    if plant.arm.joints[1].prismatic:
+        raise BenchError(
+            f"compensator: expected a hinge between links 1 and 2 of {plant.arm.name}, got a slide"
         )
     return plant.model.body(links[1].name).id, plant.model.body(links[2].name).id
 

@@ -24,7 +24,10 @@ class GeometryErrors:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What the true arm does beyond bending linearly; all off by default."""
+    """What the true arm does beyond bending linearly; all off by default.
+
+    What is in radians at a hinge is in metres at a slide.
+    """
 
     own_weight: bool = False  #: Whether its links weigh. Off, only the payload, and a compensator, bend it.
     compensator: Compensator | None = None  #: Spring from link 1 to link 2.

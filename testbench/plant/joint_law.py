@@ -8,6 +8,8 @@ With x = tau / k_0 the turn of a linear joint under the torque tau, three effect
 - hysteresis of half-width h: friction holds the joint until what it should turn to, y, is more than h away,
   then lets it follow: theta = min(max(theta_before, y - h), y + h). This is the play operator (Krasnosel'skii
   and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load.
+
+A slide has forces for torques and metres for radians.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,7 @@
 """Any serial arm: any pose of any body in any notation, hinges and slides, 3 to 9 joints."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from testbench.model import kinematics
 from testbench.model.loaded import displacement, load_jacobian, secant
 from testbench.model.structure import mgco147
 from testbench.model.vjm import chain
-from testbench.plant import settle, settle_linear, weightless
+from testbench.plant import TYPICAL, disturb, settle, settle_linear, settle_pair, weightless
 from testbench.plant.equilibrium import hold
 from testbench.plant.state import evaluate, generalised_force, open_row, place
 
@@ -29,6 +30,8 @@ def test_mujoco_and_the_model_agree_for_any_pose_of_any_body(seed, tmp_path):
     cell = build_cell(turned_arm(tmp_path / "arm", rng, "zyZxyx"))
     assert check_agreement(cell.vjm, cell.plant) < 1e-13
     plant, (lower, upper) = cell.plant, cell.arm.limits
+    ranges = [plant.model.joint(joint.name).range for joint in cell.arm.joints]
+    np.testing.assert_allclose(cell.arm.limits.T, ranges, rtol=1e-15)
     q, wrench = rng.uniform(lower, upper, (5, cell.arm.n_joints)), rng.standard_normal((5, 6))
     state = evaluate(open_row(plant), hold(plant, q), {plant.tool})
     Q = generalised_force(plant, state, plant.tool, wrench, place(state, plant.tool, plant.load))
@@ -139,3 +142,20 @@ def test_joint_1_is_a_parameter_where_gravity_loads_it(joints, turned, name, tmp
     assert [n for n in names if n.startswith("MGCO6")] == [name, f"{name} + prior"]
     without = [m.name for m in default_models(cell, None)]
     assert len(set(without)) == len(without)
+
+
+def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
+    rng = np.random.default_rng(2)
+    lower, upper = slides.arm.limits
+    q = rng.uniform(lower, upper, (10, slides.arm.n_joints))
+    wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
+    disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
+    before, after = settle_pair(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
+    assert max(before.residual.max(), after.residual.max()) < 1e-5  # of 100 N
+    second = 6 * len(slides.arm.links) + 1
+    linear = settle(disturbed.plant, q + disturbed.offset, wrench, np.tile(slides.vjm.load, (10, 1)))
+    play = np.abs(after.theta - linear.theta)[:, second]
+    assert (play > 0).all()
+    assert play.max() < 2e-4  # play, friction and stiffening of a slide: 50, 30 and some um
+    with pytest.raises(BenchError, match="expected a hinge between links 1 and 2 of slides, got a slide"):
+        disturb(slides.plant, TYPICAL, rng)

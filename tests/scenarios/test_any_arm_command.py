@@ -2,17 +2,13 @@
 
 import csv
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from run_here import here
+from serial_arms import write_arm
 
 from testbench.cli.program import program
-
-sys.path.append(str(Path(__file__).parents[1]))
-from serial_arms import write_arm
 
 ARMS = {"scara": "zzZ", "seven": "zyzyzyz", "nine": "zyzyzyzXY"}
 
