@@ -64,15 +64,17 @@ def test_expected_compliance_is_the_prior_and_distances_are_frobenius(kr500, str
         assert (np.linalg.eigvalsh(C_i) > 0).sum() == (np.linalg.eigvalsh(X_i) > 0).sum()
 
 
-def test_joints_left_out_add_to_the_link_before_them(kr500, rng):
-    """The paper's aggregation: MGCO147 with it predicts what all 153 parameters do, in any pose."""
-    whole, links = all153(kr500.arm), mgco147(kr500.arm)
-    lower, upper = kr500.arm.limits
-    q, wrench = rng.uniform(lower, upper, (20, 6)), rng.standard_normal((20, 6))
-    where = chain(kr500.vjm, q)
+@pytest.mark.parametrize("name", ["kr500", "slides"])
+def test_joints_left_out_add_to_the_link_before_them(name, request, rng):
+    """The paper's aggregation: all links with it predict what all parameters do, in any pose."""
+    cell = request.getfixturevalue(name)
+    whole, links = all153(cell.arm), mgco147(cell.arm)
+    lower, upper = cell.arm.limits
+    q, wrench = rng.uniform(lower, upper, (20, cell.arm.n_joints)), rng.standard_normal((20, 6))
+    where = chain(cell.vjm, q)
     moved = [
-        observation(where, s, wrench, np.zeros((20, 3)), kr500.vjm.markers)
-        @ s.entries(aggregate(kr500.arm.C_theta, kr500.vjm, s))
+        observation(where, s, wrench, np.zeros((20, 3)), cell.vjm.markers)
+        @ s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
         for s in (whole, links)
     ]
     np.testing.assert_allclose(moved[1], moved[0], rtol=0, atol=1e-9 * np.abs(moved[0]).max())
