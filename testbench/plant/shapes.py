@@ -134,7 +134,7 @@ def join_meshes(shapes: Sequence[Shape]) -> tuple[Mesh, list[int]]:
 def _sticks(model: mujoco.MjModel) -> list[Shape]:
     """A capsule in every body, from its origin to the origin of each of its children."""
     length = np.linalg.norm(model.body_pos, axis=1)
-    radius = STICK * length.sum()
+    radius = STICK * length[model.body_parentid > 0].sum()  # wherever the base is
     children = [i for i in range(1, model.nbody) if model.body_parentid[i] and length[i] > 0]
     sticks = []
     for i in children:

@@ -22,6 +22,7 @@ from testbench.studies.gravity_calibration import recording, summary, trial
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.study import Run
 from testbench.views.recording import calibration
+from testbench.views.recording.arm import reach
 from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.compliance import compress, scaled
 from testbench.views.recording.drawing import build_drawing
@@ -400,6 +401,21 @@ def test_an_arm_without_visual_geoms_is_drawn_as_sticks_between_its_bodies(arm_6
     path = tmp_path / "recording.rrd"
     write_calibration(path, *study(bare, ("MLS56", "MGCO56"), **SMALL))
     assert "/world/arm/link_2" in {chunk.entity_path for chunk in chunks_of(path)}
+
+
+def test_sizes_of_a_drawing_do_not_depend_on_where_the_base_stands(arm_6r, tmp_path):
+    def edit(root):
+        for body in root.iter("body"):
+            for geom in body.findall("geom"):
+                body.remove(geom)
+        base = next(body for body in root.iter("body") if body.get("name") == "link_0")
+        base.set("pos", "5 -4 3")
+
+    away = variant(arm_6r.arm, tmp_path / "away", edit)
+    radius = max(shape.size[0] for shape in visual_shapes(away.room))
+    assert 0.02 * 2 < radius < 0.02 * 4  # of an arm of three metres
+    q = np.zeros((1, 6))
+    assert reach(rigid_frames(away.room, q)) == pytest.approx(reach(rigid_frames(arm_6r.room, q)))
 
 
 def test_of_several_seeds_the_words_are_the_medians_and_the_drawing_is_the_first(kr500, tmp_path):

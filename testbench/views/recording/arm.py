@@ -77,7 +77,8 @@ def write_weight(pen: Pen, hook: Array, payload: Array, share: Array, size: floa
 
 def reach(frames: Frames) -> float:
     """Largest distance of a body from the foot of the arm, the scale of symbols [m]."""
-    return float(np.linalg.norm(frames.positions - frames.positions[:, :1], axis=-1).max())
+    arm = frames.positions[:, 1:]  # the world is first
+    return float(np.linalg.norm(arm - arm[:, :1], axis=-1).max())
 
 
 def origins(cell: Cell, names: Sequence[str], frames: Frames) -> Array:
