@@ -13,6 +13,7 @@ from testbench.data.table import Table
 from testbench.data.units import Unit
 from testbench.errors import Array, InputError
 
+MOST_STARS = 2  #: Wildcards in a pattern of combined cells: more take long to match.
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
 
@@ -126,7 +127,7 @@ def _taken_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
         k = table.names.index(header)
         parts = re.findall(r"\{(\w+)\}", pattern)
         wrong = [part for part in parts if recognise(part, names.ours) is None]
-        if not parts or wrong or len(set(parts)) < len(parts):
+        if not parts or wrong or len(set(parts)) < len(parts) or pattern.count("*") > MOST_STARS:
             problem = f"expected quantities such as {{run}}, {{pose}}, {{marker}}, each once, got {pattern!r}"
             raise InputError(names.path or table.path, place, problem)
         pieces = [re.escape(piece).replace(r"\*", ".*") for piece in re.split(r"\{\w+\}", pattern)]

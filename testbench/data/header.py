@@ -46,9 +46,12 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
     last = first + 1 if layout.skip is not None else min(len(lines), first + SEARCHED)
     best, at, delimiter = (-1, False, 0), first, ","
     for mark in [layout.delimiter] if layout.delimiter else DELIMITERS:
+        if mark == " " and best[0] > 1:
+            break  # blanks stand within names too
         for k in range(first, last):
             names = _names(lines[k : k + layout.header], mark)
-            if (score := (sum(map(known, names)), not lines[k].comment, len(names))) > best:
+            score = sum(map(known, names)), not lines[k].comment, len(names)
+            if score[:2] > best[:2] or (not best[0] and score > best):
                 best, at, delimiter = score, k, mark
     body = at + layout.header
     names = _names(lines[at:body], delimiter)

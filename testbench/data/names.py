@@ -108,10 +108,12 @@ def expand(
     """Every pair of names that two patterns stand for."""
     for key, values in choices.items():
         hole = f"{{{key}}}"
-        if hole in ours:
+        own = (
+            f"joint_{hole}" if key in ("n", "n0") else hole
+        )  # joint_{n} is the n-th joint, whatever its name
+        if own in ours:
             for our, words in values:
-                prefix = ours.replace("joint_" + hole, our) if key in ("n", "n0") else ours.replace(hole, our)
                 for word in words:
-                    yield from expand(prefix, theirs.replace(hole, word), choices)
+                    yield from expand(ours.replace(own, our), theirs.replace(hole, word), choices)
             return
     yield ours, theirs

@@ -1,5 +1,6 @@
 """Runs made of single readings: each loaded reading with the unloaded one that belongs to it."""
 
+from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +90,7 @@ def _state_by_state(table: Table, conditions: Conditions, seen: Sightings) -> Pa
             raise table.error(again[0], "", problem)
         parts.append((code, own[_first(code)]))
     (idle_code, idle_row), (code, row) = parts
-    unloaded = np.array([_belongs(table, conditions, idle_row, r) for r in row.tolist()])
+    unloaded = _belongs(table, conditions, idle_row, row)
     _check_angles(table, conditions.q, row, idle_row[unloaded])
     leader, of_row = rows.copy(), np.full(table.rows, -1)
     leader[~loaded], leader[loaded] = idle_row[idle_code], row[code]
@@ -151,18 +152,30 @@ def _placed(seen: Sightings, of_row: Ids, groups: int, *, after: bool) -> Array:
     return found
 
 
-def _belongs(table: Table, conditions: Conditions, idle: Ids, row: int) -> int:
-    """Index of the unloaded readings that belong to a loaded one: the last before it, else the next."""
-    same = conditions.pose[idle] == conditions.pose[row]
-    if conditions.station is not None:
-        same &= conditions.station[idle] == conditions.station[row]
-    if conditions.run is not None and (own := same & (conditions.run[idle] == conditions.run[row])).any():
-        same = own
-    found = np.flatnonzero(same)
-    if not len(found):
-        pose = conditions.pose[row]
-        raise table.error(row, "", f"a loaded reading in pose {pose}, which has no unloaded one")
-    return int(found[max(0, int(np.searchsorted(idle[found], row)) - 1)])
+def _belongs(table: Table, conditions: Conditions, idle: Ids, rows: Ids) -> Ids:
+    """Which unloaded readings belong to loaded ones, (runs,): of the run, else the last of the pose.
+
+    Args:
+        table: The cells.
+        conditions: Of every row.
+        idle: First rows of the unloaded readings, in the order of the file.
+        rows: First rows of the loaded ones.
+    """
+    station = conditions.pose * 0 if conditions.station is None else conditions.station
+    run = conditions.pose * 0 if conditions.run is None else conditions.run
+    keys = list(zip(conditions.pose.tolist(), station.tolist(), run.tolist(), strict=True))
+    homes: dict[tuple[int, ...], list[int]] = {}
+    for k, row in enumerate(idle.tolist()):
+        for key in (keys[row], keys[row][:2]):
+            homes.setdefault(key, []).append(k)
+    found = []
+    for row in rows.tolist():
+        near = homes.get(keys[row]) or homes.get(keys[row][:2])
+        if near is None:
+            pose = conditions.pose[row]
+            raise table.error(row, "", f"a loaded reading in pose {pose}, which has no unloaded one")
+        found.append(near[max(0, bisect_left(near, row, key=lambda k: int(idle[k])) - 1)])
+    return np.array(found)
 
 
 def _check_angles(table: Table, q: Array, row: Ids, idle: Ids) -> None:

@@ -180,7 +180,7 @@ def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: i
     bad: list[int] = []
 
     def refuse(row: "csv.InvalidRow") -> str:
-        bad.append(row.number)
+        bad.append(row.number - 1)
         return "error"
 
     names = [str(k) for k in range(count)]
@@ -195,9 +195,11 @@ def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: i
             ),
             csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
         )
-    except pa.ArrowInvalid as err:
-        place = f"line {lines[bad[0] - 1]}" if bad else ""
-        raise InputError(
-            path, place, f"not a table: expected {count} fields, quotes around whole cells"
-        ) from err
+        found = table.num_rows
+    except pa.ArrowInvalid:
+        found = -1
+    if found != len(rows):  # a quote within a cell may swallow the lines below
+        quoted = (k for k, row in enumerate(rows) if '"' in row)
+        place = f"line {lines[bad[0] if bad else next(quoted, 0)]}"
+        raise InputError(path, place, f"not a table: expected {count} fields, quotes around whole cells")
     return [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]

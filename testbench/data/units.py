@@ -35,7 +35,7 @@ OTHER_NAMES = {
 """What files write for these, in small letters; both micro signs become the Greek letter."""
 KNOWN = {unit.name.lower(): unit for unit in UNITS}
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
-TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+in\s+|[\s_]+)([^\s_/,\[\]()]+)$")
+TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
 
 
 def find_unit(word: str) -> Unit | None:

@@ -1,0 +1,206 @@
+"""A dataset in anybody's dialect is read back; whatever is done to the file, only InputError escapes."""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from testbench.arm.folder import load_arm
+from testbench.data.dataset import Dataset
+from testbench.data.export import read_export
+from testbench.errors import InputError
+
+ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
+LOWER, UPPER = ARM.limits
+REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=60)
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+ANGLES = {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}
+FORCES, MOMENTS = {"N": 1.0, "kN": 1e3}, {"Nm": 1.0, "Nmm": 1e-3}
+STATES = {"before": "Unloaded", "after": "loaded"}
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How somebody writes."""
+
+    delimiter: str
+    decimal: str
+    encoding: str
+    suffix: str  #: Of a unit in a name.
+    length: str
+    angle: str
+    force: str
+    moment: str
+    wide: bool  #: All markers in a row.
+    states: bool  #: A row a state.
+    capitals: bool
+    title: bool  #: Lines before the header.
+    seed: int  #: Of the order of columns and rows.
+
+
+@st.composite
+def dialects(draw: st.DrawFn) -> Dialect:
+    delimiter = draw(st.sampled_from([",", ";", "\t", "|"]))
+    return Dialect(
+        delimiter=delimiter,
+        decimal=draw(st.sampled_from(".," if delimiter != "," else ".")),
+        encoding=draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"])),
+        suffix=draw(st.sampled_from(["_{}", " [{}]", " ({})", " in {}", " / {}"])),
+        length=draw(st.sampled_from(list(LENGTHS))),
+        angle=draw(st.sampled_from(list(ANGLES))),
+        force=draw(st.sampled_from(list(FORCES))),
+        moment=draw(st.sampled_from(list(MOMENTS))),
+        wide=draw(st.booleans()),
+        states=draw(st.booleans()),
+        capitals=draw(st.booleans()),
+        title=draw(st.booleans()),
+        seed=draw(st.integers(0, 999)),
+    )
+
+
+@st.composite
+def datasets(draw: st.DrawFn) -> Dataset:
+    """One to four runs, each in a pose of its own, some targets lost."""
+    runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
+
+    def numbers(*shape: int) -> np.ndarray:
+        return draw(arrays(float, shape, elements=st.floats(-5, 5, allow_subnormal=False)))
+
+    seen = draw(arrays(bool, (runs, m)))
+    seen[0] = True
+    sigma = draw(st.floats(1e-6, 1e-3))
+    precision = np.where(seen[..., None, None], np.eye(3) / (2 * sigma**2), 0.0)
+    return Dataset(
+        markers=tuple(draw(st.permutations(ARM.markers))[:m]),
+        run=np.arange(runs) + draw(st.integers(-9, 9)),
+        pose=np.arange(runs) * 2 + 1,
+        q=LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=st.floats(0.1, 0.9))),
+        wrench=numbers(runs, 6),
+        point=numbers(runs, 3),
+        before=np.where(seen[..., None], numbers(runs, m, 3), 0.0),
+        after=np.where(seen[..., None], numbers(runs, m, 3), 0.0),
+        sigma=sigma,
+        precision=None if seen.all() else precision,
+    )
+
+
+def written(data: Dataset, own: Dialect) -> bytes:
+    """The dataset as text."""
+    random, rows = Random(own.seed), list[dict[str, str]]()
+
+    def name(quantity: str, unit: str) -> str:
+        whole = quantity.strip("_") + own.suffix.format(unit)
+        return whole.upper() if own.capitals else whole
+
+    def put(row: dict[str, str], quantity: str, unit: str, scale: float, values: np.ndarray) -> None:
+        for axis, value in zip("xyz", values, strict=True):
+            row[name(f"{quantity}_{axis}", unit)] = repr(float(value) / scale).replace(".", own.decimal)
+
+    for r in range(data.runs):
+        common = {"run": str(data.run[r]), "Pose": str(data.pose[r]), "note": "abc", "time": "10:15"}
+        for joint, value in zip(ARM.joints, data.q[r], strict=True):
+            text = repr(float(value) / ANGLES[own.angle]).replace(".", own.decimal)
+            common[name(joint.name, own.angle)] = text
+        put(common, "force", own.force, FORCES[own.force], data.wrench[r, :3])
+        put(common, "moment", own.moment, MOMENTS[own.moment], data.wrench[r, 3:])
+        put(common, "point", own.length, LENGTHS[own.length], data.point[r])
+        common[name("sigma", "um")] = repr(data.sigma / 1e-6).replace(".", own.decimal)
+        parts: dict[tuple[str, str], dict[str, str]] = {}
+        for m, marker in enumerate(data.markers):
+            for when in STATES:
+                key = ("" if own.wide else marker, STATES[when] if own.states else "")
+                what = "_".join(filter(None, (marker if own.wide else "", "" if own.states else when)))
+                row = parts.setdefault(key, dict(common))
+                put(row, what, own.length, LENGTHS[own.length], getattr(data, when)[r, m])
+                row |= {"marker": key[0]} if key[0] else {}
+                row |= {"state": key[1]} if key[1] else {}
+                if not data.seen[r, m]:
+                    row |= {name(f"{what}_{axis}", own.length): "" for axis in "xyz"}
+        rows += parts.values()
+    header = list(rows[0])
+    random.shuffle(header)
+    lines = [own.delimiter.join(header), *(own.delimiter.join(row[h] for h in header) for row in rows)]
+    before = ["Report of a day", "", "# a remark"] if own.title else []
+    return "\r\n".join([*before, *lines, ""]).encode(own.encoding)
+
+
+def read(content: bytes) -> Dataset:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "export.txt"
+        file.write_bytes(content)
+        return read_export(file, ARM).data
+
+
+@REPEATABLE
+@given(datasets(), dialects())
+def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: Dialect) -> None:
+    back = read(written(data, own))
+    assert sorted(back.markers) == sorted(data.markers)  # wide ones stand in the order of their columns
+    order = [back.markers.index(name) for name in data.markers]
+    for what in ("run", "pose"):
+        np.testing.assert_array_equal(getattr(back, what), getattr(data, what))
+    for what in ("q", "wrench", "point", "sigma"):
+        np.testing.assert_allclose(getattr(back, what), getattr(data, what), rtol=1e-12, atol=1e-12)
+    for what in ("before", "after"):
+        read_back = getattr(back, what)[:, order]
+        np.testing.assert_allclose(read_back, getattr(data, what), rtol=1e-12, atol=1e-12, err_msg=what)
+    np.testing.assert_array_equal(back.seen[:, order], data.seen)
+    if data.precision is not None:
+        np.testing.assert_allclose(back.precision[:, order], data.precision, rtol=1e-12)
+
+
+NASTY = [
+    b"",
+    b"nan",
+    b"inf",
+    b"1_0",
+    b"0x1",
+    b"9" * 400,
+    b'"',
+    b'""',
+    b'"\n',
+    b",",
+    b";",
+    b"\t",
+    b"\n",
+    b"\r",
+]
+NASTY += [
+    b"\0",
+    b"\xff",
+    b"=1+1",
+    b"#",
+    b"//",
+    b"P4",
+    b"run",
+    b"[mm]",
+    b"1.234,5",
+    "µm".encode(),
+    b"x" * 2000,
+]
+
+
+@REPEATABLE
+@given(datasets(), dialects(), st.data())
+def test_no_mutation_of_a_file_crashes_the_reader(data: Dataset, own: Dialect, choose: st.DataObject) -> None:
+    content = written(data, own)
+    for _ in range(choose.draw(st.integers(1, 3))):
+        a = choose.draw(st.integers(0, len(content)))
+        b = a + choose.draw(st.sampled_from([0, 1, 2, 5, 20, 200]))
+        content = content[:a] + choose.draw(st.sampled_from(NASTY)) + content[b:]
+    try:
+        back = read(content)
+    except InputError as err:
+        message = str(err)
+    else:
+        assert back.runs >= 1
+        assert set(back.markers) <= set(ARM.markers)
+        assert ((back.q >= LOWER - 1e-6) & (back.q <= UPPER + 1e-6)).all()
+        return
+    assert "export.txt: " in message
+    assert len(message.splitlines()) == 1
