@@ -34,7 +34,18 @@ def write_help(_: object) -> None:
         )
         return f"$ testbench {' '.join(words)} --help\n{done.stdout.rstrip()}\n"
 
-    commands = ["check", "demo", "elastic", "identifiability", "identify", "plan", "shot", "simulate", "view"]
+    commands = [
+        "check",
+        "demo",
+        "elastic",
+        "identifiability",
+        "identify",
+        "new",
+        "plan",
+        "shot",
+        "simulate",
+        "view",
+    ]
     texts = [said(), *(said(command) for command in commands)]
     (HERE / "_build").mkdir(exist_ok=True)
     (HERE / "_build" / "commands.txt").write_text("\n".join(texts), encoding="utf-8")

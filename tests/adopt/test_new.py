@@ -57,7 +57,7 @@ WRONG = {
         'name="joint_a3" type="floating"',
     ): "the joint of 'link_3' floats free",
     ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="joint_a2"/>'): (
-        "the joint of 'link_3' follows 'joint_a2' (mimic)"
+        "joint 'joint_a3' follows 'joint_a2' (mimic)"
     ),
     (
         "<robot ",
@@ -67,6 +67,7 @@ WRONG = {
     ("<geometry><box", "<geometry><torus"): "<torus>: expected box, sphere",
     ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",
     ('name="joint_a4" type="revolute"', 'name="joint_a4" type="fixed"'): "",
+    ("</robot>", "<!-- <xacro:arm/> --></robot>"): "",
 }
 
 
@@ -80,7 +81,7 @@ def test_a_wrong_urdf_is_one_line(tmp_path, change, said):
     if said:
         assert said in refused(done)
         assert [p.name for p in tmp_path.iterdir()] == ["heavy.urdf"]
-    else:  # five joints are an arm as well
+    else:  # five joints are an arm as well, and what stands in a comment is nothing
         assert done.returncode == 0
 
 
@@ -105,7 +106,12 @@ def test_a_wrong_mjcf_is_one_line(tmp_path, change, said):
 
 
 @pytest.mark.parametrize(
-    ("tip", "said"), {"a": "no link, body or site 'a'", "carriage": "got 1: track", "tcp": ""}.items()
+    ("tip", "said"),
+    {
+        "a": "no link, body or site 'a'",
+        "carriage": "got 1: track; --tip names another end",
+        "tcp": "",
+    }.items(),
 )
 def test_a_tip_must_be_there_and_lie_behind_three_joints_or_more(tmp_path, tip, said):
     done = new(tmp_path / "mine", "--from", sliding_mjcf(tmp_path), "--tip", tip)

@@ -71,15 +71,14 @@ def _check_joints(file: Path, tree: Tree, path: list[int]) -> None:
     for k in path:
         body = tree.bodies[k]
         if body.odd:
-            problem = f"the joint of {body.name!r} {body.odd}; an arm's joints turn or slide"
+            name = f"joint {body.joint.name!r}" if body.joint else f"the joint of {body.name!r}"
+            problem = f"{name} {body.odd}; an arm's joints turn or slide, each by itself"
             raise InputError(file, "", problem)
     names = [joint.name for k in path if (joint := tree.bodies[k].joint)]
     if not FEWEST <= len(names) <= MOST:
-        there = ", ".join(names) or "none"
-        end = tree.bodies[path[-1]].name
-        raise InputError(
-            file, "", f"expected {FEWEST} to {MOST} moving joints up to {end!r}, got {len(names)}: {there}"
-        )
+        there, end = ", ".join(names) or "none", tree.bodies[path[-1]].name
+        wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
+        raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
 
 
 def _check_sizes(file: Path, tree: Tree) -> None:

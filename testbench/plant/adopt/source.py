@@ -1,6 +1,7 @@
 """A stranger's XML, as far as any format goes: a file that is small, well-formed and of numbers."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def read_xml(file: Path) -> ET.Element:
     text = read_text(file, MAX_BYTES)
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(file, "", "document types and entities are not allowed")
-    if "<xacro:" in text or file.suffix == ".xacro":
+    if "<xacro:" in re.sub("<!--.*?-->", "", text, flags=re.DOTALL) or file.suffix == ".xacro":
         target = file.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         raise InputError(file, "", f"this is xacro; expand it first: xacro {file.name} > {target}")
     try:

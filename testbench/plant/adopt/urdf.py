@@ -17,6 +17,7 @@ from testbench.plant.adopt.urdf_shapes import link_shapes
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
 UNLIMITED = 2 * math.pi  #: Of a turning joint without limits, each way [rad].
+ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
 SLIDE = 1.0  #: Of a sliding joint without limits, each way [m].
 
 
@@ -146,7 +147,7 @@ def _limits(file: Path, e: ET.Element, kind: str) -> tuple[float, float, bool]:
     if kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
         return -ours, ours, False
     lower, upper = (read_number(file, limit, key, 0.0) for key in ("lower", "upper"))
-    if lower == upper == 0:
+    if lower == upper == 0 or max(abs(lower), abs(upper)) > ENDLESS:
         return -ours, ours, False
     if not lower < upper:
         raise InputError(file, where(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
