@@ -8,7 +8,7 @@ import pytest
 from serial_arms import turned_arm, write_arm
 
 from testbench.bench.agreement import check_agreement
-from testbench.bench.campaign import Scenario, build_cell, hanging, measure
+from testbench.bench.campaign import Scenario, build_cell, hanging, measure, simulate
 from testbench.bench.default import default_models, default_name
 from testbench.bench.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
@@ -159,3 +159,19 @@ def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     assert play.max() < 2e-4  # play, friction and stiffening of a slide: 50, 30 and some um
     with pytest.raises(BenchError, match="expected a hinge between links 1 and 2 of slides, got a slide"):
         disturb(slides.plant, TYPICAL, rng)
+
+
+def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):
+    cell = build_cell(write_arm(tmp_path / "arm", "zyyZ"))
+    campaign = simulate(cell, seed=3)
+    asked = campaign.scenario
+    assert (asked.payload, asked.station, asked.workspace) == (10.0, None, None)
+    np.testing.assert_allclose(campaign.measured.wrench[:, 2], -98.1)
+    q = campaign.truth.q
+    assert np.ptp(q, axis=0) == pytest.approx(np.ptp(cell.arm.limits, axis=0), rel=0.1)  # 200 poses
+    bare = replace(cell, arm=replace(cell.arm, payload=None))
+    with pytest.raises(BenchError, match=r"payload \[kg\]: expected one, arm states none"):
+        simulate(bare, seed=3)
+    section_6 = Scenario(arm="kr500_l480")
+    assert section_6.payload == 460.3
+    assert section_6.station.lower == (1.7, -0.9, 1.1)
