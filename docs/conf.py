@@ -36,6 +36,7 @@ def write_help(_: object) -> None:
 
     commands = [
         "check",
+        "data check",
         "demo",
         "elastic",
         "identifiability",
@@ -46,7 +47,7 @@ def write_help(_: object) -> None:
         "simulate",
         "view",
     ]
-    texts = [said(), *(said(command) for command in commands)]
+    texts = [said(), *(said(*command.split()) for command in commands)]
     (HERE / "_build").mkdir(exist_ok=True)
     (HERE / "_build" / "commands.txt").write_text("\n".join(texts), encoding="utf-8")
 

@@ -1,14 +1,17 @@
 """Exports as instruments, spreadsheets and robots write them, each read with a map of at most ten lines."""
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from testbench.arm.folder import load_arm
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, select
 from testbench.data.export import read_export
+from testbench.data.names import our_names, recognise
+from testbench.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "kr500_l480")
@@ -289,3 +292,167 @@ def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     found = read_export(own.data, ARM, own.map)
     check_alike(found.data)
     assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
+
+
+def test_a_lost_target_needs_no_covariances(tmp_path):
+    """Blank cells in a row, or no row in one of the states."""
+    text = plain().decode().splitlines()
+    assert text[8].split(",")[7] == "p2"
+    text[8] = ",".join([*text[8].split(",")[:8], "", "", ""])
+    del text[3]  # the unloaded reading of P3 in the first pose, which serves both loads
+    found = read_export(files(tmp_path, "plain", "\n".join(text).encode()).data, ARM).data
+    expected = np.ones((6, 3), bool)
+    expected[[0, 1, 1], [2, 1, 2]] = False
+    np.testing.assert_array_equal(found.seen, expected)
+    np.testing.assert_allclose(found.precision[0, 0], np.eye(3) / (2 * (50e-6) ** 2))
+    check_alike(replace(select(found, expected.all(axis=1)), precision=None), select(DATA, DATA.pose > 1))
+
+
+def test_runs_of_one_name_and_several_loads_are_told_apart(tmp_path):
+    """Whoever counts poses as runs: the unloaded reading and both loads have one number."""
+    text = plain().decode().splitlines()
+    lines = [f"Run,{text[0]}", *(f"{(k // 9) + 5},{line}" for k, line in enumerate(text[1:]))]
+    found = read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM)
+    check_alike(found.data)
+    assert "runs, one a load, are numbered in their order: 6 of them" in found.notes
+
+
+def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
+    text = plain().decode().splitlines()
+    found = read_export(files(tmp_path, "plain", "\n".join([*text, *text[1:]]).encode()).data, ARM).data
+    assert found.runs == 12
+    np.testing.assert_array_equal(found.after[:6], found.after[6:])
+    missing = "\n".join([*text, *text[1:-1]]).encode()
+    with pytest.raises(InputError, match=r"'run'\]: a pose and load comes again, not for all markers"):
+        read_export(files(tmp_path, "plain", missing).data, ARM)
+
+
+def test_the_sigma_of_flag_and_map_counts_once(tmp_path):
+    own = files(tmp_path, "plain", text="values = { sigma_um = 30 }")
+    assert read_export(own.data, ARM, own.map).data.sigma == pytest.approx(30e-6)
+    assert read_export(own.data, ARM, None, 20e-6).data.sigma == 20e-6
+    with pytest.raises(InputError, match=r"map.toml: values.sigma_m: expected it once, got a flag too"):
+        read_export(own.data, ARM, own.map, 20e-6)
+
+
+def damaged(name, line, column, cell):
+    """An export with another cell: line counted from 1, column from 0."""
+    make, _ = EXPORTS[name]
+    encoding = {"spreadsheet": "cp1252", "controller": "utf-16"}.get(name, "utf-8")
+    lines = make().decode(encoding).splitlines()
+    between = {"spreadsheet": ";", "controller": "|", "merged": ";"}.get(name, ",")
+    cells = lines[line - 1].split(between)
+    cells[column] = cell
+    lines[line - 1] = between.join(cells)
+    return "\n".join(lines).encode(encoding)
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "column", "cell", "text"),
+    [
+        (
+            "spreadsheet",
+            6,
+            9,
+            "1.234,5",
+            "line 6, column Gewicht [kg]: expected a finite number, got '1.234,5'",
+        ),
+        (
+            "spreadsheet",
+            6,
+            4,
+            "12.5",
+            "line 6, column A2 [°]: expected a finite number, got '12.5'; the dec",
+        ),
+        (
+            "spreadsheet",
+            4,
+            3,
+            "A7 [°]",
+            "line 4: missing columns ['joint_1_rad'], ignored columns ['Da",
+        ),
+        (
+            "spreadsheet",
+            4,
+            3,
+            "A1 [mm]",
+            "line 4, column A1 [mm]: expected one unit, of _rad, got",
+        ),
+        ("spreadsheet", 4, 11, "Ziel 1 x", "missing columns ['P1_before_y_m']"),
+        (
+            "spreadsheet",
+            7,
+            10,
+            "",
+            "line 7, column Ziel 1 unbelastet X [mm]: expected a finite",
+        ),
+        (
+            "spreadsheet",
+            7,
+            3,
+            "",
+            "line 7, column A1 [°]: expected a finite number, got ''; below",
+        ),
+        ("spreadsheet", 7, 4, "90", "line 7, column A2 [°]: expected -130.0000 to 20.0000 deg, got 90"),
+        (
+            "analyzer",
+            6,
+            2,
+            "T9",
+            "line 6, column Point: no marker 'T9' in kr500_l480; markers are",
+        ),
+        ("analyzer", 6, 7, "17.0", "line 6, column A1: expected the same value in every row of the run"),
+        (
+            "analyzer",
+            6,
+            1,
+            "Pose 1",
+            "line 6, column Group: expected 'Pose {pose} - {mass_kg} kg' as",
+        ),
+        ("analyzer", 6, 1, "Pose 1 - -2 kg", "expected a mass of at least 0 kg, got -2"),
+        (
+            "inches",
+            4,
+            2,
+            "idle",
+            "line 4, column Condition: no state 'idle' is known; states are",
+        ),
+        ("inches", 4, 1, "C-9", "line 4: a loaded reading in pose 9, which has no unloaded one"),
+        ("inches", 3, 3, "", "line 3, column Push (kN): expected a finite number in a loaded row, got ''"),
+        ("controller", 1, 9, "Target", "line 1: missing columns ['marker'], ignored columns ['t', "),
+        ("controller", 8, 8, "3.5", None),
+        ("merged", 3, 9, "P1", "line 3: run 1 stands in the file twice"),
+        (
+            "merged",
+            1,
+            8,
+            "weight",
+            "line 1: missing columns ['mass_kg (or force_x_N, force_y_N",
+        ),
+        ("plain", 1, 8, "x", "line 1, column x: expected a unit at the end of the name such as _m"),
+        ("plain", 5, 0, "12.3", "line 5: a loaded reading in pose"),
+    ],
+)
+def test_a_wrong_cell_is_named_by_line_and_column(tmp_path, name, line, column, cell, text):
+    own = files(tmp_path, name, damaged(name, line, column, cell))
+    if text is None:
+        check_alike(read_export(own.data, ARM, own.map).data)  # a column that is not read
+        return
+    with pytest.raises(InputError) as info:
+        read_export(own.data, ARM, own.map)
+    assert text in str(info.value)
+
+
+def test_every_name_of_the_documented_table_is_known():
+    """docs/formats.md, the names and examples of all quantities."""
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    section = page.split("### Quantities")[1].split("### Layouts")[0]
+    rows = [line.split("|")[1:-1] for line in section.splitlines() if line.startswith("| ")][2:]
+    assert len(rows) == 17
+    known, seen = our_names(ARM), set()
+    for what, names, _, example, _ in rows:
+        for name in re.findall(r"`([^`]+)`", names) + re.findall(r"`([^`]+_[^`]*|[^`]+\[.*)`", example):
+            found = recognise(name, known)
+            assert found is not None, (what, name)
+            seen.add(found[0].what)
+    assert seen == {slot.what for slot in known.values()}
