@@ -17,7 +17,6 @@ from testbench.errors import BenchError
 from testbench.identify.in_base import in_base, of_station, with_targets
 from testbench.identify.registration import Frame, Registration, register, spread, station_names
 from testbench.identify.registration_notes import frame_notes, target_notes
-from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, skew
 
 Choice = Literal["auto", "base", "tracker"]
@@ -80,8 +79,9 @@ def registered(vjm: Vjm, data: Dataset, frame: Choice | tuple[Frame, ...] = "aut
 
 
 def _unknown(vjm: Vjm, data: Dataset, why: str) -> Registered:
-    """Runs as they are; BenchError for a target that the arm lacks."""
-    marker_points(vjm, data.markers)
+    """Runs as they are; BenchError where the arm lacks one of their targets, which had to be found."""
+    if not set(data.markers) <= set(vjm.arm.markers):
+        raise BenchError(why)
     return Registered(vjm, data, None, "base", (f"readings are taken to be in the base's frame: {why}",))
 
 
@@ -99,7 +99,10 @@ def _is_base(frame: Frame, data: Dataset, reach: float) -> bool:
 def _in_base(vjm: Vjm, data: Dataset) -> Registered:
     """Runs as they are; targets that are new, or far from where the arm's folder has them, as found."""
     names, zero = station_names(data), np.zeros((6, 6))
-    found = register(vjm, data, tuple(Frame(name, np.eye(3), np.zeros(3), zero) for name in names))
+    try:
+        found = register(vjm, data, tuple(Frame(name, np.eye(3), np.zeros(3), zero) for name in names))
+    except BenchError as why:
+        return _unknown(vjm, data, str(why))
     far = ~(np.linalg.norm(found.targets - found.nominal, axis=1) <= MOVED)
     notes = ("readings are in the base's frame", *target_notes(found, far))
     return Registered(with_targets(vjm, found, far), data, found, "base", notes)

@@ -205,6 +205,14 @@ def test_readings_of_another_arm_are_left_alone_and_said(kr500, rng):
     assert "in no frame do the unloaded readings fit the arm" in found.notes[0]
 
 
+@pytest.mark.parametrize("choice", ["auto", "base"])
+def test_readings_that_tell_nothing_of_targets_are_left_alone_but_for_new_ones(choice, kr500, rng):
+    vjm, data = unloaded(kr500, rng, 1, targets=1)
+    assert registered(vjm, data, choice).data is data
+    with pytest.raises(BenchError, match="station 0 read 1 targets; expected at least 3"):
+        registered(vjm, replace(data, markers=("T",)))
+
+
 def test_given_frame_is_taken_and_other_stations_are_found(kr500, rng):
     vjm, data = unloaded(kr500, rng, 12, stations=2, noise=1e-3)
     R, t = frames(rng, 2)
