@@ -46,22 +46,20 @@ class PlanSettings:
     def __post_init__(self) -> None:
         check_criterion(self.criterion)
         if not self.loads_kg or len(set(self.loads_kg)) < len(self.loads_kg):
-            raise BenchError(f"loads [kg]: expected at least one, each once, got {list(self.loads_kg)}")
+            raise BenchError(f"--load: expected at least one, each once, got {list(self.loads_kg)}")
         for load in self.loads_kg:
-            _check_range("load [kg]", load, *LOAD_RANGE)
-        _check_range("poses", self.poses, 1, MOST_POSES)
-        _check_range("candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
-        _check_range("sigma [um]", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
+            _check_range("--load [kg]", load, *LOAD_RANGE)
+        _check_range("--poses", self.poses, 1, MOST_POSES)
+        _check_range("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
+        _check_range("--sigma-um", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
         if self.uncertainty_percent is not None:  # doubled for doubters
-            _check_range(
-                "uncertainty of the prior [%]", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1]
-            )
+            _check_range("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1])
         if self.floor_z_m is not None:
-            _check_range("floor [m]", self.floor_z_m, -HIGHEST, HIGHEST)
+            _check_range("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST)
         if self.acceptance_deg is not None and self.tracker_m is None:
-            raise BenchError("acceptance [deg]: expected a tracker with it")
+            raise BenchError("--acceptance-deg: expected --tracker with it")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
-            raise BenchError(f"box [m]: expected the lower corner first, got {self.box_m}")
+            raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
 
     @property
     def station(self) -> Station | None:

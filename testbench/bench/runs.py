@@ -98,7 +98,10 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
     runs = Runs(asked.dataset.name, found.data, found.data, None, notes, registration_row(found))
     if not asked.check_pose:
         return cell, runs
-    check, used = split(found.data, np.array(asked.check_pose))
+    try:
+        check, used = split(found.data, np.array(asked.check_pose))
+    except BenchError as err:
+        raise BenchError(f"--check-pose: {err}") from err
     if not check.seen.any():
         poses = asked.check_pose
         raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")

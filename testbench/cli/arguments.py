@@ -22,5 +22,7 @@ MapFile = Annotated[
     Path | None, typer.Option("--map", help="TOML file that says how the table names our quantities.")
 ]
 SigmaUm = Annotated[
-    float | None, typer.Option(help="Noise of a reading along an axis, where the file does not say it.")
+    float | None,
+    typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis, where the file lacks it."),
 ]
+Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

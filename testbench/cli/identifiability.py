@@ -16,7 +16,7 @@ from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, check_file
 from testbench.output.scratch import whole_file
-from testbench.shell.options import Force, takes
+from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 from testbench.views.identifiability.figure import shares
 from testbench.views.identifiability.report import seen_report, table
@@ -31,7 +31,9 @@ class Options:
     model: Annotated[
         str | None, typer.Option(help="Model whose parameters are asked for: MGCO68 of six joints.")
     ] = None
-    uncertainty_percent: Annotated[float, typer.Option(help="Of the CAD prior of the arm's folder.")] = 30.0
+    uncertainty_percent: Annotated[
+        float, typer.Option(min=1e-4, max=1e8, help="Of the CAD prior of the arm's folder.")
+    ] = 30.0
     mapping: MapFile = None
     sigma_um: SigmaUm = None
     frame: FrameName = "auto"
@@ -47,7 +49,8 @@ def command(asked: Options) -> None:
     if figure is not None:
         check_file(figure, PNG, inputs=[find_arm(asked.arm), *files_read(asked)], force=asked.force)
     cell = build_cell(asked.arm)
-    [entry] = named_models(cell, [asked.model or plain_name(cell)])
+    with of_flag("--model"):
+        [entry] = named_models(cell, [asked.model or plain_name(cell)])
     export = read(cell, asked)
     cell, found = register(cell, export, asked)
     strength = Strength(asked.uncertainty_percent / 100)

@@ -20,7 +20,7 @@ from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.run import check_folder, whole_folder
-from testbench.shell.options import Force, takes
+from testbench.shell.options import Force, of_flag, takes
 from testbench.views import fits as views
 from testbench.views import terminal
 
@@ -50,7 +50,9 @@ class Options:
     ] = True
     uncertainty_percent: Annotated[
         float | None,
-        typer.Option(help="Of the prior; learnt from the readings if not given, 30 with --robust."),
+        typer.Option(
+            min=1e-4, max=1e8, help="Of the prior; learnt from the readings if not given, 30 with --robust."
+        ),
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
     intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
@@ -91,7 +93,8 @@ def _models(cell: Cell, asked: Options) -> list[Model]:
     if not asked.model:
         models = default_models(cell, prior, strength)
     else:
-        models = named_models(cell, asked.model)
+        with of_flag("--model"):
+            models = named_models(cell, asked.model)
         if prior is not None:
             models = [with_priors([m], prior, strength)[0] if m.structure.whole else m for m in models]
     if asked.robust:

@@ -14,10 +14,10 @@ from testbench.bench.models import EVERY, plain_name, right_name
 from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
-from testbench.cli.arguments import ArmName
+from testbench.cli.arguments import ArmName, Noise
 from testbench.errors import BenchError
 from testbench.output.run import check_folder
-from testbench.shell.options import Force, takes
+from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 from testbench.views.plan.files import COMMAND, write
 from testbench.views.plan.tables import tables, words
@@ -43,7 +43,7 @@ class Options:
     model: Annotated[
         str | None, typer.Option(help="Model to be identified: all links and joints, MGCO68 with --no-prior.")
     ] = None
-    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    sigma_um: Noise = 50.0
     uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior, 30 if not given.")] = (
         None
     )
@@ -65,7 +65,8 @@ def command(asked: Options) -> None:
     check_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, asked.task], force=asked.force)
     cell = replace(build_cell(asked.arm), floor=asked.floor_z)
     settings = _settings(cell, asked)
-    structure(cell, settings.model)  # refused here, not after the search
+    with of_flag("--model"):
+        structure(cell, settings.model)  # refused here, not after the search
     tasks = read_tasks(asked.task, cell, plans.hung(cell, settings.loads_kg[0]))
     console = Console(highlight=False)
     if doubt := overloaded(cell.arm, settings.loads_kg):

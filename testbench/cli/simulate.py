@@ -14,7 +14,7 @@ from testbench.bench.candidates import Conditions, build_checks, find
 from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import read_masses, read_payload
 from testbench.bench.tracker_runs import by_trackers, places
-from testbench.cli.arguments import ArmName
+from testbench.cli.arguments import ArmName, Noise
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.errors import Array, BenchError, InputError
@@ -45,7 +45,7 @@ class Options:
         typer.Option(help="Hung mass; what the arm states if not given; a plan.csv has its own."),
     ] = None
     loads: Annotated[str | None, typer.Option(help="Several hung masses a pose: KG,KG ...")] = None
-    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    sigma_um: Noise = 50.0
     tracker: Annotated[
         list[str] | None,
         typer.Option(

@@ -4,7 +4,7 @@ import contextlib
 import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import typer
 from pydantic import ValidationError
@@ -55,6 +55,7 @@ def run(app: typer.Typer, fail: Callable[[str], object] = say) -> int:
 def _outcome(app: typer.Typer) -> tuple[int, str]:
     """Exit code, and the line to say with it."""
     try:
+        _check_words(sys.argv[1:])
         with threadpool_limits(1):  # several BLAS threads change result bits, and slow many processes down
             code = app(standalone_mode=False)
         _flush()
@@ -73,6 +74,15 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
         place = err.filename or "standard output or another device"
         return WRONG, f"error: {place}: cannot be read or written: {err.strerror or err}"
     return code if isinstance(code, int) else 0, ""
+
+
+def _check_words(words: Sequence[str]) -> None:
+    """Refuse what cannot be written into any report: bytes of a name that are no text."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            raise BenchError(f"expected UTF-8 on the command line, got {os.fsencode(word)!r}") from None
 
 
 def _flush() -> None:

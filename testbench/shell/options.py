@@ -1,12 +1,16 @@
 """Flags as a dataclass: each field is a flag, so that a command takes one settings object."""
 
+import contextlib
 import inspect
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, TypeVar, get_type_hints
 
 import typer
+
+from testbench.errors import BenchError
 
 D = TypeVar("D")
 Force = Annotated[
@@ -27,6 +31,7 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
 
     def wrap(body: Callable[..., None]) -> Callable[..., None]:
         def command(**values: object) -> None:
+            _check_finite(values)
             body(*(k(**{f.name: values[f.name] for f in fields(k)}) for k in kinds))
 
         parameters = [parameter for k in kinds for parameter in _parameters(k)]
@@ -37,6 +42,23 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
         return command
 
     return wrap
+
+
+def _check_finite(values: Mapping[str, object]) -> None:
+    """Refuse flags that are no number: they pass any range."""
+    for name, value in values.items():
+        for number in value if isinstance(value, list) else [value]:
+            if isinstance(number, float) and not math.isfinite(number):
+                raise BenchError(f"--{name.replace('_', '-')}: expected a finite number, got {number}")
+
+
+@contextlib.contextmanager
+def of_flag(flag: str) -> Iterator[None]:
+    """What is refused in the block was asked for by a flag, and is told so."""
+    try:
+        yield
+    except BenchError as err:
+        raise BenchError(f"{flag}: {err}") from err
 
 
 def _parameters(kind: type) -> list[inspect.Parameter]:

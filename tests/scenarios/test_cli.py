@@ -97,7 +97,7 @@ def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, fl
 
 def test_unknown_model_lists_the_known_ones(simulated, tmp_path):
     done = run("identify", ARM, simulated / "data.csv", "--model", "MGCO1", "--out", tmp_path / "new")
-    assert "no model 'MGCO1'; models are Joints, MLS32" in refused(done)
+    assert "--model: no model 'MGCO1'; models are Joints, MLS32" in refused(done)
     assert not (tmp_path / "new").exists()
 
 
@@ -246,7 +246,7 @@ def test_identifiability_is_said_before_any_fit(simulated, tmp_path):
     ("flags", "text"),
     [
         (["--no-prior", "--uncertainty-percent", "30"], "expected a prior with it"),
-        (["--uncertainty-percent", "0"], "uncertainty: expected 1e-06"),
+        (["--uncertainty-percent", "0"], "Invalid value for '--uncertainty-percent'"),
     ],
 )
 def test_bad_wishes_for_a_prior_are_refused(simulated, tmp_path, flags, text):

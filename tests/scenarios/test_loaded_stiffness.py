@@ -168,8 +168,8 @@ def test_another_arm_and_another_load(tmp_path):
 
 
 BAD_FLAGS = [
-    (["--max-load-n", "-5"], "max_load"),
-    (["--max-load-n", "nan"], "max_load"),
+    (["--max-load-n", "-5"], "--max-load-n"),
+    (["--max-load-n", "nan"], "--max-load-n"),
     (["--arm", "no/such/arm"], "no/such/arm: expected a folder"),
     (["--arm", "arm_6r", "--max-load-n", "90000"], "too soft for its load"),
 ]

@@ -53,10 +53,12 @@ class Options:
     """Flags of the study."""
 
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
-    payload_kg: Annotated[float | None, typer.Option(help="Hung mass; what the arm states if not given.")] = (
-        None
-    )
-    sigma_um: Annotated[float, typer.Option(help="Noise of a reading along an axis.")] = 50.0
+    payload_kg: Annotated[
+        float | None, typer.Option(min=0.001, max=10_000, help="Hung mass; what the arm states if not given.")
+    ] = None
+    sigma_um: Annotated[
+        float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")
+    ] = 50.0
     truth: Annotated[Literal["nonlinear", "linear"], typer.Option(help="Kind of truth.")] = "nonlinear"
     true_arm: Annotated[
         TrueArmName, typer.Option(help="The true arm; in the family the next one each seed.")

@@ -40,7 +40,9 @@ class Options:
     """Flags of the study."""
 
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
-    max_load_n: Annotated[float, typer.Option(help="Heaviest hung weight; the least is a tenth.")] = 10_000.0
+    max_load_n: Annotated[
+        float, typer.Option(min=1, max=100_000, help="Heaviest hung weight; the least is a tenth.")
+    ] = 10_000.0
 
 
 class Settings(BaseModel):

@@ -78,7 +78,7 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
         BenchError: When there is no recording, no driver, no such tab, or the viewer fails.
     """
     if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", sight.size):
-        raise BenchError(f"size: expected WIDTHxHEIGHT in pixels, such as 1600x1000, got {sight.size!r}")
+        raise BenchError(f"--size: expected WIDTHxHEIGHT in pixels, such as 1600x1000, got {sight.size!r}")
     file, driver = newest(folder), _software_driver()
     with _headless(driver, sight.size) as client:
         client.open(str(file.resolve()))
