@@ -24,9 +24,7 @@ from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
 
 log = logging.getLogger(__name__)
-log.addHandler(
-    logging.NullHandler()
-)  # a program that listens hears it; standard error has one line a problem
+log.addHandler(logging.NullHandler())  # a problem is one line on standard error; who listens hears this too
 mujoco.set_mju_user_warning(log.warning)  # else to MUJOCO_LOG.TXT where one stands
 
 __all__ = [
