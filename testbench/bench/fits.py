@@ -20,7 +20,7 @@ from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric
 from testbench.identify.plausibility import doubts
 
-UNITS = "link compliances in their beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null if aggregated"
+UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
 Bound = float | None
 
 
