@@ -8,6 +8,7 @@ import numpy as np
 from testbench.bench.campaign import Cell
 from testbench.bench.default import default_name, recommend
 from testbench.bench.frame_rows import RegistrationRow
+from testbench.bench.looks import UNSEEN, Looks
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset
@@ -15,12 +16,12 @@ from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked
 from testbench.identify.contradiction import doubts as contradictions
+from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric
-from testbench.identify.plausibility import doubts
 
-UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
+UNITS = "link compliances in their beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N"
 Bound = float | None
 
 
@@ -60,15 +61,9 @@ class Fitted(FitRow):
     intervals: IntervalsRow | None
     learnt: bool  #: Whether the readings taught its prior: then its intervals count how wrong that may be.
     links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
-    #: Compliance of every joint; None where it is aggregated: counted in that of the link before it.
-    joints: Mapping[str, float | None]
+    joints: Mapping[str, float]  #: Compliance of every joint.
     units: str  #: Of both.
     rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
-
-    @property
-    def aggregated(self) -> tuple[str, ...]:
-        """Joints whose compliance is counted in that of the link before them."""
-        return tuple(name for name, compliance in self.joints.items() if compliance is None)
 
 
 @dataclass(frozen=True)
@@ -92,11 +87,14 @@ class Fits:
     recommended: str  #: Name of the model to take.
     why: str  #: Why this one.
     held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
-    doubts: tuple[str, ...]  #: What looks wrong with the runs, or with the prior of the model to take.
+    #: What may be wrong with the runs, the likeliest first, then with the prior of the model to take.
+    doubts: tuple[Doubt, ...]
     #: What the readings do not check of its prior.
     unchecked: Unchecked
     notes: tuple[str, ...]  #: What was understood of the runs.
     registration: RegistrationRow | None  #: Frames and targets; None where no frame fitted.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
 
 
 @dataclass(frozen=True)
@@ -109,6 +107,7 @@ class Runs:
     check: Dataset | None  #: Those held back; None if there are none.
     notes: tuple[str, ...] = ()  #: What was understood of them.
     registration: RegistrationRow | None = None  #: Frames and targets; None where no frame fitted.
+    looks: Looks = UNSEEN  #: What may be wrong with them.
 
 
 def fit(
@@ -126,11 +125,11 @@ def fit(
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
     """
-    looks = doubts(cell.vjm, runs.every)
+    looks = runs.looks.doubts
     try:
         found = [_timed(cell, model, runs.used, clock) for model in models]
     except BenchError as err:
-        raise BenchError("; ".join([str(err), *looks])) from err
+        raise BenchError("; ".join([str(err), *(doubt.sentence for doubt in looks)])) from err
     # beside a prior, intervals that count noise alone would look the surest
     plain = all(estimate.belief is None for estimate, _ in found)
     taken = recommend(cell, models, runs.used)
@@ -155,18 +154,20 @@ def fit(
         unchecked=_unchecked(cell, model, best),
         notes=runs.notes,
         registration=runs.registration,
+        scale=runs.looks.scale,
     )
 
 
 def _of_prior(
     models: Sequence[Model], found: Sequence[tuple[Estimate, float]], taken: str, default: str
-) -> list[str]:
+) -> list[Doubt]:
     """What the readings say against the prior of the default, or of the model that is taken."""
     by_name = {m.name: e for m, (e, _) in zip(models, found, strict=True)}
     belief = by_name[default if default in by_name else taken].belief
-    said = list(contradictions(belief)) if belief else []
+    said = [Doubt("prior", text) for text in contradictions(belief)] if belief else []
     if default in by_name and taken != default:
-        said.append(f"{taken} predicts better than {default}: is the arm's folder that of this arm?")
+        words = f"{taken} predicts better than {default}: is the arm's folder that of this arm?"
+        said.append(Doubt("prior", words))
     return said
 
 
@@ -189,7 +190,7 @@ def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *,
     def judge(data: Dataset) -> ErrorRow:
         return error_row(score(predict(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
 
-    C = estimate.C_theta
+    C, first = estimate.C_theta, 6 * len(cell.arm.links)
     return Fitted(
         **vars(fit_row(model.name, estimate, seconds, prior=estimate.belief is not None)),
         equations=estimate.regression.equations,
@@ -201,23 +202,10 @@ def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *,
             link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist()
             for i, link in enumerate(cell.arm.links)
         },
-        joints=_joints(cell, estimate),
+        joints={joint.name: float(C[first + i, first + i]) for i, joint in enumerate(cell.arm.joints)},
         units=UNITS,
         rejected=estimate.rejected,
     )
-
-
-def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
-    """Compliance of every joint; None where it is aggregated into the link before it."""
-    first, block = 6 * len(cell.arm.links), estimate.structure.block_of
-    own = np.diag(estimate.C_theta)[first:].tolist()
-    aggregated = [
-        bool(block[first + k] < 0 <= block[6 * k : 6 * k + 6].max()) for k in range(cell.arm.n_joints)
-    ]
-    return {
-        joint.name: None if inside else compliance
-        for joint, inside, compliance in zip(cell.arm.joints, aggregated, own, strict=True)
-    }
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:

@@ -12,10 +12,12 @@ from testbench.bench.campaign import Cell
 from testbench.bench.fits import Runs
 from testbench.bench.frame_choice import frame_files, to_base
 from testbench.bench.frame_rows import registration_row
+from testbench.bench.looks import Looks, look
 from testbench.bench.rows import UM
 from testbench.data.dataset import split
 from testbench.data.export import Export, read_export
 from testbench.errors import BenchError, InputError
+from testbench.identify.doubts import HandedIn, open_places
 from testbench.identify.registered import Registered
 
 
@@ -75,8 +77,25 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
         InputError: When a file of frames is wrong.
         BenchError: When the frame cannot be found.
     """
-    said = asked.frame if asked.frame != "auto" or export.frame is None else export.frame
-    return to_base(cell, export.data, said)
+    try:
+        return to_base(cell, export.data, _said(export, asked))
+    except InputError:
+        raise
+    except BenchError as err:
+        doubt = open_places(cell.vjm, export.data)
+        if doubt is None:
+            raise
+        raise BenchError(f"{err}; {doubt.sentence}") from err
+
+
+def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> Looks:
+    """What may be wrong with runs of an arm, as its folder has it, that were registered."""
+    return look(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"))
+
+
+def _said(export: Export, asked: Source) -> str:
+    """The frame that was said, "auto" if none was."""
+    return asked.frame if asked.frame != "auto" or export.frame is None else export.frame
 
 
 def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
@@ -93,9 +112,11 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
     if asked.full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
+    filed = cell
     cell, found = register(cell, export, asked)
+    looks = look_at(filed, export, found, asked)
     notes = (*export.notes, *found.notes)
-    runs = Runs(asked.dataset.name, found.data, found.data, None, notes, registration_row(found))
+    runs = Runs(asked.dataset.name, found.data, found.data, None, notes, registration_row(found), looks)
     if not asked.check_pose:
         return cell, runs
     try:

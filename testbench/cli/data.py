@@ -9,7 +9,7 @@ from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
-from testbench.bench.runs import files_read, read, register
+from testbench.bench.runs import files_read, look_at, read, register
 from testbench.bench.understood import understand
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.output.run import check_folder
@@ -52,8 +52,12 @@ def check(asked: Options) -> None:
     found = understand(export)
     console = Console(highlight=False)
     console.print("\n".join([*words.table(found), "", *words.lines(found)]), soft_wrap=True, markup=False)
+    filed = cell
     cell, registered = register(cell, export, asked)  # after the table, which helps where no frame is found
-    console.print("\n".join(f"- {note}" for note in registered.notes), soft_wrap=True, markup=False)
+    looks = look_at(filed, export, registered, asked)
+    doubts = [f"Doubt: {doubt.sentence}" for doubt in looks.doubts]
+    said = [*registered.notes, *(doubts or ["no doubts about the runs"])]
+    console.print("\n".join(f"- {line}" for line in said), soft_wrap=True, markup=False)
     if asked.out is not None:
         write(cell, asked.dataset.name, found, registered, asked.out)
         text = f"picture    {asked.out / 'data.png'}\nrecording  {asked.out / 'recording.rrd'}"

@@ -13,6 +13,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
+from testbench.bench.looks import check_strictly
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
@@ -56,6 +57,7 @@ class Options:
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
     intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
+    strict: Annotated[bool, typer.Option("--strict", help="Fail where anything is doubted.")] = False
     force: Force = False
 
 
@@ -71,6 +73,8 @@ def command(asked: Options) -> None:
     cell, runs = read_runs(cell, asked)
     models = _models(cell, asked)
     found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
+    if asked.strict:
+        check_strictly(found.doubts)
     with whole_folder(asked.out) as folder:
         files.write_json(asdict(found), folder / "models.json")
         files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])

@@ -36,23 +36,43 @@ def weigh(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
     if data.runs * each > MOST_READINGS:
         raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
     root = _roots(data)
-    A, y = root @ observation(*args, points), (root @ data.deflection[..., None])[..., 0]
+    A = root @ observation(*args, points)
     unit, marker = np.linalg.det(root) ** (-1 / 3), np.arange(each)
-    seen = data.seen
     if data.sigma_rotation is not None:
         turn = math.sqrt(2) * data.sigma_rotation
         A = np.concatenate([A, rotation_observation(*args) / turn], axis=1)
-        y = np.concatenate([y, data.rotation[:, None] / turn], axis=1)
-        unit = np.c_[unit, np.full(data.runs, turn)]
-        seen, marker[-1] = np.c_[seen, np.ones(data.runs, dtype=bool)], -1
-    used = seen.ravel()
+        unit, marker[-1] = np.c_[unit, np.full(data.runs, turn)], -1
+    used = _used(data)
     return Readings(
         A=A.reshape(-1, 3, structure.n)[used],
-        y=y.reshape(-1, 3)[used],
+        y=white(data, data.deflection, data.rotation if turned else None),
         unit=unit.ravel()[used],
         run=np.repeat(np.arange(data.runs), each)[used],
         marker=np.tile(marker, data.runs)[used],
     )
+
+
+def white(data: Dataset, moved: Array, turned: Array | None = None) -> Array:
+    """Moves of the markers and turns of the tool as readings of a dataset, in standard deviations.
+
+    Args:
+        data: Says what was read, and how well.
+        moved: (runs, m, 3) [m].
+        turned: (runs, 3) [rad]; of no effect where positions alone are read.
+
+    Returns:
+        One row a reading, (readings, 3), in the order of `weigh`.
+    """
+    y = (_roots(data) @ moved[..., None])[..., 0]
+    if data.sigma_rotation is not None and turned is not None:
+        y = np.concatenate([y, turned[:, None] / (math.sqrt(2) * data.sigma_rotation)], axis=1)
+    return np.asarray(y.reshape(-1, 3)[_used(data)])
+
+
+def _used(data: Dataset) -> Mask:
+    """Which readings there are, (runs * readings a run,)."""
+    whole = np.ones((data.runs, int(data.sigma_rotation is not None)), dtype=bool)
+    return np.concatenate([data.seen, whole], axis=1).ravel()
 
 
 def _roots(data: Dataset) -> Array:

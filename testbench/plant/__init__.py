@@ -9,7 +9,7 @@ import logging
 
 import mujoco
 
-from testbench.plant.build import Plant, build_plant, weightless
+from testbench.plant.build import Plant, build_plant, weightless, with_markers
 from testbench.plant.compensator import (
     KR500_COMPENSATOR,
     STIFF_COMPENSATOR,
@@ -23,9 +23,7 @@ from testbench.plant.feasible import Room, build_room, check_poses, collisions, 
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
 
-log = logging.getLogger(__name__)
-log.addHandler(logging.NullHandler())  # a problem is one line on standard error; who listens hears this too
-mujoco.set_mju_user_warning(log.warning)  # else to MUJOCO_LOG.TXT where one stands
+mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)  # else to MUJOCO_LOG.TXT where one stands
 
 __all__ = [
     "KR500_COMPENSATOR",
@@ -59,5 +57,6 @@ __all__ = [
     "settle_pair",
     "unloaded",
     "weightless",
+    "with_markers",
     "write_elastic",
 ]

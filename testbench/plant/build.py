@@ -104,6 +104,13 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
     return replace(plant, model=model, abreast=abreast)
 
 
+def with_markers(plant: Plant, off: Array) -> Plant:
+    """The plant with its markers moved in the tool's frame, by (m, 3) [m]."""
+    model = copy.copy(plant.model)
+    model.body_pos[plant.markers] += off
+    return with_model(plant, model)
+
+
 def weightless(plant: Plant) -> Plant:
     """The plant without gravity."""
     model = copy.copy(plant.model)

@@ -13,7 +13,6 @@ from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds, gradient_dual
 from testbench.identify.evaluate import LILLIEFORS_SAMPLES, normality, predict, score
-from testbench.identify.plausibility import doubts
 from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation, rotation_observation
@@ -314,15 +313,6 @@ def test_a_users_own_estimator_plugs_in(kr500):
     assert score(predict(kr500.vjm, estimate, data), data.deflection).max_relative == pytest.approx(1)
     with pytest.raises(BenchError, match="finite"):
         make_estimate(estimate.regression, np.full(47, np.nan), method="broken")
-
-
-def test_doubts_are_raised_about_exchanged_readings_and_another_frame(kr500):
-    data = gravity_data(kr500, 1).identification
-    assert doubts(kr500.vjm, data) == ()
-    (swapped,) = doubts(kr500.vjm, replace(data, before=data.after, after=data.before))
-    assert "before and after" in swapped
-    (shifted,) = doubts(kr500.vjm, replace(data, before=data.before + 5, after=data.after + 5))
-    assert "another frame" in shifted
 
 
 def test_relative_error_is_none_where_nothing_moved():

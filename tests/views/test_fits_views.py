@@ -9,6 +9,7 @@ from made_up import fill, filled, single
 
 from testbench.bench.fits import Fits, Fitted, HeldOut
 from testbench.identify.contradiction import Unchecked
+from testbench.identify.doubts import Doubt
 from testbench.views import fits as views
 from testbench.views import markdown
 
@@ -137,6 +138,6 @@ def test_what_is_wrong_with_a_model_is_said_of_that_model(fits, name):
 
 
 def test_doubts_and_advice_are_said_once(fits):
-    fits = replace(fits, doubts=("the frame is another one?",))
+    fits = replace(fits, doubts=(Doubt("frame", "the frame is another one?"),))
     assert printed(fits).count("Doubt: the frame is another one?") == 1
     assert printed(fits).count("- seen") == 1

@@ -1,0 +1,48 @@
+"""Single poses and readings that lie off while most do not."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.geometry import Fit, Free, Seen, away, fit
+from testbench.identify.doubts.sentences import MM
+
+APART = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
+
+
+def apart(seen: Seen, own: Fit) -> list[tuple[int, Doubt]]:
+    """Single poses, and single unloaded readings, that lie off while most do not; with their pose."""
+    off = np.linalg.norm(own.residual, axis=2)
+    found = []
+    for row in np.flatnonzero((off > APART * seen.scale).any(axis=1)):
+        pose, typical, run = int(seen.poses[row]), float(np.median(off[row][seen.there[row]])), seen.runs[row]
+        if typical > APART / 2 * seen.scale:
+            why = _joint(seen, own, int(row))
+            words = f"run {run}: its unloaded readings lie {MM * typical:.3g} mm off: {why}"
+            found.append((pose, Doubt("pose", words)))
+        else:
+            k = int(np.argmax(off[row]))
+            words = f"run {run}: {seen.names[k]} was read {MM * off[row, k]:.3g} mm off, the others were not"
+            found.append((pose, Doubt("reading", words)))
+    return found
+
+
+def _joint(seen: Seen, own: Fit, pose: int) -> str:
+    """Which joint angle of a pose may be wrong."""
+    one = replace(
+        seen,
+        q=seen.q[[pose]],
+        markers=own.markers,
+        read=(seen.read[[pose]] - own.frame.t) @ own.frame.R,
+        there=seen.there[[pose]],
+    )
+    fits = [fit(one, Free(joint=k)) for k in range(seen.q.shape[1])]
+    best = int(np.argmin([f.loss for f in fits]))
+    joint = seen.vjm.arm.joints[best]
+    if float(np.median(away(one, fits[best]))) > APART * seen.scale:
+        return "is its pose right?"
+    size = (
+        f"{MM * fits[best].offset:.3g} mm" if joint.prismatic else f"{np.rad2deg(fits[best].offset):.3g} deg"
+    )
+    return f"they fit if {joint.name} stood {size} farther"

@@ -1,0 +1,154 @@
+"""Doubts about runs: first what is plain, then where the arm is, then what moves it."""
+
+from dataclasses import dataclass, replace
+from itertools import chain as joined
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Ids, select
+from testbench.errors import Array
+from testbench.identify.doubts.apart import apart
+from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.geometry import Fit, Free, Seen, fit
+from testbench.identify.doubts.placed import placed
+from testbench.identify.doubts.plain import moved_against, plain
+from testbench.identify.doubts.sentences import frame_doubt, targets_doubt
+from testbench.identify.doubts.weighed import SINGLE, weighed
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.identify.registered import Registered
+from testbench.identify.weighed import check_runs, marker_points
+from testbench.model.structure import all153
+from testbench.model.vjm import Vjm
+
+PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
+HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
+AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
+MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads can be looked at all the same.
+
+
+@dataclass(frozen=True)
+class HandedIn:
+    """What is doubted."""
+
+    vjm: Vjm  #: The arm as its folder has it.
+    data: Dataset  #: The runs as they were read.
+    found: Registered  #: The same, with frames and targets found from the unloaded readings.
+    declared: bool  #: Whether the frame of the readings was said, not guessed.
+
+    @property
+    def filed(self) -> Vjm:
+        """The arm with the targets of its folder, and with others where they were found."""
+        have = dict(zip(self.found.vjm.arm.markers, self.found.vjm.markers, strict=True))
+        have |= dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
+        return replace(
+            self.vjm, arm=replace(self.vjm.arm, markers=tuple(have)), markers=np.array(list(have.values()))
+        )
+
+
+def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
+    """What may be wrong with runs, the likeliest first.
+
+    Args:
+        given: The arm and the runs.
+        prior: What the arm's folder expects.
+
+    Returns:
+        None for sound runs. A mistake of all poses or readings stands alone: it spoils what else is seen.
+
+    Raises:
+        BenchError: When the runs are not of this arm, or hold absurd numbers.
+    """
+    found = given.found
+    check_runs(found.vjm, found.data)
+    plainly = plain(given.data, reach_of(given.vjm))
+    said, own, seen = _places(given)
+    if plainly or any(doubt.name not in MENDED for doubt in said):
+        return [*said, *plainly]
+    data, vjm = found.data, found.vjm
+    if np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]) > HUGE * seen.scale:
+        one = given.data if found.frame == "base" else _of_one_station(given.data)
+        loaded = placed(_seen(vjm, one, one.after), _free(found), "loaded readings")
+        if loaded.doubt is not None:
+            return [loaded.doubt, *said]
+    if against := moved_against(data):
+        return [*said, against]
+    off = apart(seen, own)
+    model = metric(prior, vjm, all153(vjm.arm))
+    kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
+    parts = max(1, -(-kept.runs // AT_A_TIME))
+    chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
+    weights = _together([weighed(vjm, model, chunk) for chunk in chunks])
+    return [*said, *(doubt for _, doubt in off), *weights]
+
+
+def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:
+    """Doubts about where the arm, its targets and the tracker are; and the readings as they were placed."""
+    found = given.found
+    guessed = found.frame == "tracker" and not given.declared
+    if found.frame == "base" or guessed:
+        seen = _seen(given.filed, given.data, given.data.before)
+        raw = placed(seen, Free(), "unloaded readings")
+        mistaken = raw.doubt is not None and raw.doubt.name not in ("frame", "kinematics")
+        if found.frame == "base" or mistaken:
+            return ([] if raw.doubt is None else [raw.doubt]), raw.fit, seen
+    one = _of_one_station(given.data)
+    doubt = placed(_seen(found.vjm, one, one.before), _free(found), "unloaded readings").doubt
+    seen = _seen(found.vjm, found.data, found.data.before)
+    own = fit(seen, Free())
+    if doubt is not None:
+        return [doubt], own, seen
+    said = [frame_doubt(found)] if guessed else []
+    return [*said, *targets_doubt(found)], own, seen
+
+
+def open_places(vjm: Vjm, data: Dataset) -> Doubt | None:
+    """The mistake that keeps readings from being brought into the base's frame, if one explains it."""
+    one = _of_one_station(data)
+    return placed(_seen(vjm, one, one.before), Free(frame=True, targets=True), "unloaded readings").doubt
+
+
+def _of_one_station(data: Dataset) -> Dataset:
+    """The runs that the station with most of them read."""
+    if data.station is None:
+        return data
+    names, count = np.unique(data.station, return_counts=True)
+    return select(data, data.station == names[count.argmax()])
+
+
+def _free(found: Registered) -> Free:
+    return Free(frame=found.frame == "tracker", targets=found.frame == "tracker")
+
+
+def _together(parts: list[list[Doubt]]) -> list[Doubt]:
+    """Doubts about all runs, of the first part; those about single runs, of all parts."""
+    single = [d for d in joined(*parts[1:]) if d.name in SINGLE]
+    return sorted([*parts[0], *single], key=lambda d: -(d.evidence or 0))
+
+
+def reach_of(vjm: Vjm) -> float:
+    """Length of the arm from its first joint to the tool [m]."""
+    steps = np.concatenate([vjm.placements[1:, :3, 3], vjm.tool[None, :3, 3]])
+    return float(np.linalg.norm(steps, axis=1).sum())
+
+
+def _different(data: Dataset) -> Ids:
+    """Runs with unloaded readings of their own: several loads of a pose may share them."""
+    read = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
+    return np.sort(np.unique(read, axis=0, return_index=True)[1])
+
+
+def _seen(vjm: Vjm, data: Dataset, read: Array) -> Seen:
+    """Readings, unloaded or loaded, of the runs with unloaded readings of their own."""
+    runs = _different(data)
+    return Seen(
+        vjm=vjm,
+        q=data.q[runs],
+        markers=marker_points(vjm, data.markers),
+        read=read[runs],
+        there=data.seen[runs],
+        scale=PRECISE * reach_of(vjm),
+        names=data.markers,
+        runs=data.run[runs],
+        poses=data.pose[runs],
+    )

@@ -1,0 +1,151 @@
+"""Unloaded readings against the arm's kinematics, with some of what was handed in left free.
+
+Readings have to lie where the kinematics has the targets, up to a sound arm's errors: calibration, own
+weight, a target a few millimetres off. The loss is Cauchy's: a few wrong readings do not speak for a mistake
+in all.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.data.dataset import Ids
+from testbench.errors import Array
+from testbench.identify.doubts.rigid import STILL, Rigid, closest, cost, turned_by, weights
+from testbench.model.vjm import Vjm, tool_pose
+
+PENALTY = 4.0  #: Nats that a free number has to earn.
+ROUNDS = 8  #: Of weights and fits in turn.
+STEP = 1e-6  #: Of a joint, for the derivative of where targets are [rad, m].
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Unloaded readings, one of a pose and target."""
+
+    vjm: Vjm  #: The kinematics.
+    q: Array  #: (poses, n) [rad, m].
+    markers: Array  #: Nominal targets in the tool's frame, (m, 3) [m].
+    read: Array  #: (poses, m, 3) [m].
+    there: npt.NDArray[np.bool_]  #: Which were read, (poses, m).
+    names: tuple[str, ...]  #: Of the targets.
+    runs: Ids  #: Run of each row, (poses,).
+    poses: Ids  #: Its pose.
+    scale: float  #: How far a sound reading may lie off [m].
+
+
+@dataclass(frozen=True)
+class Free:
+    """What is left free."""
+
+    frame: bool = False  #: Position and orientation of the arm's base in the frame of the readings.
+    targets: bool = False  #: Places of the targets in the tool's frame.
+    joint: int | None = None  #: A joint whose zero is free.
+    link: int | None = None  #: A link whose end is free.
+    mirrored: bool = False  #: Whether the frame is left-handed.
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Readings with something left free."""
+
+    frame: Rigid  #: From the arm's base to the frame of the readings.
+    markers: Array  #: Targets in the tool's frame, (m, 3) [m].
+    offset: float  #: Of the joint [rad, m].
+    step: Array  #: Of the link's end, in its axes, (3,) [m].
+    residual: Array  #: (poses, m, 3) [m], zero where nothing was read.
+    loss: float  #: Cauchy's [nats].
+    numbers: int  #: How many were free.
+
+    @property
+    def cost(self) -> float:
+        """The loss with what the free numbers have to earn [nats]."""
+        return self.loss + PENALTY * self.numbers
+
+
+def fit(seen: Seen, free: Free) -> Fit:
+    """The best fit of what is free: in closed form where a frame is, then refined together."""
+    count = 6 * free.frame + 3 * len(seen.markers) * free.targets + (free.joint is not None)
+    count += 3 * (free.link is not None)
+    now = Fit(STILL, seen.markers, 0.0, np.zeros(3), seen.read, np.inf, count)
+    if free.frame:
+        where = _where(seen, free, now)
+        start = closest(where[seen.there], seen.read[seen.there], sign=-1 if free.mirrored else 1)
+        now = replace(now, frame=start)
+    now = _judged(seen, free, now)
+    for _ in range(ROUNDS if count else 0):
+        now = _judged(seen, free, _refined(seen, free, now))
+    return now
+
+
+def _judged(seen: Seen, free: Free, now: Fit) -> Fit:
+    off = np.where(seen.there[..., None], now.frame.of(_where(seen, free, now)) - seen.read, 0)
+    return replace(now, residual=off, loss=cost(off, seen.scale))
+
+
+def _where(seen: Seen, free: Free, now: Fit) -> Array:
+    """Where the kinematics has the targets, in the arm's base, (poses, m, 3) [m]."""
+    p, R = _tool(seen, free, now)
+    return np.asarray(p[:, None] + now.markers @ R.transpose(0, 2, 1))
+
+
+def _tool(seen: Seen, free: Free, now: Fit) -> tuple[Array, Array]:
+    """Where the tool is, (poses, 3) [m], and how it is turned, (poses, 3, 3)."""
+    vjm, q = seen.vjm, seen.q
+    if free.joint is not None:
+        q = q.copy()
+        q[:, free.joint] += now.offset
+    if free.link is not None:
+        placements = vjm.placements.copy()
+        placements[free.link, :3, 3] += now.step
+        vjm = replace(vjm, placements=placements)
+    return tool_pose(vjm, q)
+
+
+def _refined(seen: Seen, free: Free, now: Fit) -> Fit:
+    """One weighted Gauss-Newton step of all that is free."""
+    base = _where(seen, free, now)
+    columns: list[Array] = []
+    if free.frame:
+        moved = now.frame.of(base)
+        columns += [np.broadcast_to(e, base.shape) for e in np.eye(3)]
+        columns += [np.cross(e, moved - now.frame.t) for e in np.eye(3)]
+    if free.targets:
+        R = now.frame.R @ _tool(seen, free, now)[1]
+        for k in range(len(now.markers)):
+            for axis in range(3):
+                column = np.zeros(base.shape)
+                column[:, k] = R[:, :, axis]
+                columns.append(column)
+    if free.link is not None:
+        for e in STEP * np.eye(3):
+            ahead = _where(seen, free, replace(now, step=now.step + e))
+            columns.append((ahead - base) @ now.frame.R.T / STEP)
+    if free.joint is not None:
+        ahead = _where(seen, free, replace(now, offset=now.offset + STEP))
+        columns.append((ahead - base) @ now.frame.R.T / STEP)
+    root = np.sqrt(weights(now.residual, seen.scale) * seen.there)[..., None]
+    A = np.stack([(root * column).ravel() for column in columns], axis=1)
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
+    step = np.linalg.lstsq(A / size, -(root * now.residual).ravel())[0] / size
+    return _stepped(free, now, step)
+
+
+def _stepped(free: Free, now: Fit, step: Array) -> Fit:
+    frame, markers, offset = now.frame, now.markers, now.offset
+    if free.joint is not None:
+        offset, step = offset + float(step[-1]), step[:-1]
+    end = now.step
+    if free.link is not None:
+        end, step = end + step[-3:], step[:-3]
+    if free.frame:
+        frame, step = Rigid(turned_by(step[3:6]) @ frame.R, frame.t + step[:3]), step[6:]
+    if free.targets:
+        markers = markers + step.reshape(-1, 3)
+    return replace(now, frame=frame, markers=markers, offset=offset, step=end)
+
+
+def away(seen: Seen, own: Fit) -> Array:
+    """Distances of all readings from where they should be, (readings,) [m]."""
+    return np.asarray(np.linalg.norm(own.residual, axis=2)[seen.there])

@@ -1,0 +1,77 @@
+"""Single mistakes that move readings against the arm's kinematics: a frame, a unit, a joint, a target."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations
+
+import numpy as np
+
+from testbench.identify.doubts.geometry import Free, Seen
+
+UNITS = {
+    1e-3: "are 1000 times too large: millimetres read as metres?",
+    1e3: "are 1000 times too small",
+    0.0254: "are 39.4 times too large: inches read as metres?",
+}
+FEW = 4  #: Targets up to which every order of their names is tried; of more, exchanges of two.
+CHOICE = 2  #: Free numbers that a choice among many counts as.
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake."""
+
+    name: str  #: A word for programs.
+    words: str  #: What it is.
+    seen: Seen  #: The readings with what can be mended at once.
+    free: Free  #: What is found by a fit.
+    numbers: int = 0  #: What the choice counts as, beside what is free.
+
+
+def mistakes(seen: Seen, free: Free) -> Iterator[Mistake]:
+    """All single mistakes that are tried, beside what is free anyway."""
+    if not free.frame:
+        yield Mistake("frame", "", seen, replace(free, frame=True))
+    if not free.targets:
+        yield Mistake("targets", "", seen, replace(free, targets=True))
+    left = replace(free, frame=True, mirrored=True)
+    yield Mistake("mirrored", "lie in a left-handed frame: the sign of an axis?", seen, left)
+    for factor, words in UNITS.items():
+        yield Mistake("unit", words, replace(seen, read=factor * seen.read), free, CHOICE)
+    for shift, words in ((1, "next"), (-1, "last")):
+        words = f"are those of the {words} pose"
+        yield Mistake("order", words, replace(seen, q=np.roll(seen.q, shift, axis=0)), free, CHOICE)
+    for k in range(1, len(seen.vjm.arm.links) - 1):
+        yield Mistake("link", seen.vjm.arm.links[k].name, seen, replace(free, link=k))
+    yield from _markers(seen, free)
+    yield from _joints(seen, free)
+
+
+def _markers(seen: Seen, free: Free) -> Iterator[Mistake]:
+    m = len(seen.markers)
+    if m <= FEW:
+        orders = list(permutations(range(m)))[1:]
+    else:
+        orders = [
+            tuple(j if k == i else i if k == j else k for k in range(m)) for i, j in combinations(range(m), 2)
+        ]
+    for order in orders:
+        own = replace(seen, read=seen.read[:, order], there=seen.there[:, order])
+        wrong = [seen.names[k] for k, other in enumerate(order) if k != other]
+        words = f"of {', '.join(wrong)} have each other's names"
+        yield Mistake("markers", words, own, free, CHOICE)
+
+
+def _joints(seen: Seen, free: Free) -> Iterator[Mistake]:
+    joints = seen.vjm.arm.joints
+    for k, joint in enumerate(joints):
+        q = seen.q.copy()
+        q[:, k] *= -1
+        words = f"fit if {joint.name} has the other sign"
+        yield Mistake("joint_sign", words, replace(seen, q=q), free, CHOICE)
+        yield Mistake("joint_zero", joint.name, seen, replace(free, joint=k), 1)
+    for i, j in combinations(range(len(joints)), 2):
+        order = list(range(len(joints)))
+        order[i], order[j] = j, i
+        words = f"fit if {joints[i].name} and {joints[j].name} are exchanged"
+        yield Mistake("joint_order", words, replace(seen, q=seen.q[:, order]), free, CHOICE)

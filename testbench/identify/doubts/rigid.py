@@ -1,0 +1,60 @@
+"""Rigid motions of points, and a loss for which a few wrong points do not matter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """x -> R x + t."""
+
+    R: Array  #: Orthogonal, (3, 3).
+    t: Array  #: (3,) [m].
+
+    def of(self, points: Array) -> Array:
+        """Points, (..., 3), moved."""
+        return np.asarray(points @ self.R.T + self.t)
+
+    @property
+    def turn(self) -> Array:
+        """Rotation vector of a rotation, (3,) [rad]."""
+        from scipy.spatial.transform import Rotation  # here: it takes long to import
+
+        return np.asarray(Rotation.from_matrix(self.R).as_rotvec())
+
+
+STILL = Rigid(np.eye(3), np.zeros(3))
+
+
+def closest(source: Array, target: Array, sign: int = 1) -> Rigid:
+    """The motion of least squares from points to points, (k, 3) (Kabsch 1976; Umeyama 1991).
+
+    `sign` is the determinant of R: -1 for a mirrored one.
+    """
+    a, b = source.mean(axis=0), target.mean(axis=0)
+    U, _, Vt = np.linalg.svd((target - b).T @ (source - a))
+    R = U @ np.diag([1.0, 1.0, sign * np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return Rigid(R, b - R @ a)
+
+
+def turned_by(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector, (3,) [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-15:
+        return np.eye(3)
+    x, y, z = vector / angle
+    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
+
+
+def weights(residual: Array, scale: float) -> Array:
+    """Weights of Cauchy's loss, of residuals, (..., 3) [m]."""
+    return np.asarray(1 / (1 + np.square(residual / scale).sum(axis=-1) / 3))
+
+
+def cost(residual: Array, scale: float) -> float:
+    """Cauchy's loss of residuals, (..., 3): minus the logarithm of a density in three dimensions [nats]."""
+    return float(1.5 * np.log1p(np.square(residual / scale).sum(axis=-1) / 3).sum())

@@ -1,0 +1,78 @@
+"""Doubts about places in words."""
+
+import numpy as np
+
+from testbench.errors import Array
+from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.geometry import Fit, Seen, away
+from testbench.identify.doubts.mistakes import Mistake
+from testbench.identify.registered import Registered
+
+MM = 1e3
+ROUGH = 0.1  #: Distance of a target whose place was rough, and was found, that is a doubt [m].
+
+
+def sentence(seen: Seen, mistake: Mistake, own: Fit, before: tuple[Fit, str]) -> str:
+    """A mistake and its fit, beside the fit without it, of such readings."""
+    start, what = before
+    was, now = (MM * float(np.median(away(seen, x))) for x in (start, own))
+    words = _words(seen, mistake, own)
+    return f"the {what} {words} (they lie {was:.3g} mm from the arm's kinematics, median; so {now:.3g} mm)"
+
+
+def frame_doubt(found: Registered) -> Doubt:
+    """Readings that turned out to be in the tracker's frame, where nobody said so."""
+    assert found.registration is not None
+    [first, *others] = found.registration.frames
+    more = f", and {len(others)} stations more" if others else ""
+    moved = _moved(first.rotation_vector, first.translation)
+    return Doubt(
+        "frame", f"the readings {moved}{more}; they are taken as the tracker's: --frame tracker confirms"
+    )
+
+
+def targets_doubt(found: Registered) -> list[Doubt]:
+    """Targets that were found far from where the arm's folder has them, or one where another is."""
+    own = found.registration
+    assert own is not None
+    away = np.linalg.norm(own.targets - own.nominal, axis=1)
+    far = np.flatnonzero(away > ROUGH)
+    if not len(far):
+        return []
+    between = np.linalg.norm(own.targets[far, None] - own.nominal[None, far], axis=2)
+    names = ", ".join(own.markers[k] for k in far)
+    if len(far) > 1 and (between.min(axis=1) < ROUGH).all():
+        return [Doubt("markers", f"targets {names} are where others of them are to be: names exchanged?")]
+    worst = int(far[np.argmax(away[far])])
+    words = (
+        f"{own.markers[worst]} is {MM * away[worst]:.0f} mm from where the arm's folder has it on the tool"
+    )
+    return [Doubt("targets", words)]
+
+
+def _moved(turn: Array, shift: Array) -> str:
+    angle = float(np.linalg.norm(turn))
+    axis = ", ".join(f"{x:.2f}" for x in turn / max(angle, 1e-12))
+    at = ", ".join(f"{MM * x:.0f}" for x in shift)
+    return (
+        f"are in a frame turned by {np.rad2deg(angle):.3g} deg about ({axis}) and moved by ({at}) mm "
+        "against the arm's base"
+    )
+
+
+def _words(seen: Seen, mistake: Mistake, own: Fit) -> str:
+    if mistake.name == "frame":
+        return _moved(own.frame.turn, own.frame.t)
+    if mistake.name == "targets":
+        off = MM * np.linalg.norm(own.markers - seen.markers, axis=1)
+        worst = int(np.argmax(off))
+        return f"have {seen.names[worst]} {off[worst]:.0f} mm from where the arm's folder has it on the tool"
+    if mistake.name == "link":
+        step = ", ".join(f"{MM * x:.0f}" for x in own.step)
+        return f"fit if the end of {mistake.words} is ({step}) mm farther, in its axes: is this the arm?"
+    if mistake.free.joint is not None:
+        prismatic = seen.vjm.arm.joints[mistake.free.joint].prismatic
+        size = f"{MM * own.offset:.3g} mm" if prismatic else f"{np.rad2deg(own.offset):.3g} deg"
+        also = {0: ", or the frame is turned about it", len(seen.vjm.arm.joints) - 1: ", or the tool is"}
+        return f"fit if the zero of {mistake.words} is off by {size}{also.get(mistake.free.joint, '')}"
+    return mistake.words

@@ -1,0 +1,112 @@
+"""Mistakes in loads, or between the two readings: each a change of the data set of a size that is fitted."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Mask
+from testbench.errors import Array
+from testbench.identify.doubts.loads import Change, Fitted, Size, of_columns, sized
+
+FORCE, POINT, SHIFT, FACTOR = 0.1, 0.1, 1e-3, 0.3
+"""Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
+move [m, rad] and of a wrong load [1]."""
+BUMP = 3e-3  #: The same of a target that was touched, or of a reading of another one [m].
+LEAST_OF_LEVEL = 3  #: Runs of a load below which it is no level.
+SAME = 0.02  #: Share by which loads of one level may differ.
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A mistake, and how much likelier it makes the readings."""
+
+    name: str  #: A word for programs.
+    where: str  #: Run, target or level.
+    size: Size
+    unit: float  #: Of the size, in SI.
+
+
+def suspects(fitted: Fitted) -> Iterator[Suspect]:
+    """Every mistake whose size enters linearly."""
+    data = fitted.data
+    force = float(np.linalg.norm(data.wrench[:, :3], axis=1).max())
+    if force > 0:
+        yield Suspect("force_offset", "", sized(fitted, _force(FORCE * force), 3), FORCE * force)
+    yield Suspect("load_point", "", sized(fitted, _point, 3), POINT)
+    for name in [None] if data.station is None else np.unique(data.station):
+        where = "" if name is None else f"station {name}"
+        yield Suspect("tracker_moved", where, sized(fitted, _station(data, name), 6), SHIFT)
+    groups = levels(data)
+    if len(groups) > 1:
+        for mask in groups:
+            load = np.linalg.norm(data.wrench[mask, :3], axis=1).mean()
+            yield Suspect("level", f"{load:.4g} N", sized(fitted, _factor(mask), 1), FACTOR)
+    yield from _single(fitted)
+
+
+def levels(data: Dataset) -> list[Mask]:
+    """Runs of one size of force each, sizes that occur often enough; none where any load is not of one."""
+    force = np.linalg.norm(data.wrench[:, :3], axis=1)
+    found: list[Mask] = []
+    left = np.ones(len(force), dtype=bool)
+    while left.any():
+        own = left & (np.abs(force - force[left].max()) <= SAME * force.max())
+        found.append(own)
+        left &= ~own
+    return found if all(own.sum() >= LEAST_OF_LEVEL for own in found) else []
+
+
+def _force(size: float) -> Change:
+    def change(data: Dataset, b: Array) -> Dataset:
+        wrench = data.wrench.copy()
+        wrench[:, :3] += size * b
+        return replace(data, wrench=wrench)
+
+    return change
+
+
+def _point(data: Dataset, b: Array) -> Dataset:
+    return replace(data, point=data.point + POINT * b)
+
+
+def _station(data: Dataset, name: int | None) -> Change:
+    own = np.ones(data.runs, dtype=bool) if data.station is None else data.station == name
+    centre = data.after[data.seen].mean(axis=0)
+
+    def change(data: Dataset, b: Array) -> Dataset:
+        moved = SHIFT * (b[:3] + np.cross(b[3:], data.after - centre))
+        return replace(data, after=np.where(own[:, None, None], data.after - moved, data.after))
+
+    return change
+
+
+def _factor(mask: Mask) -> Change:
+    def change(data: Dataset, b: Array) -> Dataset:
+        wrench = data.wrench.copy()
+        wrench[mask] *= 1 + FACTOR * b[0]
+        return replace(data, wrench=wrench)
+
+    return change
+
+
+def _single(fitted: Fitted) -> Iterator[Suspect]:
+    """Single runs with another load, single runs and single readings that are of anything."""
+    read, data = fitted.read, fitted.data
+    expected = (read.A @ fitted.pi).reshape(-1)
+    run, marker = (np.repeat(ids, 3) for ids in (read.run, read.marker))
+    size = BUMP / np.repeat(read.unit, 3)
+    for r in range(data.runs):
+        own = run == r
+        if not own.any():
+            continue
+        name = str(data.run[r])
+        yield Suspect(
+            "run_load", name, of_columns(fitted, np.where(own, FACTOR * expected, 0)[:, None]), FACTOR
+        )
+        whole = np.diag(size)[:, own]
+        yield Suspect("run", name, of_columns(fitted, whole), BUMP)
+        for k in np.unique(marker[own]):
+            one = np.diag(size)[:, own & (marker == k)]
+            label = f"{name} {data.markers[k]}" if k >= 0 else name
+            yield Suspect("reading", label, of_columns(fitted, one), BUMP)

@@ -1,0 +1,196 @@
+"""Which single mistake in the loads, or between the two readings, makes deflections fit the prior best."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError
+from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.loads import Fitted, learnt
+from testbench.identify.doubts.suspects import Suspect, levels, suspects
+from testbench.identify.metric import Metric
+from testbench.model.vjm import Vjm, tool_pose
+
+LEAST = 12.0  #: Nats by which a mistake has to make the readings likelier to be a doubt.
+CLEAR = 20.0  #: The same where all readings are changed at once: a force along another axis, other levels.
+SINGLE = ("run_load", "run", "reading")  #: Names of mistakes of single runs.
+LARGE = {"force_offset": 0.03, "load_point": 0.05, "tracker_moved": 4e-4, "level": 0.08, "run_load": 0.4}
+"""Least sizes that are a doubt: sound arms, which stiffen, have play and compensators, look as wrong as this.
+Of the largest force [1]; [m]; [m, rad]; of the load [1]."""
+BUMP = 4e-4  #: The same of a single reading [m], and of SIGMAS standard deviations.
+SIGMAS = 8.0
+SCALES, HALF, LIGHT = 5.0, 4.5, 0.35
+"""Factors between prior and readings that are absurd, and that are with forces that are light as newtons,
+under LIGHT of the stated payload, and not as kilograms."""
+QUIET = 1.3, 2.5
+"""Misfit, and factor between prior and readings, up to which no mistake of all readings is looked for."""
+NOISE = 8.0  #: Misfit from which the stated noise is doubted.
+
+
+def weighed(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
+    """Doubts about loads and deflections, the likeliest first."""
+    factor = scale(vjm, metric, data)
+    try:
+        fitted = learnt(vjm, metric, data)
+    except BenchError as err:  # no compliance moves so: only other loads can
+        said = _changed(None, vjm, metric, data)
+        return said or [Doubt("scale", f"the readings do not compare with the arm's folder: {err}")]
+    found = [s for s in suspects(fitted) if s.size.gain > LEAST and _large(fitted, s)]
+    found.sort(key=lambda s: -s.size.gain)
+    said = [Doubt(s.name, _sentence(s), s.size.gain) for s in _told(found)]
+    kappa = math.exp(fitted.h[-1])
+    if kappa > QUIET[0] or abs(math.log(abs(factor) or 1e-9)) > math.log(QUIET[1]) or factor < 0:
+        said += _changed(fitted.loss, vjm, metric, data)
+    said.sort(key=lambda d: -(d.evidence or 0))
+    said += _scale(vjm, data, factor)
+    if not said and kappa > NOISE:
+        sigma = 1e6 * data.sigma
+        said.append(
+            Doubt(
+                "noise",
+                f"the readings scatter {kappa:.2g} times more than their noise, {sigma:.3g} um: is it more, "
+                "or does the arm do what springs do not?",
+            )
+        )
+    return said
+
+
+def scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
+    """By what factor the readings want the prior's compliances, by least squares [1]."""
+    from testbench.identify.regression import reduce
+
+    regression = reduce(vjm, metric.structure, data)
+    pi = metric.L @ metric.expected
+    rows = [(t.R @ pi, t.z) for t in regression.terms]
+    return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
+
+
+def _told(found: list[Suspect]) -> Iterator[Suspect]:
+    """The likeliest mistake; and where it is of a single run, what else is of a single run."""
+    if not found:
+        return
+    yield found[0]
+    if found[0].name not in SINGLE:
+        return
+    told = {found[0].where.split()[0]}
+    for other in found[1:]:
+        run = other.where.split()[0] if other.where else ""
+        if other.name in SINGLE and run not in told:
+            told.add(run)
+            yield other
+
+
+def _large(fitted: Fitted, suspect: Suspect) -> bool:
+    size = suspect.unit * suspect.size.b
+    if suspect.name in ("run", "reading"):
+        sigma = fitted.data.sigma * math.exp(fitted.h[-1])
+        return bool(np.linalg.norm(size) > max(BUMP, SIGMAS * sigma))
+    if suspect.name == "force_offset":
+        size = size / np.linalg.norm(fitted.data.wrench[:, :3], axis=1).max()
+    return bool(np.abs(size).max() > LARGE[suspect.name])
+
+
+def _sentence(suspect: Suspect) -> str:
+    b = suspect.unit * suspect.size.b
+    if suspect.name == "force_offset":
+        return f"a constant force of ({_three(b, 1, '.0f')}) N is missing in every load: the sensor's zero?"
+    if suspect.name == "load_point":
+        return f"the load acts ({_three(b, 1e3, '.0f')}) mm from the stated point, in the tool's axes"
+    if suspect.name == "tracker_moved":
+        turn = f"({_three(b[3:], 1e3, '.2f')}) mrad"
+        which = f"the loaded readings of {suspect.where}" if suspect.where else "all loaded readings"
+        return (
+            f"{which} are moved by ({_three(b, 1e3, '.2f')}) mm and turned by {turn}: did the tracker move?"
+        )
+    if suspect.name == "level":
+        return f"the load of {suspect.where} acts as {1 + b[0]:.2f} times that, beside the others: its mass?"
+    if suspect.name == "run_load":
+        return f"run {suspect.where}: its load acts as {1 + b[0]:.2f} times what is stated: its mass?"
+    away = 1e3 * float(np.linalg.norm(b)) / math.sqrt(len(b) / 3)
+    if suspect.name == "run":
+        return f"run {suspect.where}: its targets moved otherwise than the load says, by {away:.2g} mm"
+    run, target = suspect.where.split(" ", 1)
+    return f"run {run}: {target} is {away:.2g} mm from where the others say: touched, or read wrongly?"
+
+
+def _three(b: Array, factor: float, form: str) -> str:
+    return ", ".join(format(factor * x, form) for x in b[:3])
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A mistake of all loads that is tried as a whole."""
+
+    name: str
+    words: str
+    data: Dataset  #: With it mended.
+
+
+def _changed(loss: float | None, vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
+    """The mistake of all loads that explains the readings best, if one does; None if nothing does so far."""
+    tried = []
+    for change in _changes(vjm, data):
+        try:
+            tried.append((learnt(vjm, metric, change.data), change))
+        except BenchError:  # moves against the force
+            continue
+    if not tried:
+        return []
+    best, found = min(tried, key=lambda pair: pair[0].loss)
+    if (loss is None and math.exp(best.h[-1]) > NOISE) or (loss is not None and loss - best.loss < CLEAR):
+        return []
+    gain = None if loss is None else loss - best.loss
+    return [Doubt(found.name, f"the readings fit if {found.words}", gain)]
+
+
+def _changes(vjm: Vjm, data: Dataset) -> Iterator[Changed]:
+    w, rotation = data.wrench, tool_pose(vjm, data.q)[1]
+    turned = np.concatenate(
+        [np.einsum("rxy,ry->rx", rotation, part) for part in (w[:, :3], w[:, 3:])], axis=1
+    )
+    yield Changed("force_axes", "forces are in the tool's axes", replace(data, wrench=turned))
+    for order, words in (
+        ((1, 2, 0), "y, z, x"),
+        ((2, 0, 1), "z, x, y"),
+        ((1, 0, 2), "y, x, z"),
+        ((2, 1, 0), "z, y, x"),
+        ((0, 2, 1), "x, z, y"),
+    ):
+        for sign in (1, -1):
+            own = sign * w[:, [*order, *(3 + k for k in order)]]
+            minus = "" if sign > 0 else ", with the other sign"
+            yield Changed(
+                "force_axes", f"the forces' axes x, y, z are {words}{minus}", replace(data, wrench=own)
+            )
+    groups = levels(data)
+    if len(groups) > 1:
+        sizes = [np.linalg.norm(w[g, :3], axis=1).mean() for g in groups]
+        for shift in range(1, len(groups)):
+            own = w.copy()
+            for k, g in enumerate(groups):
+                own[g] *= sizes[(k + shift) % len(groups)] / sizes[k]
+            yield Changed("levels", "the loads have each other's values", replace(data, wrench=own))
+        own = w.copy()
+        for k, g in enumerate(groups):
+            own[g] *= sizes[-1 - k] / sizes[k]
+        yield Changed("levels", "the loads stand in reversed order", replace(data, wrench=own))
+
+
+def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Doubt]:
+    """Whether the factor between prior and readings is absurd."""
+    size = abs(math.log(max(abs(factor), 1e-12)))
+    force = float(np.linalg.norm(data.wrench[:, :3], axis=1).max())
+    payload = vjm.arm.payload
+    light = payload is not None and force < LIGHT * payload * 9.81 and force > LIGHT * payload
+    if size <= math.log(SCALES) and not (light and factor > HALF):
+        return []
+    if factor > 1:
+        hint = "forces in kg instead of N (9.81 times), in kN, a heavier load, or a folder too stiff?"
+    else:
+        hint = "forces in another unit, a lighter load, or a folder too soft?"
+    words = f"the readings are {factor:.3g} times what the arm's folder says under loads up to {force:.4g} N"
+    stated = "" if payload is None else f" (payload {payload:.4g} kg)"
+    return [Doubt("scale", f"{words}{stated}: {hint}", size**2 / 2)]

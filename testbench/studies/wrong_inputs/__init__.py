@@ -1,0 +1,1 @@
+"""Wrong inputs, planted, and whether they are found out."""

@@ -1,0 +1,116 @@
+"""Doubts: sound runs raise none, every planted mistake is named first, with its size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.bench.campaign import stream
+from testbench.data.dataset import select
+from testbench.errors import BenchError
+from testbench.identify.doubts import HandedIn, doubts, open_places
+from testbench.identify.doubts.find import AT_A_TIME
+from testbench.identify.registered import registered
+from testbench.studies.wrong_inputs.faults import FAULTS
+from testbench.studies.wrong_inputs.sound import sound
+
+SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
+"""A set of every kind, of a KR 500: three hung masses, forces in all directions, a tracker's frame."""
+
+
+def named(given):
+    """Doubts about a data set, as `testbench identify` finds them."""
+    try:
+        found = registered(given.cell.vjm, given.data, "tracker" if given.tracker else "auto")
+    except BenchError:
+        return [open_places(given.cell.vjm, given.data)]
+    return doubts(HandedIn(given.cell.vjm, given.data, found, given.tracker), given.prior)
+
+
+@pytest.fixture(scope="module")
+def sets(kr500, arm_6r):
+    cells = {"kr500_l480": kr500, "arm_6r": arm_6r}
+    return {kind: sound(cells, seed) for kind, seed in SEEDS.items()}
+
+
+def test_the_sets_are_of_the_kinds_that_are_meant(sets):
+    assert {kind: (own.cell.arm.name, own.tracker) for kind, own in sets.items()} == {
+        "levels": ("kr500_l480", False),
+        "pressed": ("kr500_l480", False),
+        "tracker": ("kr500_l480", True),
+    }
+    assert sets["levels"].loads == "levels"
+    assert sets["pressed"].loads == sets["tracker"].loads == "pressed"
+
+
+@pytest.mark.parametrize("kind", SEEDS)
+def test_sound_runs_raise_no_doubt(sets, kind):
+    assert named(sets[kind]) == []
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_planted_mistake_is_named_first(sets, fault):
+    kind = "levels" if FAULTS[fault].possible(sets["levels"]) else "pressed"
+    [first, *_] = named(FAULTS[fault].plant(sets[kind], stream(1, 40)))
+    assert first.name in FAULTS[fault].names
+    assert len(first.sentence) < 300
+
+
+@pytest.mark.parametrize("fault", ["joint_sign", "millimetres", "longer", "kilograms", "tracker_moved"])
+def test_it_is_named_in_a_trackers_frame_too(sets, fault):
+    assert named(FAULTS[fault].plant(sets["tracker"], stream(1, 40)))[0].name in FAULTS[fault].names
+
+
+def test_sizes_are_told(sets):
+    def said(kind, change):
+        return named(replace(sets[kind], data=change(sets[kind].data)))[0].sentence
+
+    def pushed(data):
+        return replace(data, wrench=data.wrench + np.array([0, 300.0, 0, 0, 0, 0]))
+
+    def turned(data):
+        q = data.q.copy()
+        q[:, 2] -= np.deg2rad(2)
+        return replace(data, q=q)
+
+    words = said("pressed", pushed)
+    force = float(words.split("(")[1].split(",")[1])
+    assert force == pytest.approx(-300, abs=60)
+    words = said("pressed", lambda data: replace(data, point=data.point - np.array([0.3, 0, 0])))
+    assert 100 < float(words.split("(")[1].split(",")[0]) < 500  # in part it looks like softer links
+    words = said("levels", turned)
+    assert "zero of joint_3" in words
+    assert float(words.split("off by ")[1].split()[0]) == pytest.approx(2, abs=0.2)
+
+
+def test_single_runs_are_found_among_many(sets):
+    """More runs than are weighed together."""
+    once = sets["levels"].data
+    parts = [select(once, once.run > 0)] * (AT_A_TIME // once.runs + 1)
+    data = joined(parts, pose=np.arange(len(parts)))
+    assert data.runs > AT_A_TIME
+    after = data.after.copy()
+    after[[3, data.runs - 2], 1] += 3e-3
+    told = named(replace(sets["levels"], data=replace(data, after=after)))
+    assert {(d.name, d.sentence.split(":")[0]) for d in told} == {
+        ("reading", "run 4"),
+        ("reading", f"run {data.runs - 1}"),
+    }
+
+
+def joined(parts, pose):
+    """Data sets one after another, each with noise and poses of its own."""
+    rng = np.random.default_rng(3)
+
+    def every(name):
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    before, after = (every(name) for name in ("before", "after"))
+    return replace(
+        parts[0],
+        run=np.arange(len(before)) + 1,
+        pose=np.concatenate([part.pose + 1000 * k for part, k in zip(parts, pose, strict=True)]),
+        before=before + 1e-6 * rng.standard_normal(before.shape),
+        after=after + 1e-6 * rng.standard_normal(after.shape),
+        **{name: every(name) for name in ("q", "wrench", "point")},
+    )
