@@ -33,10 +33,10 @@ def command(  # noqa: PLR0913
     wishes = read_wishes(payload_kg, tool, marker or [], load)
     with new_folder(name) as folder:
         chain = read_chain(source, tip)
-        more = write_arm(chain, wishes, folder)
+        notes = write_arm(chain, wishes, folder)
         arm = build_cell(folder).arm
     console = Console(highlight=False)
     first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg"
     last = f"see it and what to confirm: testbench check {name}"
-    for line in (first, *(f"  {note}" for note in (*chain.notes, *more)), last):
+    for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True, markup=False)

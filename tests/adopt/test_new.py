@@ -33,6 +33,7 @@ def test_a_robot_s_file_is_an_arm_in_one_command(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "7 joints, tool at 'tool0'" in done.stdout
     assert "merged into link_7: hand" in done.stdout
+    assert "<!-- merged into link_7: hand" in (tmp_path / "mine/rigid.xml").read_text()
     arm = load_arm(tmp_path / "mine")
     assert (arm.payload, arm.n_joints) == (3, 7)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["light_support", "mine"]

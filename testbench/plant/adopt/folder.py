@@ -1,5 +1,6 @@
 """The arm's folder of a stranger's robot: rigid.xml, elastic.toml and meshes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from testbench.plant.adopt.chain import Chain
@@ -18,7 +19,7 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
         folder: An empty one.
 
     Returns:
-        What was done beyond the chain's own notes, a sentence each.
+        What was understood and done, a sentence each; rigid.xml says it too.
 
     Raises:
         BenchError: When MuJoCo refuses the arm.
@@ -28,6 +29,9 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
     rigid = rigid_mjcf(chain, proposal)
     touching = always_touching(chain, rigid)
     if touching:
+        pairs = ", ".join(f"{one} and {other}" for one, other in touching)
+        note = f"hulls that touch in most poses, so their collisions do not count: {pairs}"
+        chain = replace(chain, notes=(*chain.notes, note))
         rigid = rigid_mjcf(chain, proposal, touching)
     (folder / "rigid.xml").write_text(rigid.xml, encoding="utf-8")
     (folder / "elastic.toml").write_text(proposal.elastic, encoding="utf-8")
@@ -35,5 +39,4 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
         (folder / "meshes").mkdir()
     for name, data in rigid.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
-    pairs = ", ".join(f"{one} and {other}" for one, other in touching)
-    return (f"hulls that touch in most poses, so their collisions do not count: {pairs}",) if pairs else ()
+    return chain.notes

@@ -1,5 +1,6 @@
 """A chain as rigid.xml: MJCF of the strict dialect of an arm's folder, and the meshes that it shows."""
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
@@ -34,10 +35,9 @@ def rigid_mjcf(chain: Chain, proposal: Proposal, excluded: tuple[tuple[str, str]
         excluded: Pairs of parts that may touch.
     """
     root = ET.Element("mujoco", model=chain.name)
-    said = (
-        f" {chain.n_joints} joints. Origins lie on the joints' axes; q = 0 is the zero of the robot's file. "
-    )
-    root.append(ET.Comment(said))
+    zero = f"{chain.n_joints} joints; origins lie on their axes, and q = 0 is the zero of the robot's file"
+    for note in (zero, *chain.notes):
+        root.append(ET.Comment(f" {re.sub('-(?=-)', '- ', note)} "))  # no comment may hold two hyphens
     angles = {"angle": "radian", "autolimits": "true"}
     compiler = ET.SubElement(root, "compiler", {**angles, "inertiafromgeom": "false", "meshdir": "meshes"})
     ET.SubElement(root, "option", gravity="0 0 -9.81", jacobian="dense")
