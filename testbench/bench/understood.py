@@ -110,7 +110,7 @@ def _rows(columns: Columns) -> list[ColumnRow]:
 def _row(columns: Columns, own: list[Column]) -> ColumnRow:
     slot, names = own[0].slot, [column.name for column in own]
     what = WORDS.get(slot.what, slot.what) + (f" {slot.index + 1}" if slot.what == "joint" else "")
-    state = {"before": "unloaded", "after": "loaded", "": ""}[slot.when]
+    state = {"before": "unloaded", "after": "loaded"}.get(slot.when, slot.when)
     quantity = " ".join(filter(None, (what, slot.marker, state)))
     shown = ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]}"
     there = np.any([~columns.table.blank(column.index) for column in own], axis=0)

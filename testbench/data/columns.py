@@ -1,19 +1,18 @@
 """Which column of a file says what: found by our names and those of a map, each with one unit."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.data.combined import take_apart
 from testbench.data.mapping import Named, Names
-from testbench.data.names import SI, XYZ, Slot, What, recognise
+from testbench.data.names import DEFLECTION, SI, XYZ, Slot, What
 from testbench.data.table import Table
 from testbench.data.units import Unit
 from testbench.errors import Array, InputError
 
-MOST_STARS = 2  #: Wildcards in a pattern of combined cells: more take long to match.
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
 
@@ -84,7 +83,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     Raises:
         InputError: Where two columns say the same, a unit is missing or a column of the map is not there.
     """
-    table, read_as = _taken_apart(table, names)
+    table, read_as = take_apart(table, names)
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
         problem = f"no column is known, got {list(table.names)}; names that are not ours need a map"
@@ -108,33 +107,12 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
+    readings = [c.index for c in found.values() if c.slot.what in ("reading", "covariance")]
+    table = table.blanked(readings, sorted(names.lost)) if names.lost else table
     if names.layout.merged:
-        once = [c.index for c in found.values() if c.slot.what not in ("reading", "covariance")]
-        table = table.filled(once)
+        table = table.filled([c.index for c in found.values() if c.index not in readings])
     numeric = [c.index for c in found.values() if c.unit]
     return Columns(table, names, found, ignored, table.mark(numeric))
-
-
-def _taken_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
-    """The table with a column more for every part of its combined cells, and how its columns are called."""
-    read_as = list(table.names)
-    for header, pattern in names.cells.items():
-        place = f"cells.{header}"
-        if header not in table.names:
-            raise InputError(
-                names.path or table.path, place, f"no such column; columns are {_list(table.names)}"
-            )
-        k = table.names.index(header)
-        parts = re.findall(r"\{(\w+)\}", pattern)
-        wrong = [part for part in parts if recognise(part, names.ours) is None]
-        if not parts or wrong or len(set(parts)) < len(parts) or pattern.count("*") > MOST_STARS:
-            problem = f"expected quantities such as {{run}}, {{pose}}, {{marker}}, each once, got {pattern!r}"
-            raise InputError(names.path or table.path, place, problem)
-        pieces = [re.escape(piece).replace(r"\*", ".*") for piece in re.split(r"\{\w+\}", pattern)]
-        whole = re.compile("(.+?)".join(pieces), re.IGNORECASE)
-        table = table.with_parts(k, parts, whole, pattern)
-        read_as += parts
-    return table, read_as
 
 
 def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
@@ -142,12 +120,8 @@ def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
     used = {own.mapped for own in named.values()}
     for own in names.theirs.values():
         if own.mapped not in used:
-            problem = f"no such column in {table.path.name}; columns are {_list(table.names)}"
+            problem = f"no such column in {table.path.name}; columns are {', '.join(map(repr, table.names))}"
             raise InputError(names.path or table.path, f"columns.{own.mapped}", problem)
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names))
 
 
 def _chosen(named: dict[int, Named]) -> dict[int, Named]:
@@ -159,6 +133,9 @@ def _chosen(named: dict[int, Named]) -> dict[int, Named]:
         for k, own in named.items()
         if own.mapped or not (own.slot in mapped or (readings_mapped and own.slot.what == "reading"))
     }
+    loaded = {own.slot.marker for own in chosen.values() if own.slot.when == "after"}
+    twice = [k for k, own in chosen.items() if own.slot.when == DEFLECTION and own.slot.marker in loaded]
+    chosen = {k: own for k, own in chosen.items() if k not in twice}
     for part in ("when", "marker"):
         readings = [k for k, own in chosen.items() if own.slot.what == "reading"]
         full = [k for k in readings if getattr(chosen[k].slot, part)]

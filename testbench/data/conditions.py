@@ -120,13 +120,14 @@ def _wrench(columns: Columns) -> tuple[Array, list[str]]:
 
 
 def _load(columns: Columns, column: Column) -> Array:
-    """A component of the load, (rows,): zero where the state is unloaded and the cell is blank."""
-    state = columns.get(Slot("state"))
-    if state is None:
-        return columns.full(column)
-    values = columns.values(column)
-    words = columns.table.texts(state.index)
-    idle = np.array([columns.names.word(word, WHEN) == "before" for word in words], dtype=bool)
+    """A component of the load, (rows,): zero in an unloaded row, and where nothing says of a blank mass."""
+    values, state = columns.values(column), columns.get(Slot("state"))
+    idle = np.zeros(len(values), dtype=bool)
+    if state is not None:
+        words = columns.table.texts(state.index)
+        idle = np.array([columns.names.word(word, WHEN) == "before" for word in words], dtype=bool)
+    elif column.slot.what == "mass" and not any(c.slot.when for c in columns.every("reading")):
+        idle = np.isnan(values)  # nothing hangs
     bare = np.flatnonzero(np.isnan(values) & ~idle)
     if len(bare):
         raise columns.table.error(bare[0], column.name, "expected a finite number in a loaded row, got ''")

@@ -40,6 +40,7 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
     Raises:
         InputError: When the file is empty.
     """
+    lines = lines[: len(lines) - layout.footer]
     first = next((k for k, line in enumerate(lines) if line.number > (layout.skip or 0)), len(lines))
     if first == len(lines):
         raise InputError(path, "line 1", "expected a header, the file is empty")

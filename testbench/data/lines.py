@@ -11,6 +11,7 @@ from testbench.errors import InputError
 MAX_BYTES = 300_000_000
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 """Byte order marks."""
+WORKBOOK = b"PK\x03\x04"  #: Beginning of an .xlsx or .ods file.
 COMMENTS = ("#", "//")
 JOINED = 20  #: Most lines that one quoted cell may take.
 
@@ -35,6 +36,8 @@ def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
         InputError: When it is missing, no plain file, too large, or no text.
     """
     content = _read_bytes(path)
+    if content.startswith(WORKBOOK):
+        raise InputError(path, "", "expected text, got a workbook; export the sheet as CSV")
     mark = next((mark for mark in MARKS if content.startswith(mark)), b"")
     tried = [MARKS[mark]] if mark else [encoding] if encoding else ["utf-8", "cp1252"]
     for name in tried:

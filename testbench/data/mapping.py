@@ -24,10 +24,11 @@ from testbench.errors import InputError, read_text
 MAX_BYTES = 20_000
 CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma")
 """Quantities that may be one number for the whole file."""
-IGNORE = "ignore"  #: Key of the words for points that are no markers.
+IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 Frame = Literal["base", "tracker"]
+Words = tuple[str, ...]
 
 
 class _Strict(BaseModel):
@@ -44,6 +45,7 @@ class Layout(_Strict):
         Literal["utf-8", "utf-16-le", "utf-16-be", "cp1252", "cp1250", "latin-1", "cp932", "gb18030"] | None
     ) = None
     skip: int | None = Field(default=None, ge=0, le=10_000)  #: Lines before the header.
+    footer: int = Field(default=0, ge=0, le=10_000)  #: Lines behind the table.
     header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
 
@@ -52,7 +54,7 @@ class _Map(_Strict):
     frame: Frame | None = None
     file: Layout = Layout()
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
-    cells: dict[Text, Text] = Field(default_factory=dict, max_length=20)
+    cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
     words: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     values: dict[Text, float] = Field(default_factory=dict, max_length=50)
 
@@ -78,7 +80,8 @@ class Names:
     words: Mapping[str, str]  #: What cells say for our markers and states, squeezed.
     ignored: frozenset[str]  #: Squeezed names of points that are no markers.
     values: Mapping[Slot, tuple[float, Unit]]  #: Constants and their units.
-    cells: Mapping[str, str]  #: Patterns of what cells hold together, by the name of their column.
+    cells: Mapping[str, tuple[str, ...]]  #: Patterns of what cells hold together, by their column.
+    lost: frozenset[str]  #: What stands for a lost target.
     frame: Frame | None  #: What the readings are in; None where it is not said.
     layout: Layout  #: How the file is written.
 
@@ -91,6 +94,11 @@ class Names:
             return replace(found, header=parts[1])
         own = recognise(header, self.ours)
         return None if own is None else Named(*own)
+
+    def maps(self, header: str) -> bool:
+        """Whether the map has a column of that name."""
+        parts = split_unit(header)
+        return any(squeeze(text) in self.theirs for text in [header, *([parts[0]] if parts else [])])
 
     def word(self, text: str, known: Collection[str]) -> str:
         """Our word for what a cell says, of those that are known; empty for any other."""
@@ -107,7 +115,7 @@ def read_map(path: Path | None, arm: Arm) -> Names:
     ours = our_names(arm)
     found = _Map() if path is None else _read(path)
     where = path or Path()
-    words, ignored = _words(where, found, arm)
+    words, ignored, lost = _words(where, found, arm)
     return Names(
         path=path,
         ours=ours,
@@ -115,7 +123,8 @@ def read_map(path: Path | None, arm: Arm) -> Names:
         words=_cell_words(words, arm),
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
-        cells=found.cells,
+        cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
+        lost=frozenset(lost),
         frame=found.frame,
         layout=found.file,
     )
@@ -140,13 +149,13 @@ def _tuple(words: str | list[str]) -> tuple[str, ...]:
     return (words,) if isinstance(words, str) else tuple(words)
 
 
-def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
-    known = [*STATES, *arm.markers, IGNORE]
+def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
+    known = [*STATES, *arm.markers, IGNORE, LOST]
     for key in found.words:
         if key not in known:
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}")
     words = {key: _tuple(value) for key, value in found.words.items()}
-    return words, words.pop(IGNORE, ())
+    return words, words.pop(IGNORE, ()), words.pop(LOST, ())
 
 
 def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str]:
@@ -155,10 +164,11 @@ def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str
 
 
 def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dict[str, Named]:
-    words, _ = _words(path, found, arm)
+    words, _, _ = _words(path, found, arm)
     choices = placeholders(arm, words)
     named: dict[str, Named] = {}
-    for key, names in found.columns.items():
+    alone: set[Slot] = set()
+    for key, names in sorted(found.columns.items(), key=lambda item: "{" in item[0]):  # patterns say less
         for name in _tuple(names):
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
@@ -168,7 +178,11 @@ def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dic
                         f"expected one of our quantities and its own {{...}} in both names, got {name!r}"
                     )
                     raise InputError(path, f"columns.{key}", problem)
+                if "{" in key and known[0] in alone:
+                    continue
                 new = Named(*known, sign, key)
+                if "{" not in key:
+                    alone.add(known[0])
                 if named.setdefault(squeeze(their), new) != new:
                     raise InputError(path, f"columns.{key}", f"the name {their!r} stands for two quantities")
     return named

@@ -15,6 +15,9 @@ ENTRIES = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2),
 STATES = {"before": ("before", "unloaded"), "after": ("after", "loaded")}
 """Our words for the two states of a run."""
 
+DEFLECTION = "deflection"
+"""What stands in the place of a state where a file has loaded minus unloaded positions."""
+
 What = Literal[
     "run",
     "pose",
@@ -52,7 +55,7 @@ class Slot:
     what: What  #: The quantity.
     index: int = 0  #: Number of the joint from 0, the axis, or the entry of a covariance.
     marker: str = ""  #: Of a reading; empty where a column of markers says it.
-    when: str = ""  #: "before" or "after"; empty where a column of states or the load says it.
+    when: str = ""  #: "before", "after" or DEFLECTION; empty where a column of states or the load says it.
 
 
 def squeeze(text: str) -> str:
@@ -68,7 +71,7 @@ def our_names(arm: Arm) -> dict[str, Slot]:
         found |= {f"{what}_{axis}": Slot(what, k) for what in ("force", "moment", "point")}
         found |= {f"rotation_{when}_{axis}": Slot("rotation", k, when=when) for when in WHEN}
         for marker in ("", *arm.markers):
-            for when, words in {"": ("",), **STATES}.items():
+            for when, words in {"": ("",), **STATES, DEFLECTION: (DEFLECTION,)}.items():
                 found |= {f"{marker}_{word}_{axis}": Slot("reading", k, marker, when) for word in words}
     found |= {f"deflection_cov_{entry}": Slot("covariance", k) for k, entry in enumerate(ENTRIES)}
     found |= {joint.name: Slot("joint", k) for k, joint in enumerate(arm.joints)}

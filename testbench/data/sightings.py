@@ -7,7 +7,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns
 from testbench.data.dataset import Ids, Mask
-from testbench.data.names import STATES, WHEN, XYZ, Slot, squeeze
+from testbench.data.names import DEFLECTION, STATES, WHEN, XYZ, Slot, squeeze
 from testbench.errors import Array
 
 
@@ -50,8 +50,11 @@ def read_sightings(columns: Columns, arm: Arm, loaded: Mask) -> Sightings:
     parts = []
     for (name, when), triple in blocks.items():
         own = np.array([place[n] for n in names or [name] * len(everyone)])
-        after = np.full(len(everyone), when == "after") if state is None else state
-        parts.append((everyone, own, after, _positions(columns, triple)))
+        after = np.full(len(everyone), when != "before") if state is None else state
+        position = _positions(columns, triple)
+        if when == DEFLECTION:
+            position = position + _positions(columns, blocks[name, "before"])
+        parts.append((everyone, own, after, position))
     row, marker, loaded, position = (np.concatenate(x) for x in zip(*parts, strict=True))
     return Sightings(kept, row, marker, loaded, position, long, paired)
 
@@ -70,8 +73,9 @@ def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
     if not found:
         missing = [f"{when}_{axis}_m" for when in WHEN for axis in XYZ]
     for marker, when in found:
-        if when and (other := (marker, WHEN[when == "before"])) not in found:
-            missing += ["_".join(filter(None, (*other, axis, "m"))) for axis in XYZ]
+        others = ("after", DEFLECTION) if when == "before" else ("before",)
+        if when and not any((marker, other) in found for other in others):
+            missing += ["_".join(filter(None, (marker, others[0], axis, "m"))) for axis in XYZ]
     if missing:
         raise columns.lack(missing)
     return {key: [triple[k] for k in range(3)] for key, triple in found.items()}
@@ -94,17 +98,19 @@ def _states(columns: Columns, loaded: Mask) -> Mask:
     if column is None:
         return loaded
     have = ", ".join(word for words in STATES.values() for word in words)
-    return np.array(
-        [s == "after" for s in _said(columns, column, WHEN, f"is known; states are {have}")], dtype=bool
-    )
+    blank = columns.table.blank(column.index)
+    said = _said(columns, column, WHEN, f"is known; states are {have}", blank)
+    return np.where(blank, loaded, np.array([word == "after" for word in said], dtype=bool))
 
 
-def _said(columns: Columns, column: Column, known: tuple[str, ...], hint: str) -> list[str]:
-    """What the cells of a column of words say in our words."""
+def _said(
+    columns: Columns, column: Column, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
+) -> list[str]:
+    """What the cells of a column of words say in our words; under the mask `unsaid` they may say nothing."""
     texts = columns.table.texts(column.index)
     ours = {text: columns.names.word(text, known) for text in dict.fromkeys(texts)}
     for row, text in enumerate(texts):
-        if not ours[text]:
+        if not ours[text] and (unsaid is None or not unsaid[row]):
             problem = f"no {column.slot.what} {text[:80]!r} {hint}"
             raise columns.table.error(row, column.name, problem)
     return [ours[text] for text in texts]

@@ -74,27 +74,36 @@ class Table:
             cells[k] = cells[k].take(pa.array(np.maximum.accumulate(own)))
         return replace(self, cells=cells)
 
-    def with_parts(self, k: int, parts: Sequence[str], whole: re.Pattern[str], pattern: str) -> "Table":
-        """With a column more for every part of the combined cells of a column; a blank cell has blank parts.
+    def with_parts(
+        self, k: int, parts: Sequence[str], wholes: Sequence[re.Pattern[str]], expected: str
+    ) -> "Table":
+        """With a column more for every part of the combined cells of a column, blank where there is none.
 
         Raises:
-            InputError: At the first cell that the pattern does not fit.
+            InputError: At the first cell that no pattern fits.
         """
-        split: list[tuple[str, ...]] = []
+        split: dict[str, dict[str, str]] = {"": {}}
         for row, text in enumerate(self.texts(k)):
-            found = whole.fullmatch(text)
-            if text and not found:
-                raise self.error(
-                    row, self.names[k], f"expected {pattern!r} as the map says, got {text[:80]!r}"
-                )
-            split.append(found.groups() if found else ("",) * len(parts))
-        more = [pa.array([row[i].strip() for row in split], pa.string()) for i in range(len(parts))]
+            if text not in split:
+                found = next((m for whole in wholes if (m := whole.fullmatch(text))), None)
+                if found is None:
+                    problem = f"expected {expected} as the map says, got {text[:80]!r}"
+                    raise self.error(row, self.names[k], problem)
+                split[text] = {part: value.strip() for part, value in found.groupdict().items()}
+        cells = [[split[text].get(part, "") for text in self.texts(k)] for part in parts]
         return replace(
             self,
             names=(*self.names, *(f"{self.names[k]}, {part}" for part in parts)),
             units=(*self.units, *[None] * len(parts)),
-            cells=[*self.cells, *more],
+            cells=[*self.cells, *(pa.array(own, pa.string()) for own in cells)],
         )
+
+    def blanked(self, columns: Sequence[int], words: Sequence[str]) -> "Table":
+        """Cells of some columns that hold one of the words are blank."""
+        cells, gone = list(self.cells), pa.array(list(words), pa.string())
+        for k in columns:
+            cells[k] = pc.if_else(pc.is_in(cells[k], gone), "", cells[k])
+        return replace(self, cells=cells)
 
     def integers(self, k: int) -> Ids:
         """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""

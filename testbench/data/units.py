@@ -14,13 +14,14 @@ class Unit:
     scale: float  #: How many of that it is.
 
 
-INCH = 0.0254
+INCH, POUND, STANDARD = 0.0254, 0.45359237, 9.80665
+"""Of the inch [m], the pound [kg] and the acceleration that makes its force [m/s^2], exact by definition."""
 UNITS = (
-    *(Unit(n, "m", s) for n, s in (("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
+    *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
     *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", math.pi / 180))),
-    *(Unit(n, "N", s) for n, s in (("N", 1.0), ("kN", 1e3))),
+    *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
     *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
-    Unit("kg", "kg", 1.0),
+    *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND))),
     *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
 )
 OTHER_NAMES = {
@@ -29,6 +30,7 @@ OTHER_NAMES = {
     "degrees": "deg",
     "μm": "um",
     "inch": "in",
+    "lbs": "lb",
     "n*m": "nm",
     "n·m": "nm",
 }

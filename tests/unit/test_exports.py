@@ -247,6 +247,55 @@ def plain() -> bytes:
     return "\n".join(lines).encode()
 
 
+def names_of_points() -> bytes:
+    """One column of names holds pose, load and point; a line below the table."""
+    lines = ["sep=,", "Name,X [m],Y [m],Z [m]," + ",".join(f"J{k}" for k in range(1, 7))]
+    for r in range(6):
+        for when, places in states(r):
+            group = f"P{DATA.pose[r]:02d}_{KG[r]:.1f}kg" if when == "after" else f"P{DATA.pose[r]:02d}_free"
+            for m in M:
+                where = [number(x) for x in places[m]]
+                lines.append(",".join([f"Cell::{group}::T{m + 1}", *where, *(number(x) for x in DEG[r])]))
+    return "\n".join([*lines, "36 points"]).encode()
+
+
+NAMES_OF_POINTS = """
+words = { P1 = "T1", P2 = "T2", P3 = "T3", before = "free" }
+file = { footer = 1 }
+[columns]
+"{axis}" = "{axis}"
+"joint_{n}_deg" = "J{n}"
+[cells]
+Name = ["*::P{pose}_{mass_kg}kg::{marker}", "*::P{pose}_{when}::{marker}"]
+"""
+
+
+def same_names_again() -> bytes:
+    """X, Y, Z stand in the header twice, unloaded and as differences; pounds; a joint turns backwards."""
+    lines = [
+        ";".join(["Nr", "Target", "Load (lbs)", *(f"q{k}" for k in range(1, 7)), *"XYZ", *"XYZ", "State"])
+    ]
+    for r in range(6):
+        angles = [number(-x if k == 1 else x) for k, x in enumerate(DEG[r])]
+        for m in M:
+            places = [number(x, 1e3) for x in (*DATA.before[r, m], *(DATA.after[r, m] - DATA.before[r, m]))]
+            cells = [str(r + 1), f"P{m + 1}", f"{KG[r] / 0.45359237:.9f}", *angles, *places, "OK"]
+            lines.append(";".join(cells))
+    return "\n".join(lines).encode()
+
+
+SAME_NAMES_AGAIN = """
+[columns]
+run = "Nr"
+marker = "Target"
+mass = "Load"
+"joint_{n}_deg" = "q{n}"
+joint_2_deg = "-q2"
+"before_{axis}_mm" = "{axis}"
+"deflection_{axis}_mm" = "{axis} (2)"
+"""
+
+
 EXPORTS = {
     "spreadsheet": (spreadsheet, SPREADSHEET),
     "analyzer": (analyzer, ANALYZER),
@@ -256,6 +305,8 @@ EXPORTS = {
     "controller": (controller, CONTROLLER),
     "merged": (merged, MERGED),
     "plain": (plain, ""),
+    "names_of_points": (names_of_points, NAMES_OF_POINTS),
+    "same_names_again": (same_names_again, SAME_NAMES_AGAIN),
 }
 
 
@@ -306,6 +357,18 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     np.testing.assert_array_equal(found.seen, expected)
     np.testing.assert_allclose(found.precision[0, 0], np.eye(3) / (2 * (50e-6) ** 2))
     check_alike(replace(select(found, expected.all(axis=1)), precision=None), select(DATA, DATA.pose > 1))
+
+
+def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path):
+    text = plain().decode().splitlines()
+    text[4] = ",".join([*text[4].split(",")[:8], "NaN", "NaN", "NaN"])
+    for k in (1, 2, 3):
+        text[k] = text[k].replace(",0.0000000,", ",,")
+    own = files(tmp_path, "plain", "\n".join(text).encode(), 'words = { lost = ["NaN", "---"] }')
+    found = read_export(own.data, ARM, own.map).data
+    assert np.argwhere(~found.seen).tolist() == [[0, 0]]
+    with pytest.raises(InputError, match=r"line 5, column x_mm: expected a finite number, got 'NaN'"):
+        read_export(own.data, ARM)
 
 
 def test_runs_of_one_name_and_several_loads_are_told_apart(tmp_path):
@@ -448,7 +511,7 @@ def test_every_name_of_the_documented_table_is_known():
     page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     section = page.split("### Quantities")[1].split("### Layouts")[0]
     rows = [line.split("|")[1:-1] for line in section.splitlines() if line.startswith("| ")][2:]
-    assert len(rows) == 17
+    assert len(rows) == 18
     known, seen = our_names(ARM), set()
     for what, names, _, example, _ in rows:
         for name in re.findall(r"`([^`]+)`", names) + re.findall(r"`([^`]+_[^`]*|[^`]+\[.*)`", example):
