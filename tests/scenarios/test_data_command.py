@@ -1,6 +1,7 @@
 """`testbench data check` says what was understood of a file, and shows it; maps serve the other commands."""
 
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
@@ -68,6 +69,24 @@ def test_both_examples_hold_the_same_loads_and_deflections():
     both = one.seen & other.seen
     size, again = (np.linalg.norm(data.deflection[both], axis=-1) for data in (one, other))
     np.testing.assert_allclose(size, again, atol=5e-4)  # two readings of each unloaded target, 50 um
+
+
+def test_damaged_files_are_one_line(tmp_path):
+    """A sample of 20; 500 of them were tried."""
+    random, whole = Random(5), (MAPS / "spatialanalyzer.csv").read_bytes()
+    codes = []
+    for _ in range(20):
+        at = random.randrange(len(whole))
+        cut = at + random.choice([0, 1, 5, 20])
+        damaged = whole[:at] + random.choice(
+            [b"", b'"', b"\n", b"nan", b",", b";", b"\0", b"\xff", b"1_0", b"P9"]
+        )
+        (tmp_path / "export.csv").write_bytes(damaged + whole[cut:])
+        done = run("data", "check", ARM, tmp_path / "export.csv", "--map", MAPS / "spatialanalyzer.toml")
+        codes.append(done.returncode)
+        assert done.stderr.count("\n") == (done.returncode == 2)
+    assert set(codes) <= {0, 2}
+    assert codes.count(2) > 5
 
 
 @pytest.mark.parametrize(

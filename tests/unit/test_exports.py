@@ -390,6 +390,19 @@ def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
         read_export(files(tmp_path, "plain", missing).data, ARM)
 
 
+def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
+    """The first pose again at the end: unloaded, 1 mm higher; loaded as before."""
+    text = plain().decode().splitlines()
+    again = [line.split(",") for line in text[1:7]]
+    for cells in again[:3]:
+        cells[-1] = number(float(cells[-1]) + 1)
+    content = "\n".join([*text, *map(",".join, again)]).encode()
+    found = read_export(files(tmp_path, "plain", content).data, ARM).data
+    assert found.pose.tolist() == [1, 1, 2, 2, 3, 3, 1]
+    np.testing.assert_array_equal(found.before[:2], found.before[[0, 0]])
+    np.testing.assert_allclose(found.before[6] - found.before[0], np.tile([0, 0, 1e-3], (3, 1)), atol=1e-12)
+
+
 def test_the_sigma_of_flag_and_map_counts_once(tmp_path):
     own = files(tmp_path, "plain", text="values = { sigma_um = 30 }")
     assert read_export(own.data, ARM, own.map).data.sigma == pytest.approx(30e-6)
