@@ -22,6 +22,7 @@ class Conditions:
 
     run: Ids | None  #: Identifier, (rows,); None where no column says it.
     pose: Ids  #: Identifier, (rows,).
+    named: bool  #: Whether a column says the pose.
     station: Ids | None  #: Set-up of the tracker, (rows,).
     q: Array  #: Joint coordinates, (rows, n) [rad, m].
     wrench: Array  #: Force and moment, world axes, (rows, 6) [N, N m].
@@ -49,11 +50,11 @@ def read_conditions(columns: Columns, arm: Arm) -> Conditions:
         column = columns.get(what)
         ids[what.what], said = (None, "") if column is None else identifiers(columns, column)
         notes += [said] * bool(said)
-    pose = ids["pose"]
+    pose, named = ids["pose"], ids["pose"] is not None
     if pose is None:
         pose = same_poses(q)
         notes.append(f"poses are numbered by equal joint angles: {len(np.unique(pose))} of them")
-    return Conditions(ids["run"], pose, ids["station"], q, wrench, point, tuple(notes))
+    return Conditions(ids["run"], pose, named, ids["station"], q, wrench, point, tuple(notes))
 
 
 def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:

@@ -11,7 +11,7 @@ from testbench.data.conditions import Conditions, read_conditions
 from testbench.data.dataset import Dataset, Mask
 from testbench.data.mapping import Frame, read_map
 from testbench.data.names import ENTRIES, WHEN, XYZ, Slot
-from testbench.data.pairing import SAME_ANGLE, Paired, pair
+from testbench.data.pairing import HELD, Paired, pair
 from testbench.data.sightings import Sightings, drop_other_points, read_sightings
 from testbench.data.table import read_table
 from testbench.errors import Array, InputError
@@ -90,7 +90,7 @@ def _check_once(columns: Columns, conditions: Conditions, runs: Paired, seen: Si
             every["station"] = conditions.station[:, None]
     turned = [(column, columns.full(column)) for column in columns.every("rotation")]
     for column, own in [(c, every[c.slot.what][:, c.slot.index]) for c in columns.every(*every)] + turned:
-        slack = SAME_ANGLE if not seen.paired else 0.0
+        slack = HELD if not seen.paired else 0.0
         differs = np.flatnonzero(np.abs(own - own[lead]) > slack)
         if len(differs):
             problem = "expected the same value in every row of the run"

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.conditions import Conditions, number_rows
+from testbench.data.conditions import SAME_POSE, Conditions, number_rows
 from testbench.data.dataset import Ids
 from testbench.data.sightings import Sightings
 from testbench.data.table import Table
 from testbench.errors import Array, InputError
 
-SAME_ANGLE = 1e-5
-"""Difference of joint coordinates between the unloaded and the loaded reading that is let pass [rad, m]."""
+HELD = 2e-4
+"""Difference of joint coordinates between the readings of a run that is let pass, and said [rad, m]."""
 
 
 @dataclass(frozen=True)
@@ -91,15 +91,16 @@ def _state_by_state(table: Table, conditions: Conditions, seen: Sightings) -> Pa
         parts.append((code, own[_first(code)]))
     (idle_code, idle_row), (code, row) = parts
     unloaded = _belongs(table, conditions, idle_row, row)
-    _check_angles(table, conditions.q, row, idle_row[unloaded])
+    held = _check_held(table, conditions.q, row, idle_row[unloaded])
     leader, of_row = rows.copy(), np.full(table.rows, -1)
     leader[~loaded], leader[loaded] = idle_row[idle_code], row[code]
     of_row[~loaded], of_row[loaded] = idle_code, code
     before = _placed(seen, of_row, len(idle_row), after=False)[unloaded]
-    run, notes = conditions.run, []
+    run, notes = conditions.run, list[str]()
     if run is None or len(np.unique(run[row])) < len(row):
         notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
     run = np.arange(len(row)) + 1 if notes or run is None else run[row]
+    notes += held
     shared = int((np.bincount(unloaded, minlength=len(idle_row)) > 1).sum())
     alone = np.setdiff1d(np.arange(len(idle_row)), unloaded)
     notes += [f"{shared} unloaded readings serve several loads each"] * bool(shared)
@@ -173,16 +174,23 @@ def _belongs(table: Table, conditions: Conditions, idle: Ids, rows: Ids) -> Ids:
         near = homes.get(keys[row]) or homes.get(keys[row][:2])
         if near is None:
             pose = conditions.pose[row]
-            raise table.error(row, "", f"a loaded reading in pose {pose}, which has no unloaded one")
+            hint = "" if conditions.named else "; without a column of poses equal joints are one"
+            raise table.error(row, "", f"a loaded reading in pose {pose}, which has no unloaded one{hint}")
         found.append(near[max(0, bisect_left(near, row, key=lambda k: int(idle[k])) - 1)])
     return np.array(found)
 
 
-def _check_angles(table: Table, q: Array, row: Ids, idle: Ids) -> None:
-    turned = np.abs(q[row] - q[idle]).max(axis=1)
-    bad = np.flatnonzero(turned > SAME_ANGLE)
+def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:
+    """What is to be said of joints that moved between unloaded and loaded readings; they may by HELD."""
+    moved = np.abs(q[row] - q[idle]).max(axis=1)
+    bad = np.flatnonzero(moved > HELD)
     if len(bad):
         k = bad[0]
-        line, by = table.lines[idle[k]], f"{turned[k]:.2g}"
+        line, by = table.lines[idle[k]], f"{moved[k]:.2g}"
         problem = f"expected the joints of the unloaded reading in line {line}, one differs by {by} rad or m"
         raise table.error(row[k], "", problem)
+    most = float(moved.max())
+    words = (
+        f"joints differ by up to {most:.2g} rad or m between unloaded and loaded: deflections hold that too"
+    )
+    return [words] if most > SAME_POSE else []

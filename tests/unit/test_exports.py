@@ -359,6 +359,21 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     check_alike(replace(select(found, expected.all(axis=1)), precision=None), select(DATA, DATA.pose > 1))
 
 
+def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
+    head, *rows = plain().decode().splitlines()
+    for lines in ([f"# {head}", head, *rows], [f"# {head}", *rows], [head, "# one", *rows, "// the end"]):
+        check_alike(read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM).data)
+
+
+def test_joints_that_moved_a_little_between_the_readings_are_said(tmp_path):
+    content = inches().decode().splitlines()
+    cells = content[2].split(",")
+    cells[4] = number(float(cells[4]) + 0.005)
+    own = files(tmp_path, "inches", "\n".join([*content[:2], ",".join(cells), *content[3:]]).encode())
+    notes = " ".join(read_export(own.data, ARM, own.map).notes)
+    assert "joints differ by up to 8.7e-05 rad or m between unloaded and loaded" in notes
+
+
 def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path):
     text = plain().decode().splitlines()
     text[4] = ",".join([*text[4].split(",")[:8], "NaN", "NaN", "NaN"])
@@ -494,6 +509,13 @@ def damaged(name, line, column, cell):
             "line 4, column Condition: no state 'idle' is known; states are",
         ),
         ("inches", 4, 1, "C-9", "line 4: a loaded reading in pose 9, which has no unloaded one"),
+        (
+            "inches",
+            3,
+            4,
+            "12.0",
+            "line 3: expected the joints of the unloaded reading in line 2, one differs by",
+        ),
         ("inches", 3, 3, "", "line 3, column Push (kN): expected a finite number in a loaded row, got ''"),
         ("controller", 1, 9, "Target", "line 1: missing columns ['marker'], ignored columns ['t', "),
         ("controller", 8, 8, "3.5", None),
