@@ -28,7 +28,8 @@ DOORS = {
     "jinja2": "views/markdown.py",
     "pyarrow": ("trials", "data/table.py"),
     "distributed": "trials/cluster.py",
-    **dict.fromkeys(("trimesh", "collada", "fast_simplification"), "plant/adopt/meshes.py"),
+    **dict.fromkeys(("trimesh", "collada"), "plant/adopt/meshes.py"),
+    "fast_simplification": "plant/adopt/thin.py",
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """

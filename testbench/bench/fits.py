@@ -21,7 +21,7 @@ from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import predict, score
 from testbench.identify.metric import metric
 
-UNITS = "link compliances in their beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N"
+UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
 Bound = float | None
 
 
@@ -61,9 +61,15 @@ class Fitted(FitRow):
     intervals: IntervalsRow | None
     learnt: bool  #: Whether the readings taught its prior: then its intervals count how wrong that may be.
     links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
-    joints: Mapping[str, float]  #: Compliance of every joint.
+    #: Compliance of every joint; None where it is aggregated: counted in that of the link before it.
+    joints: Mapping[str, float | None]
     units: str  #: Of both.
     rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
+
+    @property
+    def aggregated(self) -> tuple[str, ...]:
+        """Joints whose compliance is counted in that of the link before them."""
+        return tuple(name for name, compliance in self.joints.items() if compliance is None)
 
 
 @dataclass(frozen=True)
@@ -190,7 +196,7 @@ def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *,
     def judge(data: Dataset) -> ErrorRow:
         return error_row(score(predict(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
 
-    C, first = estimate.C_theta, 6 * len(cell.arm.links)
+    C = estimate.C_theta
     return Fitted(
         **vars(fit_row(model.name, estimate, seconds, prior=estimate.belief is not None)),
         equations=estimate.regression.equations,
@@ -202,10 +208,23 @@ def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *,
             link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist()
             for i, link in enumerate(cell.arm.links)
         },
-        joints={joint.name: float(C[first + i, first + i]) for i, joint in enumerate(cell.arm.joints)},
+        joints=_joints(cell, estimate),
         units=UNITS,
         rejected=estimate.rejected,
     )
+
+
+def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
+    """Compliance of every joint; None where it is aggregated into the link before it."""
+    first, block = 6 * len(cell.arm.links), estimate.structure.block_of
+    own = np.diag(estimate.C_theta)[first:].tolist()
+    aggregated = [
+        bool(block[first + k] < 0 <= block[6 * k : 6 * k + 6].max()) for k in range(cell.arm.n_joints)
+    ]
+    return {
+        joint.name: None if inside else compliance
+        for joint, inside, compliance in zip(cell.arm.joints, aggregated, own, strict=True)
+    }
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:

@@ -23,7 +23,9 @@ from testbench.plant.feasible import Room, build_room, check_poses, collisions, 
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
 
-mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)  # else to MUJOCO_LOG.TXT where one stands
+log = logging.getLogger(__name__)
+log.addHandler(logging.NullHandler())  # a problem is one line on standard error; who listens hears this too
+mujoco.set_mju_user_warning(log.warning)  # else to MUJOCO_LOG.TXT where one stands
 
 __all__ = [
     "KR500_COMPENSATOR",

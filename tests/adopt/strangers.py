@@ -64,9 +64,10 @@ def heavy_urdf(folder: Path) -> Path:
     axes = "0 0 -1|0 1 0|0 1 0|-1 0 0|0 1 0|-1 0 0".split("|")
     sizes = "0.5 0.5 0.8|0.4 0.4 1.4|0.8 0.3 0.3|0.9 0.2 0.2|0.2 0.2 0.2|0.04 0.2 0.2".split("|")
     base = '<collision><geometry><cylinder radius="0.4" length="0.4"/></geometry></collision>'
-    text = f'<robot name="heavy"><link name="base_link">{base}</link><link name="base"/><link name="tool0"/>'
+    bare = "".join(f'<link name="{name}"/>' for name in ("base", "tool0", "adapter"))
+    text = f'<robot name="heavy"><link name="base_link">{base}</link>{bare}'
     for k, (spot, axis, size) in enumerate(zip(spots, axes, sizes, strict=True), start=1):
-        before = f"link_{k - 1}" if k > 1 else "base_link"
+        before = "adapter" if k == 4 else f"link_{k - 1}" if k > 1 else "base_link"
         text += f"""<link name="link_{k}"><visual><origin xyz="0.1 0 0.1"/><geometry><box
             size="{size}"/></geometry>
             </visual></link><joint name="joint_a{k}" type="revolute"><origin xyz="{spot}"/>
@@ -74,6 +75,7 @@ def heavy_urdf(folder: Path) -> Path:
             <limit lower="-2" upper="1.5" effort="0" velocity="2"/></joint>"""
     for name, parent, child, rpy in (
         ("b", "base_link", "base", "0 0 0"),
+        ("a", "link_3", "adapter", "0.1 0.2 0.3"),
         ("t", "link_6", "tool0", "0 1.57 0"),
     ):
         text += f"""<joint name="{name}" type="fixed"><origin xyz="0.1 0 0" rpy="{rpy}"/>
@@ -152,7 +154,7 @@ def sliding_mjcf(folder: Path) -> Path:
         <body name="carriage" pos="0 0.5 0.2"><joint name="track" type="slide" axis="1 0 0" range="-1 2"
             ref="0.3"/>
         <inertial mass="80" pos="0 0 0.1" diaginertia="3 3 3"/><geom type="box" size="0.3 0.2 0.1"/>
-        <body name="column" pos="0 0 0.3"><joint name="turn" axis="0 0 1" range="-3 3"/>
+        <body name="column" pos="0 0 0.3"><joint name="turn" pos="0.05 -0.1 0" axis="0 0 1" range="-3 3"/>
         <joint name="lift" type="slide" axis="0 0 1" range="0 1.2"/><joint name="tilt" axis="0 1 0"
             pos="0.1 0 0.4"
         range="-1 1" ref="0.2"/><inertial mass="40" pos="0 0 0.5" diaginertia="2 2 1"/>

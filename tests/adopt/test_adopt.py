@@ -1,5 +1,6 @@
 """A stranger's robot made an arm of ours is the same robot, as Pinocchio and MuJoCo themselves read it."""
 
+import mujoco
 import numpy as np
 import pytest
 from oracles import mujoco_mjcf, ours, pinocchio_urdf, random_q
@@ -49,6 +50,18 @@ def test_model_and_plant_place_and_weigh_the_arm_as_the_stranger_s_own_library_d
             assert own.mass == pytest.approx(theirs.mass, rel=1e-7)
             assert np.abs(own.coms - theirs.coms).max() < 1e-7
             assert np.abs(own.inertia - theirs.inertia).max() < 1e-6 * np.abs(theirs.inertia).max()
+
+
+def test_a_mount_belongs_to_the_base_where_it_stands(arms):
+    file, chain, _ = arms[mounted_mjcf]
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    both = [model.body("mount").id, model.body("base").id]
+    com = model.body_mass[both] @ data.xipos[both] / model.body_mass[both].sum()
+    base = chain.parts[0]
+    assert base.name == "base"
+    assert (chain.base @ np.append(base.com, 1))[:3] == pytest.approx(com)
 
 
 def test_limits_are_the_file_s_and_those_without_get_a_turn_each_way_which_is_said(arms):

@@ -49,7 +49,7 @@ WRONG = {
     ("</robot>", "<link name='more'/></robot>"): "expected one link without a parent, got base_link, more",
     ('<child link="link_4"/>', '<child link="link_9"/>'): "child: there is no link 'link_9'",
     ('<parent link="base_link"/><child link="link_1"/>', '<parent link="link_6"/><child link="link_1"/>'): (
-        "these links stand in a circle of joints: link_1"
+        "these links stand in a circle of joints: adapter, link_1"
     ),
     ('<axis xyz="-1 0 0"/>', '<axis xyz="0 0 0"/>'): "axis: expected a direction, got zero",
     ('lower="-2" upper="1.5"', 'lower="2" upper="1.5"'): "limit: expected lower < upper",

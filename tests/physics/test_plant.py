@@ -1,6 +1,8 @@
 """The truth side against theory and against MuJoCo's own time stepping."""
 
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import mujoco
@@ -241,4 +243,23 @@ def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(kr500, tmp_path, monk
     data.qpos[:] = np.nan
     mujoco.mj_step(kr500.plant.model, data)
     assert "huge value" in caplog.text
+    assert list(tmp_path.iterdir()) == []
+
+
+UNSTABLE = """
+import mujoco
+from testbench.plant import build_plant
+ball = "<body><freejoint/><geom size='1'/></body>"
+model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+data = mujoco.MjData(model)
+data.qvel[:] = 1e300
+mujoco.mj_step(model, data)
+assert data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number == 1
+"""
+
+
+def test_a_warning_of_mujoco_leaves_no_file_and_no_words(tmp_path):
+    code = [sys.executable, "-c", UNSTABLE]
+    done = subprocess.run(code, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout + done.stderr == ""
     assert list(tmp_path.iterdir()) == []

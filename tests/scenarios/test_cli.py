@@ -73,6 +73,10 @@ def test_simulated_runs_are_identified(simulated, tmp_path):
     assert model["conservative"]
     assert model["rank"] <= 18
     assert "56 unknowns, the data see" in done.stdout.replace("\n", " ")
+    assert set(model["joints"].values()) == {None}
+    assert "Aggregated in MGCO56 + prior: the compliance of joint_1, joint_2," in " ".join(
+        done.stdout.split()
+    )
     C = np.array(model["links"]["link_2"])
     assert np.linalg.eigvalsh(C).min() > -1e-18
 

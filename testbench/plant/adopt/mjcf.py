@@ -1,6 +1,7 @@
 """MJCF as a tree of bodies: MuJoCo compiles it, so defaults, frames and classes are as MuJoCo means them."""
 
 import math
+import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -49,7 +50,8 @@ def _compile(file: Path, cleaned: Cleaned) -> tuple[mujoco.MjModel, list[bool]]:
     """MuJoCo's model, and of every body whether the file states its mass."""
     try:
         spec = mujoco.MjSpec.from_string(cleaned.text, assets=cleaned.assets)
-        model = spec.compile()
+        with warnings.catch_warnings(action="ignore"):  # of masses and motors, which statics does not ask
+            model = spec.compile()
         stated = [bool(body.explicitinertial) for body in spec.bodies]
     except (ValueError, mujoco.FatalError, mujoco.UnexpectedError) as err:
         raise InputError(file, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err

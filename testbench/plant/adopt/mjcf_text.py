@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.errors import InputError
-from testbench.plant.adopt.meshes import MeshError, Meshes, check_size, decimated, stl_bytes
-from testbench.plant.adopt.solids import hull_of
-from testbench.plant.adopt.source import MAX_ELEMENTS, check_finite, need, read_numbers, read_xml, where
+from testbench.plant.adopt.meshes import Meshes
+from testbench.plant.adopt.mjcf_assets import read_assets
+from testbench.plant.adopt.source import MAX_ELEMENTS, beside, check_finite, need, read_xml, where
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
@@ -34,7 +34,6 @@ GONE = {
     "site": frozenset({"user"}),
 }
 """Attributes that go."""
-MOST_FACES = 200_000  #: Of a mesh; MuJoCo reads no more.
 MAX_FILES = 50  #: Included, each once.
 
 
@@ -67,7 +66,7 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
             check_finite(file, e, key)
     _simplify(root)
     meshes = Meshes()
-    assets = _assets(file, root, folder, meshes)
+    assets = read_assets(file, root, folder, meshes)
     notes = [f"not needed for statics, so left out: {', '.join(sorted(left_out))}"] if left_out else []
     text = ET.tostring(root, encoding="unicode")
     return Cleaned(text, assets, (*notes, *meshes.notes()))
@@ -79,7 +78,7 @@ def _include(file: Path, root: ET.Element) -> None:
     while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
         parent, e = pair
         name = need(file, e, "file")
-        path = _beside(file, name)
+        path = beside(file, name)
         if path is None:
             raise InputError(file, where(e), f"expected a file inside of {file.parent}, got {name!r}")
         if str(path) in seen or len(seen) > MAX_FILES:
@@ -93,16 +92,6 @@ def _include(file: Path, root: ET.Element) -> None:
             parent.insert(place + k, child)
         if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
             raise InputError(file, where(e), f"expected at most {MAX_ELEMENTS} elements in all")
-
-
-def _beside(file: Path, name: str) -> Path | None:
-    """A file in the folder of the MJCF, symbolic links followed; None where it lies elsewhere."""
-    folder = os.path.realpath(file.parent)
-    try:
-        real = Path(os.path.realpath(Path(folder) / name))
-    except ValueError:  # a zero byte
-        return None
-    return real if real.is_relative_to(folder) else None
 
 
 def _mesh_folder(file: Path, root: ET.Element) -> Path:
@@ -141,36 +130,3 @@ def _simplify(root: ET.Element) -> None:
             for key in set(e.attrib) - COMPILER:
                 del e.attrib[key]
     ET.SubElement(root, "compiler", balanceinertia="true", fusestatic="false", discardvisual="false")
-
-
-def _assets(file: Path, root: ET.Element, folder: Path, meshes: Meshes) -> dict[str, bytes]:
-    """The meshes read by us; a mesh that cannot be read goes, with the geoms that show it."""
-    assets: dict[str, bytes] = {}
-    gone: set[str] = set()
-    for asset in root.findall("asset"):
-        for e in [e for e in asset.findall("mesh") if "file" in e.attrib]:
-            name = e.get("file", "")
-            e.set("name", e.get("name") or Path(name).stem)
-            try:
-                assets[f"{len(assets)}.stl"] = _stl(file, e, folder / name, meshes)
-                e.set("file", f"{len(assets) - 1}.stl")
-            except MeshError as err:
-                meshes.failed[name] = str(err)
-                gone.add(e.get("name", ""))
-                asset.remove(e)
-    for parent in root.iter():
-        for geom in [g for g in parent.findall("geom") if g.get("mesh") in gone]:
-            parent.remove(geom)
-    return assets
-
-
-def _stl(file: Path, e: ET.Element, path: Path, meshes: Meshes) -> bytes:
-    """A mesh file as STL; MuJoCo is told where it is flat."""
-    found = _beside(file, str(path.absolute()))
-    if found is None:
-        raise MeshError(f"lies outside of {file.parent}")
-    mesh = meshes.load(found)
-    check_size(mesh.vertices * read_numbers(file, e, "scale", "1 1 1", 3))
-    if hull_of(mesh.vertices) is None:
-        e.set("inertia", "shell")
-    return stl_bytes(*decimated(mesh.vertices, mesh.faces, MOST_FACES))

@@ -1,6 +1,7 @@
 """A stranger's XML, as far as any format goes: a file that is small, well-formed and of numbers."""
 
 import math
+import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -110,3 +111,13 @@ def read_origin(file: Path, e: ET.Element) -> Array:
         return np.eye(4)
     rpy = read_numbers(file, origin, "rpy", "0 0 0", 3)
     return pose_of(turned(rpy), read_numbers(file, origin, "xyz", "0 0 0", 3))
+
+
+def beside(file: Path, name: str) -> Path | None:
+    """A file in the folder of the MJCF, symbolic links followed; None where it lies elsewhere."""
+    folder = os.path.realpath(file.parent)
+    try:
+        real = Path(os.path.realpath(Path(folder) / name))
+    except ValueError:  # a zero byte
+        return None
+    return real if real.is_relative_to(folder) else None

@@ -7,8 +7,9 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Part, Shape, Solid
-from testbench.plant.adopt.meshes import Faces, decimated
+from testbench.plant.adopt.meshes import Faces
 from testbench.plant.adopt.solids import VISIBLE, hull_of
+from testbench.plant.adopt.thin import decimated
 
 DRAWN_FACES = 1500  #: Of the mesh that shows a part.
 HULL_FACES = 200  #: Of a hull.

@@ -9,9 +9,9 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Chain, JointOf, Part, Solid
-from testbench.plant.adopt.meshes import stl_bytes
 from testbench.plant.adopt.propose import Proposal
 from testbench.plant.adopt.surface import Surface, surfaces
+from testbench.plant.adopt.thin import stl_bytes
 
 LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
 BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
