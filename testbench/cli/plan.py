@@ -15,8 +15,10 @@ from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box, place, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, Noise
+from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
 from testbench.output.run import check_folder
+from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 from testbench.views.plan.files import COMMAND, write
@@ -36,7 +38,8 @@ class Options:
     poses: Annotated[int, typer.Option(help="How many to measure.")] = 12
     tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None
     acceptance_deg: Annotated[
-        float | None, typer.Option(help="Half angle of fixed targets; turned by hand if not given.")
+        float | None,
+        typer.Option(min=0.1, max=90, help="Half angle of fixed targets; turned by hand if not given."),
     ] = None
     box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
     criterion: Annotated[str, typer.Option(help="test, D, A, E, G or I.")] = "test"
@@ -101,8 +104,12 @@ def _settings(cell: Cell, asked: Options) -> PlanSettings:
     if asked.acceptance_deg is not None and asked.tracker is None:
         raise BenchError("--acceptance-deg: expected --tracker with it")
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    return PlanSettings(
-        model=right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY)),
+    with of_flag("--criterion"):
+        check_criterion(asked.criterion)
+    with of_flag("--model"):
+        model = right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY))
+    settings = PlanSettings(
+        model=model,
         criterion=asked.criterion,
         poses=asked.poses,
         loads_kg=tuple(asked.load or [payload_of(cell.arm, None, "--load")]),
@@ -116,3 +123,6 @@ def _settings(cell: Cell, asked: Options) -> PlanSettings:
         candidates_wanted=asked.candidates,
         seed=asked.seed,
     )
+    with of_flag("--sling-m"):
+        Payload(max(settings.loads_kg), settings.sling_m)
+    return settings

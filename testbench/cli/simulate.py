@@ -42,7 +42,9 @@ class Options:
     ] = None
     payload_kg: Annotated[
         float | None,
-        typer.Option(help="Hung mass; what the arm states if not given; a plan.csv has its own."),
+        typer.Option(
+            min=0.001, max=10_000, help="Hung mass; what the arm states if not given; a plan.csv has its own."
+        ),
     ] = None
     loads: Annotated[str | None, typer.Option(help="Several hung masses a pose: KG,KG ...")] = None
     sigma_um: Noise = 50.0

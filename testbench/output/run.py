@@ -9,7 +9,7 @@ from testbench.errors import InputError
 from testbench.output import manifest
 from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
-from testbench.output.scratch import interrupts_wait, remove, scratch_name, sweep
+from testbench.output.scratch import folder_for, interrupts_wait, remove, scratch_name, sweep
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd"))
 """Of files of runs whose manifest does not name them: older ones."""
@@ -80,24 +80,22 @@ def whole_folder(out: Path) -> Iterator[Path]:
     Raises:
         InputError: When the folder cannot be made or written.
     """
-    fresh, scratch = not out.exists(), out / scratch_name()
+    scratch = out / scratch_name()
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        sweep(out)
-        scratch.mkdir()
-    except OSError as err:
-        raise InputError(out, "", f"cannot be written: {err.strerror}") from err
-    try:
-        yield scratch
-        with interrupts_wait():
-            _replace(out, sorted(scratch.iterdir(), key=lambda file: (file.name != manifest.NAME, file.name)))
+        with folder_for(out):
+            sweep(out)
+            scratch.mkdir()
+            try:
+                yield scratch
+                with interrupts_wait():
+                    files = sorted(
+                        scratch.iterdir(), key=lambda file: (file.name != manifest.NAME, file.name)
+                    )
+                    _replace(out, files)
+            finally:
+                remove(scratch)
     except OSError as err:
         raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
-    finally:
-        remove(scratch)
-        if fresh:
-            with contextlib.suppress(OSError):  # not empty
-                out.rmdir()
 
 
 @contextlib.contextmanager
@@ -114,15 +112,16 @@ def new_folder(out: Path) -> Iterator[Path]:
         raise InputError(out, "", "exists already; expected the name of a new folder")
     scratch = out.parent / scratch_name()
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        sweep(out.parent)
-        (scratch / out.name).mkdir(parents=True)
-        yield scratch / out.name
-        (scratch / out.name).rename(out)
+        with folder_for(out.parent):
+            sweep(out.parent)
+            try:
+                (scratch / out.name).mkdir(parents=True)
+                yield scratch / out.name
+                (scratch / out.name).rename(out)
+            finally:
+                remove(scratch)
     except OSError as err:
         raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
-    finally:
-        remove(scratch)
 
 
 def _replace(out: Path, made: Sequence[Path]) -> None:

@@ -51,6 +51,26 @@ def remove(path: Path) -> None:
 
 
 @contextlib.contextmanager
+def folder_for(path: Path) -> Iterator[None]:
+    """The folder and those above it are there inside of the block; what was made of them goes if it is empty.
+
+    Raises:
+        InputError: When they cannot be made.
+    """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+        yield
+    finally:
+        for folder in made:
+            with contextlib.suppress(OSError):  # not empty
+                folder.rmdir()
+
+
+@contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A file to write that takes the place of `path` once the block has ended well.
 
@@ -62,14 +82,15 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     part = path.with_name(scratch_name())
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        sweep(path.parent)
-        yield part
-        part.replace(path)
+        with folder_for(path.parent):
+            sweep(path.parent)
+            try:
+                yield part
+                part.replace(path)
+            finally:
+                remove(part)
     except OSError as err:
         raise InputError(path, "", f"cannot be written: {err.strerror or err}") from err
-    finally:
-        remove(part)
 
 
 def write_whole(text: str, path: Path) -> None:

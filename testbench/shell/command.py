@@ -64,7 +64,7 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
     except BenchError as err:
         return WRONG, f"error: {err}"
     except TyperException as err:
-        return WRONG, f"error: {err.format_message().rstrip('.')}; --help lists what there is"
+        return WRONG, f"error: {_wrong_word(err, sys.argv[1:])}; --help lists what there is"
     except ValidationError as err:
         first = err.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
@@ -83,6 +83,18 @@ def _check_words(words: Sequence[str]) -> None:
             word.encode()
         except UnicodeEncodeError:
             raise BenchError(f"expected UTF-8 on the command line, got {os.fsencode(word)!r}") from None
+
+
+def _wrong_word(err: TyperException, words: Sequence[str]) -> str:
+    """What is wrong with a word of the command line: its flag, what was expected, what was got."""
+    param = getattr(err, "param", None)
+    problem = str(getattr(err, "message", "")).rstrip(".")
+    for flag in getattr(param, "opts", ()):
+        for k, word in enumerate(words):
+            name, _, value = word.partition("=")
+            if problem and name == flag and (value or words[k + 1 :]):
+                return f"{flag}: {problem}, got {value or words[k + 1]!r}"
+    return err.format_message().rstrip(".")
 
 
 def _flush() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from testbench.errors import BenchError, InputError
+from testbench.output.scratch import folder_for
 from testbench.trials.experiment import Experiment, check_header
 from testbench.trials.rows import Flat, check_types, columns, restorer
 
@@ -143,27 +144,18 @@ def open_store(
         InputError: When another run writes it; when it cannot be written or is damaged; when it holds
             trials of something else (resume), or of a run that was stopped (no resume).
     """
-    path, fresh = folder / FILE, not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as err:
-        raise InputError(folder, "", f"cannot be written: {err.strerror}") from err
-    try:
-        with contextlib.closing(_locked(path)) as database:
-            try:
-                store = TrialStore(path, experiment, row, database)
-                store.load(resume=resume)
-                yield store
-                if store.finished and path.with_name(WHOLE).exists():
+    path = folder / FILE
+    with folder_for(folder), contextlib.closing(_locked(path)) as database:
+        try:
+            store = TrialStore(path, experiment, row, database)
+            store.load(resume=resume)
+            yield store
+            if store.finished and path.with_name(WHOLE).exists():
+                path.unlink()
+        finally:
+            with contextlib.suppress(sqlite3.Error):  # a damaged one stays
+                if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
                     path.unlink()
-            finally:
-                with contextlib.suppress(sqlite3.Error):  # a damaged one stays
-                    if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
-                        path.unlink()
-    finally:
-        if fresh:
-            with contextlib.suppress(OSError):  # not empty
-                folder.rmdir()
 
 
 def _locked(path: Path) -> sqlite3.Connection:

@@ -198,7 +198,7 @@ BAD = [
     (["--candidates", "5"], "--candidates: expected 12 to 50000, got 5"),
     (["--load", "nan"], "--load: expected a finite number, got nan"),
     (["--load", "460"], "each once"),
-    (["--sigma-um", "0"], "Invalid value for '--sigma-um'"),
+    (["--sigma-um", "0"], "--sigma-um: Input should be"),
     (["--sling-m", "0.1"], "sling [m] of the payload: expected more than"),
     (["--uncertainty-percent", "0"], "--uncertainty-percent: expected"),
     (["--uncertainty-percent", "30", "--no-prior"], "expected no --no-prior with it"),

@@ -11,8 +11,8 @@ import pytest
 from testbench.errors import InputError
 from testbench.output import scratch
 from testbench.output.place import PNG, check_file
-from testbench.output.run import check_folder, whole_folder
-from testbench.output.scratch import scratch_name, write_whole
+from testbench.output.run import check_folder, new_folder, whole_folder
+from testbench.output.scratch import scratch_name, whole_file, write_whole
 
 OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"
@@ -69,6 +69,13 @@ def test_other_runs_links_files_and_inputs_are_refused(tmp_path):
     (tmp_path / "run" / "manifest.json").symlink_to(tmp_path / "plan" / "manifest.json")
     folder_refused(tmp_path / "run", "holds a run of testbench plan")
     folder_refused(tmp_path / ("x" * 300) / "y", "more than 255 bytes")
+
+
+def test_a_failure_leaves_no_folder_behind(tmp_path):
+    for make in (whole_folder, new_folder, whole_file):
+        with pytest.raises(ZeroDivisionError), make(tmp_path / "made" / "deep" / "place"):
+            _ = 1 / 0
+    assert not list(tmp_path.iterdir())
 
 
 def test_runs_of_earlier_versions_are_known_by_their_names(tmp_path):
