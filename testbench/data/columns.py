@@ -127,12 +127,7 @@ def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
 def _chosen(named: dict[int, Named]) -> dict[int, Named]:
     """Without our own names for what the map names, and without readings that say less than others."""
     mapped = {own.slot for own in named.values() if own.mapped}
-    readings_mapped = any(slot.what == "reading" for slot in mapped)
-    chosen = {
-        k: own
-        for k, own in named.items()
-        if own.mapped or not (own.slot in mapped or (readings_mapped and own.slot.what == "reading"))
-    }
+    chosen = {k: own for k, own in named.items() if own.mapped or own.slot not in mapped}
     loaded = {own.slot.marker for own in chosen.values() if own.slot.when == "after"}
     twice = [k for k, own in chosen.items() if own.slot.when == DEFLECTION and own.slot.marker in loaded]
     chosen = {k: own for k, own in chosen.items() if k not in twice}

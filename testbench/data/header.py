@@ -11,8 +11,8 @@ from testbench.data.units import Unit, find_unit
 from testbench.errors import InputError
 
 SEARCHED = 200  #: Lines in which a header is looked for.
-DELIMITERS = (";", "\t", ",", "|", " ")
-"""Between cells; the blank stands for runs of blanks. The first of equals is taken."""
+DELIMITERS = (";", "\t", ",", "|", "  ", " ")
+"""Between cells; blanks stand for runs of at least as many. The first of equals is taken."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Header:
 
     line: int  #: Its last line in the file, from 1.
     skipped: int  #: Lines with something in them before it.
-    delimiter: str  #: Between cells; " " for runs of blanks.
+    delimiter: str  #: Between cells; blanks for runs of at least as many.
     names: tuple[str, ...]  #: Of the columns; those without any at the end are left out.
     units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below.
     body: Sequence[Line]  #: The rows.
@@ -45,14 +45,17 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
     if first == len(lines):
         raise InputError(path, "line 1", "expected a header, the file is empty")
     last = first + 1 if layout.skip is not None else min(len(lines), first + SEARCHED)
-    best, at, delimiter = (-1, False, 0), first, ","
-    for mark in [layout.delimiter] if layout.delimiter else DELIMITERS:
-        if mark == " " and best[0] > 1:
+    best, at, delimiter = (-1, False, False, 0), first, ","
+    for mark in (layout.delimiter,) if layout.delimiter else DELIMITERS:
+        if _blanks(mark) and best[0] > 1 and not _blanks(delimiter):
             break  # blanks stand within names too
         for k in range(first, last):
             names = _names(lines[k : k + layout.header], mark)
-            score = sum(map(known, names)), not lines[k].comment, len(names)
-            if score[:2] > best[:2] or (not best[0] and score > best):
+            known_here = sum(map(known, names))
+            below = lines[k + layout.header : k + layout.header + 1]
+            fits = any(_full(_cells(line, mark), len(names)) for line in below)
+            score = known_here, not lines[k].comment, fits, len(names)
+            if score[:3] > best[:3] or (not best[0] and score > best):
                 best, at, delimiter = score, k, mark
     body = at + layout.header
     names = _names(lines[at:body], delimiter)
@@ -69,9 +72,13 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
     )
 
 
+def _blanks(delimiter: str) -> bool:
+    return delimiter.strip(" ") == ""
+
+
 def _cells(line: Line, delimiter: str) -> list[str]:
     text = line.text.lstrip().lstrip("#/") if line.comment else line.text
-    return cells_of(tabbed(text), "\t") if delimiter == " " else cells_of(text, delimiter)
+    return cells_of(tabbed(text, delimiter), "\t") if _blanks(delimiter) else cells_of(text, delimiter)
 
 
 def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
@@ -81,6 +88,11 @@ def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
         lowest.pop()
     merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
     return [" ".join(filter(None, (*(row[k] for row in merged), own))) for k, own in enumerate(lowest)]
+
+
+def _full(cells: list[str], count: int) -> bool:
+    """Whether a row has as many cells, or more that are blank."""
+    return len(cells) >= count and not any(cells[count:])
 
 
 def _kept(left: str, own: str) -> str:
@@ -99,7 +111,9 @@ def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
 
 def notes(encoding: str, header: Header) -> tuple[str, ...]:
     """How a file was read, in words."""
-    between = {"\t": "tabs", " ": "runs of blanks"}.get(header.delimiter, f"{header.delimiter!r}")
+    between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
+        header.delimiter, f"{header.delimiter!r}"
+    )
     found = [f"text in {encoding}, {between} between the cells, header in line {header.line}"]
     counts = {"before the header": header.skipped, "of comments": header.comments}
     found += [f"{count} lines {what} left out" for what, count in counts.items() if count]
@@ -112,11 +126,11 @@ def rows_of(path: Path, header: Header) -> list[str]:
     Raises:
         InputError: At the first row of another length.
     """
-    count, blank = len(header.names), header.delimiter == " "
+    count, blank = len(header.names), _blanks(header.delimiter)
     delimiter = "\t" if blank else header.delimiter
     found = []
     for line in header.body:
-        text = tabbed(line.text) if blank else line.text
+        text = tabbed(line.text, header.delimiter) if blank else line.text
         got = count_cells(text, delimiter)
         while got > count and text.rstrip(" ").endswith(delimiter):
             text, got = text.rstrip(" ")[:-1], got - 1

@@ -102,10 +102,10 @@ def _says_something(line: str) -> bool:
     return bool(line.strip(' ;,|\t"'))
 
 
-def tabbed(line: str) -> str:
-    """A line whose runs of blanks outside of quotes are tabs."""
+def tabbed(line: str, runs: str) -> str:
+    """A line whose runs of blanks outside of quotes, as many as these or more, are tabs."""
     pieces = line.strip().split('"')
-    return '"'.join(p if k % 2 else re.sub(r"\s+", "\t", p) for k, p in enumerate(pieces))
+    return '"'.join(p if k % 2 else re.sub(rf"\s{{{len(runs)},}}", "\t", p) for k, p in enumerate(pieces))
 
 
 def count_cells(line: str, delimiter: str) -> int:

@@ -38,7 +38,8 @@ class _Strict(BaseModel):
 class Layout(_Strict):
     """How the file is written, where that is not to be found from the file itself."""
 
-    delimiter: Literal[",", ";", "\t", "|", " "] | None = None  #: Between cells; " " for runs of blanks.
+    #: Between cells; " " for runs of blanks, "  " for runs of at least two.
+    delimiter: Literal[",", ";", "\t", "|", " ", "  "] | None = None
     decimal: Literal[".", ","] | None = None  #: The decimal mark.
     #: How its bytes are letters.
     encoding: (

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Literal
 
 from testbench.arm.folder import Arm
@@ -72,7 +73,8 @@ def our_names(arm: Arm) -> dict[str, Slot]:
         found |= {f"rotation_{when}_{axis}": Slot("rotation", k, when=when) for when in WHEN}
         for marker in ("", *arm.markers):
             for when, words in {"": ("",), **STATES, DEFLECTION: (DEFLECTION,)}.items():
-                found |= {f"{marker}_{word}_{axis}": Slot("reading", k, marker, when) for word in words}
+                orders = (order for word in words for order in permutations((marker, word, axis)))
+                found |= {"_".join(order): Slot("reading", k, marker, when) for order in orders}
     found |= {f"deflection_cov_{entry}": Slot("covariance", k) for k, entry in enumerate(ENTRIES)}
     found |= {joint.name: Slot("joint", k) for k, joint in enumerate(arm.joints)}
     return {squeeze(name): slot for name, slot in found.items()}

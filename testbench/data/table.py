@@ -198,7 +198,7 @@ def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: i
             pa.BufferReader(content),
             csv.ReadOptions(use_threads=False, block_size=len(content) + 1, column_names=names),
             csv.ParseOptions(
-                delimiter="\t" if delimiter == " " else delimiter,
+                delimiter="\t" if delimiter.isspace() else delimiter,
                 ignore_empty_lines=False,
                 invalid_row_handler=refuse,
             ),

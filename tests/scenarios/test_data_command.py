@@ -72,10 +72,10 @@ def test_both_examples_hold_the_same_loads_and_deflections():
 
 
 def test_damaged_files_are_one_line(tmp_path):
-    """A sample of 20; 500 of them were tried."""
+    """A sample of 12; 500 of them were tried."""
     random, whole = Random(5), (MAPS / "spatialanalyzer.csv").read_bytes()
     codes = []
-    for _ in range(20):
+    for _ in range(12):
         at = random.randrange(len(whole))
         cut = at + random.choice([0, 1, 5, 20])
         damaged = whole[:at] + random.choice(
@@ -86,7 +86,7 @@ def test_damaged_files_are_one_line(tmp_path):
         codes.append(done.returncode)
         assert done.stderr.count("\n") == (done.returncode == 2)
     assert set(codes) <= {0, 2}
-    assert codes.count(2) > 5
+    assert codes.count(2) > 3
 
 
 @pytest.mark.parametrize(

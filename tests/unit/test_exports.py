@@ -365,6 +365,26 @@ def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
         check_alike(read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM).data)
 
 
+def test_names_may_hold_blanks_where_two_stand_between_cells(tmp_path):
+    """A report in columns, aligned."""
+    lines = plain().decode().replace("_mm", " (mm)").replace("_deg", " [deg]").splitlines()
+    aligned = "\n".join("".join(f"  {cell:>16}" for cell in line.split(",")) for line in lines)
+    found = read_export(files(tmp_path, "plain", f"Report of a day\n\n{aligned}".encode()).data, ARM)
+    check_alike(found.data)
+    assert "runs of two or more blanks between the cells, header in line 3" in found.columns.table.notes[0]
+
+
+def test_a_map_may_name_some_columns_and_leave_the_others_to_our_names(tmp_path):
+    """Parts of our names stand in any order; of two that say the same the map's is read."""
+    content = merged().decode().replace("before x", "x unloaded").replace("after z", "Z unter Last")
+    content = content.replace("marker", "after_z_mm;marker", 1).replace(";P", ";7,0;P")
+    text = "file.merged = true\ncolumns.after_z = 'Z unter Last'"
+    own = files(tmp_path, "merged", content.encode(), text)
+    found = read_export(own.data, ARM, own.map)
+    check_alike(found.data)
+    assert found.columns.ignored == ("after_z_mm",)
+
+
 def test_joints_that_moved_a_little_between_the_readings_are_said(tmp_path):
     content = inches().decode().splitlines()
     cells = content[2].split(",")
