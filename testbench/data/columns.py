@@ -108,11 +108,13 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
     readings = [c.index for c in found.values() if c.slot.what in ("reading", "covariance")]
-    table = table.blanked(readings, sorted(names.lost)) if names.lost else table
+    loads = [c.index for c in found.values() if c.slot.what in ("mass", "force", "moment")]
+    mark = table.mark([c.index for c in found.values() if c.unit])
+    table = table.worded(readings, names.lost)
+    table = table.worded(loads, {word: value.replace(".", mark) for word, value in names.loads.items()})
     if names.layout.merged:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
-    numeric = [c.index for c in found.values() if c.unit]
-    return Columns(table, names, found, ignored, table.mark(numeric))
+    return Columns(table, names, found, ignored, mark)
 
 
 def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:

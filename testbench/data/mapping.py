@@ -1,5 +1,6 @@
 """A map: how somebody's export names our quantities, as TOML of a few lines."""
 
+import re
 import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from testbench.data.names import (
     recognise,
     squeeze,
 )
-from testbench.data.units import Unit, split_unit
+from testbench.data.units import NUMBER, Unit, split_unit
 from testbench.errors import InputError, read_text
 
 MAX_BYTES = 20_000
@@ -82,7 +83,8 @@ class Names:
     ignored: frozenset[str]  #: Squeezed names of points that are no markers.
     values: Mapping[Slot, tuple[float, Unit]]  #: Constants and their units.
     cells: Mapping[str, tuple[str, ...]]  #: Patterns of what cells hold together, by their column.
-    lost: frozenset[str]  #: What stands for a lost target.
+    lost: Mapping[str, str]  #: What stands for a lost target: a blank.
+    loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
     frame: Frame | None  #: What the readings are in; None where it is not said.
     layout: Layout  #: How the file is written.
 
@@ -125,7 +127,8 @@ def read_map(path: Path | None, arm: Arm) -> Names:
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
         cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
-        lost=frozenset(lost),
+        lost=dict.fromkeys(lost, ""),
+        loads={word: key for key, own in words.items() if _is_number(key) for word in own},
         frame=found.frame,
         layout=found.file,
     )
@@ -153,10 +156,14 @@ def _tuple(words: str | list[str]) -> tuple[str, ...]:
 def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
     known = [*STATES, *arm.markers, IGNORE, LOST]
     for key in found.words:
-        if key not in known:
-            raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}")
+        if key not in known and not _is_number(key):
+            raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
     words = {key: _tuple(value) for key, value in found.words.items()}
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(NUMBER, text) is not None
 
 
 def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """The cells of a text file as its owner sees them; a wrong one is refused by line and column."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,10 +14,9 @@ from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import read_letters, split_lines
 from testbench.data.mapping import Layout
-from testbench.data.units import Unit
+from testbench.data.units import NUMBER, Unit
 from testbench.errors import Array, InputError
 
-NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 
 
@@ -98,11 +97,12 @@ class Table:
             cells=[*self.cells, *(pa.array(own, pa.string()) for own in cells)],
         )
 
-    def blanked(self, columns: Sequence[int], words: Sequence[str]) -> "Table":
-        """Cells of some columns that hold one of the words are blank."""
-        cells, gone = list(self.cells), pa.array(list(words), pa.string())
+    def worded(self, columns: Sequence[int], words: Mapping[str, str]) -> "Table":
+        """Cells of some columns that hold one of the words hold what it stands for."""
+        cells = list(self.cells)
         for k in columns:
-            cells[k] = pc.if_else(pc.is_in(cells[k], gone), "", cells[k])
+            for word, meant in words.items():
+                cells[k] = pc.if_else(pc.equal(cells[k], word), meant, cells[k])
         return replace(self, cells=cells)
 
     def integers(self, k: int) -> Ids:

@@ -35,6 +35,8 @@ OTHER_NAMES = {
     "n·m": "nm",
 }
 """What files write for these, in small letters; both micro signs become the Greek letter."""
+NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+"""A number that is read, with a point as decimal mark."""
 KNOWN = {unit.name.lower(): unit for unit in UNITS}
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")

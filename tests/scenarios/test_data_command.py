@@ -100,7 +100,7 @@ def test_damaged_files_are_one_line(tmp_path):
             "columns.marker: no such column in spatialanalyzer.csv; columns are 'Collection'",
         ),
         ("A{n}", "A{k}", "columns.joint_{n}_deg: expected one of our quantities"),
-        ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore"),
+        ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore, lost, or"),
         ("Pose {pose} /", "Pose {pose} :", "line 4, column Group: expected 'Pose {pose} : {mass_kg} kg'"),
         ("_mm", "_deg", "columns.{axis}_deg: expected one of our quantities"),
         ("frame =", "= frame", "not TOML"),

@@ -365,6 +365,12 @@ def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
         check_alike(read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM).data)
 
 
+def test_words_stand_for_loads(tmp_path):
+    text = merged().decode().replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;")
+    own = files(tmp_path, "merged", text.encode(), f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}')
+    check_alike(read_export(own.data, ARM, own.map).data)
+
+
 def test_names_may_hold_blanks_where_two_stand_between_cells(tmp_path):
     """A report in columns, aligned."""
     lines = plain().decode().replace("_mm", " (mm)").replace("_deg", " [deg]").splitlines()
