@@ -95,7 +95,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
             finally:
                 remove(scratch)
     except OSError as err:
-        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
+        raise InputError(Path(err.filename2 or out), "", f"cannot be written: {err.strerror}") from err
 
 
 @contextlib.contextmanager
@@ -121,7 +121,7 @@ def new_folder(out: Path) -> Iterator[Path]:
             finally:
                 remove(scratch)
     except OSError as err:
-        raise InputError(Path(err.filename or out), "", f"cannot be written: {err.strerror}") from err
+        raise InputError(Path(err.filename2 or out), "", f"cannot be written: {err.strerror}") from err
 
 
 def _replace(out: Path, made: Sequence[Path]) -> None:
