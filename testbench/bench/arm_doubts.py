@@ -11,6 +11,7 @@ from testbench.arm.elastic import Elastic
 from testbench.bench.campaign import Cell
 from testbench.bench.sag import Sag
 from testbench.errors import Array
+from testbench.identify.doubts import Doubt
 from testbench.model.vjm import body_poses
 
 LENGTH = 2.0  #: Of a tube over the distance of its joints, or the other way round [1].
@@ -77,17 +78,9 @@ class Looked:
         return self.turning == 0 and self.tilt is not None and self.tilt <= UPRIGHT
 
 
-@dataclass(frozen=True)
-class ArmDoubt:
-    """What may be wrong with an arm."""
-
-    name: str  #: A word for programs.
-    sentence: str  #: What is seen, with numbers, and what was expected.
-
-
-def arm_doubts(looked: Looked) -> list[ArmDoubt]:
+def arm_doubts(looked: Looked) -> list[Doubt]:
     """Everything that looks wrong, the geometry first."""
-    found: list[ArmDoubt] = []
+    found: list[Doubt] = []
     for name, look in {
         "tube length": tube_lengths,
         "beam axis": beam_axes,
@@ -98,7 +91,7 @@ def arm_doubts(looked: Looked) -> list[ArmDoubt]:
         "mass": masses,
         "base": base,
     }.items():
-        found += [ArmDoubt(name, sentence) for sentence in look(looked)]
+        found += [Doubt(name, sentence) for sentence in look(looked)]
     return found
 
 

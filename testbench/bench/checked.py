@@ -9,11 +9,12 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import Elastic, read_elastic
 from testbench.bench.agreement import check_agreement
-from testbench.bench.arm_doubts import ArmDoubt, Looked, arm_doubts
+from testbench.bench.arm_doubts import Looked, arm_doubts
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.confirm import Item, to_confirm
 from testbench.bench.sag import Sag, sag
 from testbench.errors import Array
+from testbench.identify.doubts import Doubt
 from testbench.model.vjm import body_poses
 
 
@@ -26,7 +27,7 @@ class Checked:
     apart: float  #: Largest distance between the two readings of it [m].
     sag: Sag  #: Of its tool over the work area.
     items: list[Item]  #: To confirm, the largest effect first.
-    doubts: list[ArmDoubt]  #: What may be wrong.
+    doubts: list[Doubt]  #: What may be wrong.
 
     @property
     def reach(self) -> float:

@@ -26,6 +26,7 @@ PLAY, STIFFER = 6e-5, 200.0
 """Half width of a joint's play or friction [rad, m], and the share by which it turns less, a radian [1/rad].
 
 Typical sizes, as of `plant.TYPICAL`, and a little more."""
+EVERY = slice(None)
 STEP = 1e-3  #: Of a mistake, for derivatives: mistakes enter almost linearly [tau].
 
 
@@ -39,8 +40,8 @@ class Fitted:
     read: Readings  #: Its readings one by one.
     loss: float  #: Minus the logarithm of its evidence.
     pi: Array  #: Expected parameters after the readings, (n,).
-    residual: Array  #: Readings minus what is expected before them, in standard deviations, (k,).
     inverse: Array  #: Of the readings' covariance, (k, k).
+    surprise: Array  #: That times readings minus what is expected before them, (k,) [1].
     h: Array  #: Hyperparameters.
 
 
@@ -61,7 +62,8 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
     pi = seen.metric.L @ x
     D = allowed(vjm, data, structure.matrix(pi))
     inverse = np.linalg.inv(S + D @ D.T)
-    return Fitted(vjm, seen.metric, data, read, loss(seen, h)[0], pi, residual, inverse, h)
+    value, surprise = loss(seen, h)[0], inverse @ residual
+    return Fitted(vjm, seen.metric, data, read, value, pi, inverse, surprise, h)
 
 
 def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
@@ -106,10 +108,10 @@ def sized(fitted: Fitted, change: Change, k: int) -> Size:
     return of_columns(fitted, D)
 
 
-def of_columns(fitted: Fitted, D: Array) -> Size:
-    """A mistake that adds the columns D, (rows, k) [standard deviations a tau], to what is expected."""
-    M = D.T @ fitted.inverse @ D
-    v = D.T @ (fitted.inverse @ fitted.residual)
+def of_columns(fitted: Fitted, D: Array, rows: slice = EVERY) -> Size:
+    """A mistake that adds D, (rows, k) [standard deviations a tau], to what is expected of some rows."""
+    M = D.T @ fitted.inverse[rows, rows] @ D
+    v = D.T @ fitted.surprise[rows]
     P = M + np.eye(len(M))
     C = np.linalg.inv(P)
     b = C @ v

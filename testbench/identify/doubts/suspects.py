@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,20 +94,17 @@ def _factor(mask: Mask) -> Change:
 def _single(fitted: Fitted) -> Iterator[Suspect]:
     """Single runs with another load, single runs and single readings that are of anything."""
     read, data = fitted.read, fitted.data
-    expected = (read.A @ fitted.pi).reshape(-1)
-    run, marker = (np.repeat(ids, 3) for ids in (read.run, read.marker))
+    expected = (read.A @ fitted.pi).ravel()
     size = BUMP / np.repeat(read.unit, 3)
-    for r in range(data.runs):
-        own = run == r
-        if not own.any():
+    ends = np.searchsorted(read.run, np.arange(data.runs + 1))
+    for r, (first, end) in enumerate(pairwise(ends)):
+        if first == end:
             continue
-        name = str(data.run[r])
-        yield Suspect(
-            "run_load", name, of_columns(fitted, np.where(own, FACTOR * expected, 0)[:, None]), FACTOR
-        )
-        whole = np.diag(size)[:, own]
-        yield Suspect("run", name, of_columns(fitted, whole), BUMP)
-        for k in np.unique(marker[own]):
-            one = np.diag(size)[:, own & (marker == k)]
-            label = f"{name} {data.markers[k]}" if k >= 0 else name
-            yield Suspect("reading", label, of_columns(fitted, one), BUMP)
+        name, own = str(data.run[r]), slice(3 * first, 3 * end)
+        load = of_columns(fitted, FACTOR * expected[own, None], own)
+        yield Suspect("run_load", name, load, FACTOR)
+        yield Suspect("run", name, of_columns(fitted, np.diag(size[own]), own), BUMP)
+        for k in range(first, end):
+            one, target = slice(3 * k, 3 * k + 3), read.marker[k]
+            label = f"{name} {data.markers[target]}" if target >= 0 else f"{name} the tool's turn"
+            yield Suspect("reading", label, of_columns(fitted, np.diag(size[one]), one), BUMP)
