@@ -135,7 +135,7 @@ def fit(
     try:
         found = [_timed(cell, model, runs.used, clock) for model in models]
     except BenchError as err:
-        raise BenchError("; ".join([str(err), *(doubt.sentence for doubt in looks)])) from err
+        raise BenchError("; ".join([*(doubt.sentence for doubt in looks), str(err)])) from err
     # beside a prior, intervals that count noise alone would look the surest
     plain = all(estimate.belief is None for estimate, _ in found)
     taken = recommend(cell, models, runs.used)

@@ -79,7 +79,7 @@ def test_what_was_not_asked_for_is_not_shown(fits):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_model_that_is_recommended_is_named_and_marked_whichever_it_is(fits, name):
-    fits = replace(fits, recommended=name)
+    fits = replace(fits, recommended=name, doubts=())
     assert views.words(fits).block("answer").startswith(f"Take {name}, marked with *: {fits.why}.")
     for table in views.tables(fits).values():
         marked = [line for line in markdown.grid(table).splitlines() if "**" in line]
@@ -90,7 +90,7 @@ def test_the_model_that_is_recommended_is_named_and_marked_whichever_it_is(fits,
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_answer_says_how_sure_the_model_is_that_is_taken(fits, name):
-    fits = replace(fits, recommended=name)
+    fits = replace(fits, recommended=name, doubts=())
     half = next(m.intervals.half_width_mm for m in fits.models if m.name == name)
     answer = views.words(fits).block("answer")
     assert f"to +- {half:.3f} mm (95 %, median in the poses held back)" in answer
@@ -137,7 +137,12 @@ def test_what_is_wrong_with_a_model_is_said_of_that_model(fits, name):
     assert "has no bound" in printed(_with(free, unbounded=2))
 
 
-def test_doubts_and_advice_are_said_once(fits):
-    fits = replace(fits, doubts=(Doubt("frame", "the frame is another one?"),))
-    assert printed(fits).count("Doubt: the frame is another one?") == 1
+def test_doubts_and_advice_are_said_once_those_about_the_runs_before_the_answer(fits):
+    frame, prior = Doubt("frame", "the frame is another one?"), Doubt("prior", "link_2 is softer")
+    plain = printed(replace(fits, doubts=(prior,)))
+    assert plain.count("Doubt: link_2 is softer") == 1
+    assert "\nTake " in plain
+    fits = replace(fits, doubts=(frame, prior))
+    assert "First look at the runs: the frame is another one? If they are right, take " in printed(fits)
+    assert printed(fits).count("the frame is another one?") == 1
     assert printed(fits).count("- seen") == 1
