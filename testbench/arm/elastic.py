@@ -6,6 +6,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from testbench.arm.lines import toml_place
 from testbench.arm.stiffness import COMPLIANCE_RANGE
 from testbench.errors import InputError, read_text
 
@@ -99,7 +100,7 @@ def read_elastic(path: Path) -> Elastic:
     try:
         elastic = Elastic.model_validate(data)
     except ValidationError as err:
-        raise InputError(path, *_first(err)) from err
+        raise InputError(path, *_first(path, err)) from err
     _check_values(path, elastic)
     return elastic
 
@@ -108,29 +109,37 @@ def _check_values(path: Path, elastic: Elastic) -> None:
     links, joints = [x.name for x in elastic.link], [x.name for x in elastic.joint]
     if len(links) != len(joints) + 1:
         problem = f"expected one link more than joints, got {len(links)} links and {len(joints)} joints"
-        raise InputError(path, "link", problem)
-    for place, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
+        raise InputError(path, toml_place(path, ["link"]), problem)
+    for key, names in (("link", links), ("joint", joints), ("markers", elastic.markers)):
         if len(set(names)) != len(names):
-            raise InputError(path, place, f"expected different names, got {names}")
+            raise InputError(path, toml_place(path, [key]), f"expected different names, got {names}")
     points = [elastic.tool, elastic.load, *elastic.markers]
     if unknown := [name for name in elastic.to_confirm if name not in points]:
-        raise InputError(path, "to_confirm", f"expected some of {points}, got {unknown[0]!r}")
+        raise InputError(
+            path, toml_place(path, ["to_confirm"]), f"expected some of {points}, got {unknown[0]!r}"
+        )
     _check_payload(path, elastic)
     low, high = COMPLIANCE_RANGE
     for index, joint in enumerate(elastic.joint):
         if not low <= joint.compliance.value <= high:
             got = f"{joint.compliance.unit}, got {joint.compliance.value}"
-            problem = f"compliance: expected {low:g} to {high:g} {got}"
-            raise InputError(path, f"joint.{index} ({joint.name})", problem)
+            problem = f"expected {low:g} to {high:g} {got}"
+            raise InputError(
+                path, f"{toml_place(path, ['joint', index, 'compliance'])} ({joint.name})", problem
+            )
 
 
 def _check_payload(path: Path, elastic: Elastic) -> None:
     low, high = PAYLOAD_RANGE
     if elastic.payload is not None and not low <= elastic.payload.value <= high:
-        raise InputError(path, "payload", f"expected {low:g} to {high:g} kg, got {elastic.payload.value}")
+        raise InputError(
+            path,
+            toml_place(path, ["payload"]),
+            f"expected {low:g} to {high:g} kg, got {elastic.payload.value}",
+        )
 
 
-def _first(err: ValidationError) -> tuple[str, str]:
+def _first(path: Path, err: ValidationError) -> tuple[str, str]:
     """Place and problem of the first finding of pydantic, in one line."""
     try:
         first = err.errors(include_url=False, include_context=False)[0]
@@ -138,6 +147,6 @@ def _first(err: ValidationError) -> tuple[str, str]:
     except (RecursionError, ValueError):  # too deep, or of too many digits, to be shown
         first = err.errors(include_url=False, include_context=False, include_input=False)[0]
         got = "something too long to show"
-    place = ".".join(str(part) for part in first["loc"])
+    place = toml_place(path, first["loc"])
     problem = f"{first['msg']}, got {got if len(got) < 80 else got[:77] + '...'}"
     return place, problem

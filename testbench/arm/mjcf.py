@@ -9,6 +9,7 @@ import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from testbench.arm.lines import xml_place
 from testbench.errors import InputError, read_text
 
 MAX_BYTES = 4_000_000
@@ -67,16 +68,15 @@ def _check_elements(path: Path, root: ET.Element) -> None:
 
 
 def _check_attributes(path: Path, e: ET.Element) -> None:
-    where = _where(e)
     for key, value in e.attrib.items():
         if not all(map(_finite, value.split())):
-            raise InputError(path, where, f"{key}: expected finite numbers, got {value!r}")
+            raise InputError(path, xml_place(path, e), f"{key}: expected finite numbers, got {value!r}")
     known = ATTRIBUTES.get(e.tag)
     if known and not set(e.attrib) <= known:
         extra = sorted(set(e.attrib) - known)
-        raise InputError(path, where, f"not allowed: {extra}; allowed are {sorted(known)}")
+        raise InputError(path, xml_place(path, e), f"not allowed: {extra}; allowed are {sorted(known)}")
     if e.tag == "default" and e.find("joint") is not None:
-        raise InputError(path, where, "no defaults for joints: write them at the joint")
+        raise InputError(path, xml_place(path, e), "no defaults for joints: write them at the joint")
     _check_values(path, e)
 
 
@@ -84,13 +84,15 @@ def _check_values(path: Path, e: ET.Element) -> None:
     if e.tag == "option" and "gravity" in e.attrib:
         gravity = numbers(path, e, "gravity", 3)
         if gravity != [0.0, 0.0, -GRAVITY]:
-            raise InputError(path, _where(e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
+            raise InputError(path, xml_place(path, e), f"gravity: expected '0 0 -{GRAVITY}', got {gravity}")
     if e.tag == "compiler" and e.get("angle", "degree") not in ("degree", "radian"):
-        raise InputError(path, _where(e), f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}")
+        raise InputError(
+            path, xml_place(path, e), f"angle: expected 'degree' or 'radian', got {e.get('angle')!r}"
+        )
     if e.tag == "inertial":
         [mass], _ = numbers(path, e, "mass", 1), numbers(path, e, "pos", 3)
         if not mass > 0:
-            raise InputError(path, _where(e), f"mass: expected more than 0 kg, got {mass}")
+            raise InputError(path, xml_place(path, e), f"mass: expected more than 0 kg, got {mass}")
     for key, count in NUMBERS.items() if e.tag in ("body", "inertial") else ():
         if key in e.attrib:
             numbers(path, e, key, count)
@@ -105,11 +107,9 @@ def _check_files(path: Path, root: ET.Element) -> None:
             for base in (folder, meshdir):
                 real = os.path.realpath(base / e.attrib[key])
                 if not Path(real).is_relative_to(os.path.realpath(folder)):
-                    raise InputError(path, _where(e), f"{key}: expected a file inside the arm's folder")
-
-
-def _where(e: ET.Element) -> str:
-    return f"<{e.tag} name={e.get('name')!r}>" if e.get("name") else f"<{e.tag}>"
+                    raise InputError(
+                        path, xml_place(path, e), f"{key}: expected a file inside the arm's folder"
+                    )
 
 
 def _finite(word: str) -> bool:
@@ -127,14 +127,14 @@ def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
     """
     text = e.get(key)
     if text is None:
-        raise InputError(path, _where(e), f"expected an attribute {key} of {count} number(s)")
+        raise InputError(path, xml_place(path, e), f"expected an attribute {key} of {count} number(s)")
     try:
         values = [] if "_" in text else [float(word) for word in text.split()]  # Python reads 1_0 as 10
     except ValueError:
         values = []
     if len(values) != count or not all(abs(x) <= LARGEST for x in values):
         problem = f"expected {count} number(s) up to {LARGEST:g}, got {text!r}"
-        raise InputError(path, _where(e), f"{key}: {problem}")
+        raise InputError(path, xml_place(path, e), f"{key}: {problem}")
     return values
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from testbench.arm.folder import Arm
+from testbench.arm.lines import toml_place
 from testbench.data.names import (
     STATES,
     Slot,
@@ -140,7 +141,7 @@ def _read(path: Path) -> _Map:
         return _Map.model_validate(tomllib.loads(text))
     except ValidationError as err:
         first = err.errors(include_url=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"]))
+        place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
             keys = _Map.model_fields if len(first["loc"]) == 1 else Layout.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
