@@ -10,7 +10,7 @@ from testbench.data.combined import take_apart
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, SI, XYZ, Slot, What
 from testbench.data.table import Table
-from testbench.data.units import Unit
+from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, InputError
 
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
@@ -149,6 +149,8 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
     if not allowed:
         return None
     said = [unit for unit in (own.unit, own.header, table.units[k]) if unit]
+    if not said and (parts := split_unit(table.names[k])):
+        said = [parts[1]]
     place, expected = f"line {table.header}, column {table.names[k]}", " or ".join(f"_{u}" for u in allowed)
     if not said:
         problem = f"expected a unit at the end of the name such as {expected}, in brackets, or in a map"

@@ -36,6 +36,8 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
         parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
         table = table.with_parts(table.names.index(header), parts, wholes, " or ".join(map(repr, patterns)))
         read_as += parts
+        if not names.maps(header):
+            read_as[table.names.index(header)] = ""  # one of our names, but its parts count
     return table, read_as
 
 

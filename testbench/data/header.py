@@ -11,7 +11,7 @@ from testbench.data.units import Unit, find_unit
 from testbench.errors import InputError
 
 SEARCHED = 200  #: Lines in which a header is looked for.
-DELIMITERS = (";", "\t", ",", "|", "  ", " ")
+DELIMITERS = (";", "\t", ",", "|", " ", "  ")
 """Between cells; blanks stand for runs of at least as many. The first of equals is taken."""
 
 
@@ -19,13 +19,13 @@ DELIMITERS = (";", "\t", ",", "|", "  ", " ")
 class Header:
     """The header of a table."""
 
-    line: int  #: Its last line in the file, from 1.
+    line: int  #: Its last line in the file, from 1; 0 where the map names the columns.
     skipped: int  #: Lines with something in them before it.
     delimiter: str  #: Between cells; blanks for runs of at least as many.
     names: tuple[str, ...]  #: Of the columns; those without any at the end are left out.
     units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below.
     body: Sequence[Line]  #: The rows.
-    comments: int  #: Lines of comments among them, left out.
+    left_out: int  #: Lines of comments and the header again among them, left out.
 
 
 def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callable[[str], bool]) -> Header:
@@ -44,6 +44,8 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
     first = next((k for k, line in enumerate(lines) if line.number > (layout.skip or 0)), len(lines))
     if first == len(lines):
         raise InputError(path, "line 1", "expected a header, the file is empty")
+    if layout.names:
+        return _without_header(lines[first:], layout)
     last = first + 1 if layout.skip is not None else min(len(lines), first + SEARCHED)
     best, at, delimiter = (-1, False, False, 0), first, ","
     for mark in (layout.delimiter,) if layout.delimiter else DELIMITERS:
@@ -59,16 +61,38 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
                 best, at, delimiter = score, k, mark
     body = at + layout.header
     names = _names(lines[at:body], delimiter)
-    rows = [line for line in lines[body:] if not line.comment]
+    again = {line.text.strip() for line in lines[at:body]}  # of the next page
+    rows = [line for line in lines[body:] if not line.comment and line.text.strip() not in again]
     units = _units(rows[0], delimiter, len(names)) if rows else None
+    if units:
+        rows = [line for line in rows if line.text.strip() != rows[0].text.strip()]
     return Header(
         line=lines[min(body, len(lines)) - 1].number,
         skipped=at - first,
         delimiter=delimiter,
         names=tuple(names),
         units=tuple(units or [None] * len(names)),
-        body=rows[units is not None :],
-        comments=len(lines) - body - len(rows),
+        body=rows,
+        left_out=len(lines) - body - len(rows) - bool(units),
+    )
+
+
+def _without_header(lines: Sequence[Line], layout: Layout) -> Header:
+    """The columns as the map names them; what divides most lines into as many cells divides them all."""
+    rows = [line for line in lines if not line.comment]
+    count = len(layout.names)
+
+    def fitting(mark: str) -> int:
+        return sum(_full(_cells(line, mark), count) for line in rows)
+
+    return Header(
+        line=0,
+        skipped=0,
+        delimiter=layout.delimiter or max(DELIMITERS, key=fitting),
+        names=tuple(layout.names),
+        units=(None,) * count,
+        body=rows,
+        left_out=len(lines) - len(rows),
     )
 
 
@@ -114,9 +138,10 @@ def notes(encoding: str, header: Header) -> tuple[str, ...]:
     between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
         header.delimiter, f"{header.delimiter!r}"
     )
-    found = [f"text in {encoding}, {between} between the cells, header in line {header.line}"]
-    counts = {"before the header": header.skipped, "of comments": header.comments}
-    found += [f"{count} lines {what} left out" for what, count in counts.items() if count]
+    where = f"header in line {header.line}" if header.line else "the map names the columns"
+    found = [f"text in {encoding}, {between} between the cells, {where}"]
+    counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
+    found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
     return (*found, *["the line below the header holds units"] * any(header.units))
 
 

@@ -49,6 +49,7 @@ class Layout(_Strict):
     ) = None
     skip: int | None = Field(default=None, ge=0, le=10_000)  #: Lines before the header.
     footer: int = Field(default=0, ge=0, le=10_000)  #: Lines behind the table.
+    names: list[Text] = Field(default=[], max_length=1000)  #: Of the columns, where the file has no header.
     header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
 

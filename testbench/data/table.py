@@ -18,6 +18,12 @@ from testbench.data.units import NUMBER, Unit
 from testbench.errors import Array, InputError
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
+DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))
+GROUPED = {
+    mark: f"^[+-]?[0-9]{{1,3}}({DIVIDED.replace('X', f'[{other}]')})[{mark}][0-9]+$"
+    for mark, other in ((".", ","), (",", "."))
+}
+"""Numbers whose thousands are divided, by decimal mark; without one 1,234 is told from no other number."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +126,9 @@ class Table:
             return self.decimal
         count = {",": 0, ".": 0}
         for k in columns:
-            count[","] += pc.sum(pc.match_substring_regex(self.cells[k], COMMA)).as_py() or 0
-            count["."] += pc.sum(pc.match_substring(self.cells[k], ".")).as_py() or 0
+            comma = pc.match_substring_regex(self.cells[k], f"{COMMA}|{GROUPED[',']}")
+            count[","] += pc.sum(comma).as_py() or 0
+            count["."] += pc.sum(pc.and_not(pc.match_substring(self.cells[k], "."), comma)).as_py() or 0
         return max(count, key=lambda mark: (count[mark], mark))
 
     def numbers(self, k: int, mark: str = ".") -> Array:
@@ -131,8 +138,12 @@ class Table:
             InputError: At the first cell that holds something else.
         """
         plain = self.cells[k]
+        grouped = pc.match_substring_regex(plain, GROUPED[mark])
+        if pc.any(grouped).as_py():
+            whole = pc.replace_substring_regex(plain, rf"[^0-9{mark}+-]", "")
+            plain = pc.if_else(grouped, whole, plain)
         if mark == ",":
-            swapped = pc.replace_substring(plain, ".", "_")  # a point divides thousands there: no number
+            swapped = pc.replace_substring(plain, ".", "_")  # 1.234 is no number there
             plain = pc.replace_substring(swapped, ",", ".")
         blank = self.blank(k)
         sound = pc.match_substring_regex(plain, NUMBER)
@@ -141,7 +152,11 @@ class Table:
         if len(bad):
             text = self.texts(k)[bad[0]]
             marked = len(text) > 1 and text.strip("+-.,' 0123456789") == ""
-            hint = f"; the decimal mark here is {mark!r}, and nothing divides thousands" if marked else ""
+            hint = (
+                f"; the decimal mark here is {mark!r}; thousands are divided before one only"
+                if marked
+                else ""
+            )
             raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
         return np.asarray(values)
 

@@ -371,6 +371,67 @@ def test_words_stand_for_loads(tmp_path):
     check_alike(read_export(own.data, ARM, own.map).data)
 
 
+@pytest.mark.parametrize(
+    ("divided", "decimal"), [(",", "."), ("'", "."), (" ", "."), (".", ","), ("\u202f", ",")]
+)
+def test_thousands_may_be_divided_where_a_decimal_mark_follows(tmp_path, divided, decimal):
+    lines = merged().decode().replace(",", ".").splitlines()
+    for k, line in enumerate(lines[1:], start=1):
+        cells = line.split(";")
+        lines[k] = ";".join([*cells[:-6], *(f"{float(cell):,.4f}" for cell in cells[-6:])])
+    text = "\n".join(lines).translate(str.maketrans({",": divided, ".": decimal}))
+    assert re.search(rf";-1{divided}[0-9]{{3}}[{decimal}]", text)
+    own = files(tmp_path, "merged", text.encode())
+    check_alike(read_export(own.data, ARM, own.map).data)
+    alone = re.sub(rf"(;-1{divided}[0-9]{{3}})[{decimal}][0-9]+", r"\1", text)
+    own = files(tmp_path, "merged", alone.encode())
+    with pytest.raises(InputError, match=r"column .* \(mm\): expected a finite number, got .-1"):
+        read_export(own.data, ARM, own.map)
+
+
+def test_a_header_that_stands_again_with_its_units_is_left_out(tmp_path):
+    head, *rows = plain().decode().replace("_mm", "").splitlines()
+    head = [head, f"{',' * 8}mm,mm,mm"]
+    found = read_export(
+        files(tmp_path, "plain", "\n".join([*head, *rows[:9], *head, *rows[9:]]).encode()).data, ARM
+    )
+    check_alike(found.data)
+    assert "2 lines of comments or the header again left out" in found.columns.table.notes
+
+
+def test_a_map_names_the_columns_of_a_file_without_a_header(tmp_path):
+    text = names_of_points().decode().splitlines()
+    names = 'names = ["Name", "X [m]", "Y [m]", "Z [m]", "J1", "J2", "J3", "J4", "J5", "J6"]'
+    for gap in (",", ", ", "\t", " "):
+        content = "\n".join(line.replace(",", gap) for line in text[2:])
+        own = files(
+            tmp_path,
+            "names_of_points",
+            content.encode(),
+            f"{NAMES_OF_POINTS}[file]\nfooter = 1\n{names}".replace("file = { footer = 1 }", ""),
+        )
+        check_alike(read_export(own.data, ARM, own.map).data)
+
+
+def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
+    lines = plain().decode().replace("Mass [KG]", "state").splitlines()
+    rows = [
+        re.sub(r",([0-9.]+),p", r",loaded \1 kg,p", line).replace("loaded 0.0000000 kg", "nominal/unloaded")
+        for line in lines
+    ]
+    own = files(
+        tmp_path, "plain", "\n".join(rows).encode(), 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]'
+    )
+    check_alike(read_export(own.data, ARM, own.map).data)
+
+
+def test_the_unit_of_a_name_that_a_map_gives_whole_is_known(tmp_path):
+    own = files(
+        tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
+    )
+    check_alike(read_export(own.data, ARM, own.map).data)
+
+
 def test_names_may_hold_blanks_where_two_stand_between_cells(tmp_path):
     """A report in columns, aligned."""
     lines = plain().decode().replace("_mm", " (mm)").replace("_deg", " [deg]").splitlines()
@@ -471,8 +532,8 @@ def damaged(name, line, column, cell):
             "spreadsheet",
             6,
             9,
-            "1.234,5",
-            "line 6, column Gewicht [kg]: expected a finite number, got '1.234,5'",
+            "1.234",
+            "line 6, column Gewicht [kg]: expected a finite number, got '1.234'",
         ),
         (
             "spreadsheet",
