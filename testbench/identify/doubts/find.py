@@ -66,7 +66,8 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     if plainly or any(doubt.name not in MENDED for doubt in said):
         return [*said, *plainly]
     data, vjm = found.data, found.vjm
-    if np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]) > HUGE * seen.scale:
+    moved = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
+    if vjm.arm.joints and moved > HUGE * seen.scale:
         one = given.data if found.frame == "base" else _of_one_station(given.data)
         loaded = placed(_seen(vjm, one, one.after), _free(found), "loaded readings")
         if loaded.doubt is not None:
