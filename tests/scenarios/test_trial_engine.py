@@ -154,6 +154,7 @@ def test_the_whole_run_killed_in_mid_study_loses_nothing_that_was_stored(tmp_pat
     counts, data = study(out, TWO, resume=True)
     assert kept <= counts[0] < TRIALS
     assert data == alone
+    assert not any(path.name.startswith(".new-") for path in out.iterdir())
 
 
 def runs(pid):

@@ -118,7 +118,10 @@ def test_a_place_that_cannot_be_written_is_found_before_anything_is_made(tmp_pat
     folder_refused(tmp_path / "/proc/new", "cannot be written")
 
 
-def test_what_killed_processes_left_goes_and_what_others_make_stays(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "write", [lambda out: write_whole("", out / "a.csv"), lambda out: write_run(out, "a.json")]
+)
+def test_what_killed_processes_left_goes_and_what_others_make_stays(write, tmp_path, monkeypatch):
     code = "import os, sys; from testbench.output.run import whole_folder; from pathlib import Path\n"
     code += "with whole_folder(Path(sys.argv[1])) as f: (f / 'half').touch(); os.kill(os.getpid(), 9)"
     subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
@@ -129,6 +132,6 @@ def test_what_killed_processes_left_goes_and_what_others_make_stays(tmp_path, mo
         neighbours.append(tmp_path / scratch_name())
     for path in (*neighbours, tmp_path / ".new-mine"):
         path.touch()
-    write_whole("text", tmp_path / "file")
+    write(tmp_path)
     assert not left.exists()
     assert all(path.exists() for path in (*neighbours, tmp_path / ".new-mine"))
