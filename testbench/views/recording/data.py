@@ -45,14 +45,14 @@ def write_data(path: Path, cell: Cell, name: str, found: Understood, registered:
         run.texts("this_run", [words.block("run", run=row) for row in _run_rows(data)])
         write_shapes(run, cell, ())
         write_places(run, cell, frames)
-        _write_markers(run, data, nominal, scale, reach(frames))
+        write_markers(run, data, nominal, scale, reach(frames))
         tool = origins(cell, [cell.arm.tool], frames)[:, 0]
-        _write_spokes(run, tool, nominal)
-        _write_load(run, cell, data, frames)
+        write_spokes(run, tool, nominal)
+        write_load(run, cell, data, frames)
         pen.still("world/tracker", *_tracker(registered))
 
 
-def _write_markers(pen: Pen, data: Dataset, nominal: Array, scale: float, size: float) -> None:
+def write_markers(pen: Pen, data: Dataset, nominal: Array, scale: float, size: float) -> None:
     """Where targets should be, where they were read unloaded, how far they moved; lost ones are hidden."""
     looks = {"nominal": (NOMINAL, 0.007, nominal), "unloaded": (MEASURED, 0.01, data.before)}
     for name, (colour, radius, places) in looks.items():
@@ -64,7 +64,7 @@ def _write_markers(pen: Pen, data: Dataset, nominal: Array, scale: float, size: 
     pen.rows(f"{MARKERS}/deflection", arrows.partition(data.seen.sum(axis=1)))
 
 
-def _write_spokes(pen: Pen, tool: Array, nominal: Array) -> None:
+def write_spokes(pen: Pen, tool: Array, nominal: Array) -> None:
     """Lines from the tool, (runs, 3) [m], to where its targets should be, (runs, m, 3) [m]."""
     pen.still(f"{MARKERS}/spokes", rr.LineStrips3D.from_fields(colors=NOMINAL, radii=-1.5))
     strips = np.stack([np.broadcast_to(tool[:, None], nominal.shape), nominal], axis=2).reshape(-1, 2, 3)
@@ -72,7 +72,7 @@ def _write_spokes(pen: Pen, tool: Array, nominal: Array) -> None:
     pen.rows(f"{MARKERS}/spokes", columns.partition([nominal.shape[1]] * len(nominal)))
 
 
-def _write_load(pen: Pen, cell: Cell, data: Dataset, frames: Frames) -> None:
+def write_load(pen: Pen, cell: Cell, data: Dataset, frames: Frames) -> None:
     """The force of every run, where it acts."""
     tool = body_names(cell.room).index(cell.arm.tool)
     hook = frames.positions[:, tool] + np.einsum("rxy,ry->rx", frames.rotations[:, tool], data.point)

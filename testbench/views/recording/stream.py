@@ -14,7 +14,16 @@ from testbench.files import versions
 from testbench.output.scratch import whole_file
 from testbench.views.recording.pen import Pen
 
-LAYOUTS = {"calibration": 2, "solver": 1, "single_link": 1, "sweep": 1, "plan": 1, "arm": 1, "data": 1}
+LAYOUTS = {
+    "calibration": 2,
+    "solver": 1,
+    "single_link": 1,
+    "sweep": 1,
+    "plan": 1,
+    "arm": 1,
+    "data": 1,
+    "planted": 1,
+}
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 
 
