@@ -1,6 +1,7 @@
 """Cells that hold several quantities at once, taken apart as the map says."""
 
 import re
+from collections import Counter
 
 from testbench.data.mapping import Names
 from testbench.data.names import recognise
@@ -18,7 +19,7 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
     Raises:
         InputError: At a pattern that is none, or a cell that none of its patterns fits.
     """
-    read_as = [_numbered(table.names, k, names) for k in range(len(table.names))]
+    read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
         place, wholes = f"cells.{header}", []
         if header not in table.names:
@@ -41,10 +42,14 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
     return table, read_as
 
 
-def _numbered(header: tuple[str, ...], k: int, names: Names) -> str:
-    again = header[: k + 1].count(header[k])
-    numbered = f"{header[k]} ({again})"
-    return numbered if again > 1 and names.maps(numbered) else header[k]
+def _numbered(header: tuple[str, ...], names: Names) -> list[str]:
+    """The names of a header; those that stand there again with their number, where the map has it."""
+    count, found = Counter[str](), list[str]()
+    for name in header:
+        count[name] += 1
+        numbered = f"{name} ({count[name]})"
+        found.append(numbered if count[name] > 1 and names.maps(numbered) else name)
+    return found
 
 
 def _expression(pattern: str) -> re.Pattern[str]:

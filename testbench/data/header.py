@@ -10,8 +10,9 @@ from testbench.data.mapping import Layout
 from testbench.data.units import Unit, find_unit
 from testbench.errors import InputError
 
-SEARCHED = 200  #: Lines in which a header is looked for.
-DELIMITERS = (";", "\t", ",", "|", " ", "  ")
+SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
+"""Lines in which a header is looked for, letters of the longest one, and names of it that count."""
+DELIMITERS = (";", "	", ",", "|", " ", "  ")
 """Between cells; blanks stand for runs of at least as many. The first of equals is taken."""
 
 
@@ -51,14 +52,17 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
     for mark in (layout.delimiter,) if layout.delimiter else DELIMITERS:
         if _blanks(mark) and best[0] > 1 and not _blanks(delimiter):
             break  # blanks stand within names too
-        for k in range(first, last):
+        for k in (k for k in range(first, last) if len(lines[k].text) <= WIDEST):
             names = _names(lines[k : k + layout.header], mark)
-            known_here = sum(map(known, names))
+            known_here = sum(map(known, names[:COUNTED]))
             below = lines[k + layout.header : k + layout.header + 1]
             fits = any(_full(_cells(line, mark), len(names)) for line in below)
             score = known_here, not lines[k].comment, fits, len(names)
             if score[:3] > best[:3] or (not best[0] and score > best):
                 best, at, delimiter = score, k, mark
+    if len(lines[at].text) > WIDEST:
+        problem = f"expected a header of at most {WIDEST} letters, got {len(lines[at].text)}"
+        raise InputError(path, f"line {lines[at].number}", problem)
     body = at + layout.header
     names = _names(lines[at:body], delimiter)
     again = {line.text.strip() for line in lines[at:body]}  # of the next page

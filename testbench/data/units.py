@@ -38,6 +38,7 @@ OTHER_NAMES = {
 NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 """A number that is read, with a point as decimal mark."""
 KNOWN = {unit.name.lower(): unit for unit in UNITS}
+LONGEST = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 TAIL = re.compile(r"^(.*?)(?:\s*[/,]\s*|\s+(?i:in)\s+|[\s_]+)([^\s_/,\[\]()]+)$")
 
@@ -58,8 +59,11 @@ def split_unit(name: str, *, brackets: bool = False) -> tuple[str, Unit] | None:
     Returns:
         None where no unit stands there.
     """
+    name = " ".join(name.split())  # the patterns take long on runs of blanks
+    if len(name) > LONGEST:
+        return None
     for pattern in (BRACKETS,) if brackets else (BRACKETS, TAIL):
-        if found := pattern.match(name.strip()):
+        if found := pattern.match(name):
             unit = find_unit(found[2])
             if unit is not None and found[1]:
                 return found[1], unit

@@ -641,3 +641,18 @@ def test_every_name_of_the_documented_table_is_known():
             assert found is not None, (what, name)
             seen.add(found[0].what)
     assert seen == {slot.what for slot in known.values()}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x," * 2_000_000, "line 1: expected a header of at most 20000 letters, got 4000000"),
+        ("x" + " " * 9_000 + "in,x_m\n1,2\n", "line 1: expected every column once"),
+        ('"' * 200_001, "line 1: not a table: quotes without an end"),
+    ],
+)
+def test_absurd_tables_are_refused_at_once(tmp_path, text, said):
+    """Each took minutes once."""
+    with pytest.raises(InputError) as info:
+        read_export(files(tmp_path, "plain", text.encode()).data, ARM)
+    assert said in str(info.value)
