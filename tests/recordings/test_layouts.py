@@ -3,6 +3,7 @@
 import functools
 import importlib
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +30,8 @@ from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF
 from testbench.studies.solver_comparison import trial as solvers
 from testbench.studies.solver_comparison.study import STUDY as SOLVERS
 from testbench.studies.study import Run
+from testbench.studies.wrong_inputs import trial as wrong_inputs
+from testbench.studies.wrong_inputs.study import STUDY as WRONG_INPUTS
 from testbench.views.colours import look
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
@@ -42,6 +45,7 @@ TIMELINES = {
     "loaded": {"sweep"},
     "single_link": {"sweep"},
     "solver": {"iteration"},
+    "planted": {"fault"},
 }
 APPLICATIONS = {"gravity": "calibration", "full_pose": "calibration", "loaded": "sweep"}
 
@@ -74,6 +78,7 @@ KINDS = {
         ),
         2,
     ),
+    "planted": (WRONG_INPUTS, wrong_inputs.Settings(("after_unit", "equal"), 1, 1), 1),
 }
 """Study, settings and number of seeds."""
 
@@ -211,8 +216,10 @@ def test_the_same_numbers_give_the_same_recording(made, kind, tmp_path, monkeypa
     assert rerun("compare", "--unordered", *(folder / "recording.rrd" for folder in folders))[0] == 0
 
 
-def test_a_failure_half_way_closes_the_file_and_leaves_nothing(made, kind, tmp_path, monkeypatch):
-    closed = []
+def test_a_failure_half_way_closes_the_file_and_leaves_nothing(
+    made, kind, tmp_path, tmp_path_factory, monkeypatch
+):
+    closed, seen = [], tmp_path_factory.mktemp("seen") / "part.rrd"
 
     def fail(*_, **__):
         assert rr.strict_mode()
@@ -222,15 +229,16 @@ def test_a_failure_half_way_closes_the_file_and_leaves_nothing(made, kind, tmp_p
 
     def disconnect(stream):
         original(stream)
-        (part,) = tmp_path.glob("*.rrd*")
-        closed.append(rerun("verify", part)[1])
+        (part,) = tmp_path.glob(".new-*")
+        shutil.copyfile(part, seen)  # the tool reads files of this ending
+        closed.append(rerun("verify", seen)[1])
 
     monkeypatch.setattr(rr.RecordingStream, "disconnect", disconnect)
     monkeypatch.setattr(rr.RecordingStream, "send_columns", fail)
     with pytest.raises(RuntimeError, match="half-way"):
         made(kind)[2](tmp_path)
     assert "1 file verified without error" in closed[0]
-    assert not list(tmp_path.glob("*.rrd*"))
+    assert not [*tmp_path.glob("*.rrd*"), *tmp_path.glob(".new-*")]
     assert not rr.strict_mode()
 
 

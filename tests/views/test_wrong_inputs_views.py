@@ -1,0 +1,257 @@
+"""What people see of the study of wrong inputs equals its report, for trials that are made up."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import check_report, check_spread, check_summary, check_table, summaries, tables_of
+from made_up import fill, of_one_trial, single
+from matplotlib.colors import to_hex
+from read_back import chunks_of, columns
+
+from testbench.bench.rows import DatasetRow
+from testbench.errors import BenchError
+from testbench.studies.study import Run
+from testbench.studies.wrong_inputs import figure, recording
+from testbench.studies.wrong_inputs.faults import FAULTS
+from testbench.studies.wrong_inputs.report import Bar, rate
+from testbench.studies.wrong_inputs.sound import LOADS, sound
+from testbench.studies.wrong_inputs.study import STUDY
+from testbench.studies.wrong_inputs.trial import SOUND, SetRow, Settings, cases
+from testbench.views.colours import GREY, MEASURED, NOMINAL, hexadecimal
+
+SEEDS = range(302, 332)
+PLANTED = 25
+CASES = ("kilograms", "frame_tilted", "millimetres")
+SETTINGS = Settings(CASES, first=SEEDS.start, planted=PLANTED)
+FAULT = {
+    "fault": "words",
+    "right doubt": "names",
+    "sets": "right.of",
+    "right first, %": "right.share",
+    "from, %": "right.low",
+    "to, %": "right.high",
+    "right anywhere, %": "anywhere",
+    "another first, %": "other",
+    "not noticed, %": "silent",
+    "instead": "instead",
+    "noticed by the two checks before, %": "before",
+}
+KIND = {
+    "data sets": "kind",
+    "sound": "alarms.of",
+    "doubted, %": "alarms.share",
+    "at most, %": "alarms.high",
+    "faults": "right.of",
+    "right first, %": "right.share",
+    "at least, %": "right.low",
+}
+ALARM = {
+    "trial": "trial",
+    "data set": "kind",
+    "doubt": "first",
+    "evidence, nats": "evidence",
+    "what was said": "said",
+}
+EXAMPLE = {"planted": "words", "first doubt": "first", "what was said": "said", "right": "right"}
+
+
+def trials(rng, given=lambda seed, case: {}):
+    """Made-up rows; `given` fixes fields of a row by what it is."""
+    return [(seed, [row_of(rng, seed, case, given) for case in cases_of(seed)]) for seed in SEEDS]
+
+
+def cases_of(seed):
+    return (SOUND, *SETTINGS.planted_in(seed))
+
+
+def row_of(rng, seed, case, given):
+    """The right doubt, another one or none, by turns; every tenth sound set is doubted."""
+    names = FAULTS[case].names if case in FAULTS else ()
+    k = int(rng.integers(10))
+    first = (
+        {0: None, 1: "kinematics"}.get(k, names[0] if names else None) if names else "run" if k == 0 else None
+    )
+    held = first in names if names else first is None
+    fixed = {
+        "case": case,
+        "loads": LOADS[seed % 3],
+        "targets": 1 if seed % 4 == 0 else 3,
+        "tracker": seed % 3 == 2,
+        "first": first,
+        "said": first and f"{first} of {case} in {seed}",
+        "evidence": 40.0 + seed if first else None,
+        "right": held,
+        "anywhere": held or k == 1,
+        "measured": single(fill(DatasetRow, rng)) if case == SOUND else None,
+    }
+    return of_one_trial(SetRow, rng, **fixed | given(seed, case))
+
+
+summed, made, report = summaries(STUDY, SETTINGS, SEEDS, trials)
+
+
+def picked(made, **fixed):
+    rows = [row for _, own in made for row in own]
+    return [row for row in rows if all(getattr(row, key) == value for key, value in fixed.items())]
+
+
+def share(rows, holds):
+    return np.mean([holds(row) for row in rows])
+
+
+def test_an_interval_is_wilsons():
+    """Against the root of (share - p)^2 = z^2 p (1 - p) / n, and the book's 0 of 10."""
+    found = rate([True] * 9 + [False] * 3)
+    assert (found.of, found.count, found.share) == (12, 9, 0.75)
+    for end in (found.low, found.high):
+        assert (0.75 - end) ** 2 == pytest.approx(1.96**2 * end * (1 - end) / 12, rel=1e-4)
+    assert found.low < 0.75 < found.high
+    assert rate([False] * 10).high == pytest.approx(0.2775, abs=1e-4)
+    assert rate([False] * 10).low == 0
+
+
+def test_every_fault_is_counted_over_its_own_sets(made, report):
+    assert [fault.right.share for fault in report.faults] == sorted(
+        fault.right.share for fault in report.faults
+    )
+    for fault in report.faults:
+        rows = picked(made, case=fault.fault)
+        assert len(rows) == fault.right.of == PLANTED
+        assert fault.right.share == share(rows, lambda row: row.right)
+        assert fault.anywhere == share(rows, lambda row: row.anywhere)
+        assert fault.silent == share(rows, lambda row: row.first is None)
+        assert fault.right.share + fault.other + fault.silent == pytest.approx(1)
+        assert fault.before == share([row for row in rows if not row.tracker], lambda row: row.before)
+        others = sum(row.first == "kinematics" for row in rows)
+        assert fault.instead == (f"kinematics ({others})" if others else "")
+    assert report.right.of == len(CASES) * PLANTED
+    assert report.alarms.of == len(SEEDS)
+    assert (
+        report.alarms.count
+        == len(report.false_alarms)
+        == share(picked(made, case=SOUND), lambda r: not r.right) * 30
+    )
+    check_spread(report.seconds, [row.seconds for row in picked(made)])
+
+
+def test_kinds_part_the_sets_and_the_checks_before_are_judged_in_the_bases_frame(made, report):
+    for loads in LOADS:
+        name = {
+            "hung": "one hung mass",
+            "levels": "three hung masses",
+            "pressed": "forces in all directions",
+        }[loads]
+        [own] = [kind for kind in report.kinds if kind.kind == name]
+        rows = picked(made, loads=loads)
+        assert own.alarms.share == share([r for r in rows if r.case == SOUND], lambda r: r.first is not None)
+        assert own.right.share == share([r for r in rows if r.case != SOUND], lambda r: r.right)
+    for part in (report.kinds[:3], report.kinds[3:5], report.kinds[5:7], report.kinds[7:]):
+        assert sum(kind.alarms.of for kind in part) == len(SEEDS)
+        assert sum(kind.right.of for kind in part) == report.right.of
+    based = picked(made, tracker=False)
+    assert report.before.noticed.share == share([r for r in based if r.case != SOUND], lambda r: r.before)
+    assert report.before.alarms.share == share([r for r in based if r.case == SOUND], lambda r: r.before)
+
+
+def test_losing_faults_and_bars_that_are_missed_are_said(rng):
+    """Half of the sets in kilograms are named wrong, every third sound one is doubted."""
+
+    def given(seed, case):
+        if case == "kilograms":
+            return {"right": seed % 2 == 0, "first": "scale" if seed % 2 == 0 else "force_zero"}
+        return (
+            {"right": seed % 3 > 0, "first": "run" if seed % 3 == 0 else None}
+            if case == SOUND
+            else {"right": True}
+        )
+
+    found = summed(trials(rng, given))
+    words = STUDY.words(found)
+    assert [fault.fault for fault in found.lost] == ["kilograms"]
+    said = "forces in kg. The right doubt is first in 52.0 % of 25 data sets; first instead: force_zero (12)."
+    assert f"Named too seldom: {said}" in words.block("statements")
+    assert [(bar.what, bar.met) for bar in found.bars] == [
+        ("faults", False),
+        ("data sets of each", True),
+        ("named by the right doubt first", False),
+        ("false alarms", False),
+    ]
+    assert "33.3 % (19.2 to 51.2) of 30 sound data sets raise a doubt" in words.block("answer")
+    assert Bar("x", 0.9, 0.9, None).met
+    assert not Bar("x", 0.021, None, 0.02).met
+    good = STUDY.words(summed(trials(rng, lambda _, __: {"right": True, "first": None})))
+    assert "No fault is named by the right doubt first in less than nine of ten" in good.block("statements")
+
+
+def test_without_a_planted_fault_there_is_no_report(made):
+    with pytest.raises(BenchError, match="none of these data sets can have the fault"):
+        summed([(seed, rows[:1]) for seed, rows in made])
+
+
+def test_tables_show_the_reports_numbers_with_their_units(report):
+    tables = STUDY.tables(report)
+    check_table(tables["faults"], report.faults, FAULT)
+    check_table(tables["kinds"], report.kinds, KIND)
+    check_table(tables["alarms"], report.false_alarms, ALARM)
+    check_table(tables["examples"], report.examples, EXAMPLE)
+    [(_, bars)] = tables_of(check_report(STUDY, report).split("## Bars")[1].split("## By fault")[0])
+    assert [(line[0], line[-1]) for line in bars] == [
+        (bar.what, "yes" if bar.met else "no") for bar in report.bars
+    ]
+
+
+def test_a_bar_is_the_shares_of_its_fault(report):
+    [axes] = figure.bars(report).axes
+    drawn = {to_hex(bar.get_facecolor()).upper(): [] for bar in axes.patches}
+    for bar in axes.patches:
+        drawn[to_hex(bar.get_facecolor()).upper()].append((bar.get_x(), bar.get_width()))
+    for k, fault in enumerate(report.faults):
+        start = 0.0
+        for colour, part in ((NOMINAL, fault.right.share), (MEASURED, fault.other), (GREY, fault.silent)):
+            assert drawn[hexadecimal(colour)][k] == pytest.approx((start, 100 * part))
+            start += 100 * part
+        assert axes.get_yticklabels()[k].get_text() == f"{fault.words}  {100 * fault.right.share:.0f} %"
+    [line] = axes.get_lines()
+    np.testing.assert_allclose(line.get_xdata(), [100 * fault.before for fault in report.faults])
+    assert math.isclose(axes.get_xlim()[1], 100)
+
+
+def test_the_recording_shows_readings_as_they_were_handed_in(report, tmp_path, kr500, arm_6r):
+    """A tilted frame moves targets, millimetres are drawn at the edge, kilograms are small forces."""
+    cells = {"kr500_l480": kr500, "arm_6r": arm_6r}
+    sets = dict(cases(SETTINGS, cells, report.shown))
+    assert (sets[SOUND].tracker, sets[SOUND].loads) == (False, "hung")
+    words, tables = STUDY.words(report), STUDY.tables(report)
+    recording.write_recording(Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}"), sets)
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    check_summary(chunks, words, tables["kinds"])
+    order = [example.case for example in report.examples]
+    assert order[-1] == SOUND
+    texts = [text for [text] in columns(chunks, "/this_fault")["TextDocument:text"]]
+    for example, text in zip(report.examples, texts, strict=True):
+        assert f"**Planted: {example.words}.**" in text
+        assert (example.said or "Nothing is said") in text
+    read, nominal = (
+        dict(zip(order, columns(chunks, f"/world/markers/{name}")["Points3D:positions"], strict=True))
+        for name in ("unloaded", "nominal")
+    )
+    own = sets["frame_tilted"].data
+    run = recording.most_changed(sets[SOUND].data, own)
+    np.testing.assert_allclose(read["frame_tilted"], own.before[run], atol=1e-5)
+    away = {case: np.linalg.norm(np.subtract(read[case], nominal[case]), axis=1).min() for case in order}
+    assert away[SOUND] < 0.02 < 0.05 < away["frame_tilted"] < 0.5 < away["millimetres"] < 3
+    labels = dict(zip(order, columns(chunks, "/world/load/label")["Points3D:labels"], strict=True))
+    assert labels[SOUND] == ["4516 N"]
+    assert labels["kilograms"] == ["460.3 N"]
+
+
+def test_the_run_that_is_shown_is_the_one_that_a_fault_changes_most(kr500, arm_6r):
+    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 303).data
+    after, wrench = own.after.copy(), own.wrench.copy()
+    after[4, 0] += 1e-3
+    wrench[7] *= 0.5
+    assert recording.most_changed(own, replace(own, after=after)) == 4
+    assert recording.most_changed(own, replace(own, wrench=wrench)) == 7
+    assert recording.most_changed(own, own) == 0
