@@ -52,7 +52,7 @@ class Understood:
     poses: int
     stations: int  #: Set-ups of the tracker.
     markers: tuple[str, ...]
-    lost: int  #: Targets without readings, of markers times runs.
+    lost: tuple[str, ...]  #: Targets without readings, as "P1 in run 3".
     loads: tuple[LoadRow, ...]  #: The smallest first.
     downward: bool  #: Whether all forces point along -z, as hung masses do.
     deflection_mm: tuple[float, float, float]  #: Least, median, largest; NaN where every target was lost.
@@ -79,7 +79,7 @@ def understand(export: Export) -> Understood:
         poses=len(np.unique(data.pose)),
         stations=1 if data.station is None else len(np.unique(data.station)),
         markers=data.markers,
-        lost=int((~data.seen).sum()),
+        lost=tuple(f"{data.markers[k]} in run {data.run[i]}" for i, k in np.argwhere(~data.seen)),
         loads=_loads(data),
         downward=bool((data.wrench[:, [0, 1, 3, 4, 5]] == 0).all() and (data.wrench[:, 2] <= 0).all()),
         deflection_mm=(spread[0], spread[1], spread[2]),

@@ -124,4 +124,15 @@ def _positions(columns: Columns, triple: list[Column]) -> Array:
     if len(part):
         row, k = part[0]
         raise columns.table.error(row, triple[k].name, "expected a finite number, got ''")
+    if triple[0].slot.when != DEFLECTION:
+        _check_places(columns, triple, found)
     return found
+
+
+def _check_places(columns: Columns, triple: list[Column], found: Array) -> None:
+    """Refuse three equal coordinates, as 9999 or 0: instruments write so for a lost target."""
+    equal = np.flatnonzero((found == found[:, :1]).all(axis=1))
+    if len(equal):
+        text = columns.table.texts(triple[0].index)[equal[0]]
+        problem = f"expected a place, got {text!r} three times; for a lost target say so in the map: "
+        raise columns.table.error(equal[0], triple[0].name, f'{problem}[words] lost = "{text}"')

@@ -16,7 +16,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.in_base import in_base, of_station, with_targets
 from testbench.identify.registration import Frame, Registration, register, spread, station_names
-from testbench.identify.registration_notes import frame_notes, target_notes
+from testbench.identify.registration_notes import fit_note, frame_notes, target_notes
 from testbench.model.vjm import Vjm, skew
 
 Choice = Literal["auto", "base", "tracker"]
@@ -104,7 +104,7 @@ def _in_base(vjm: Vjm, data: Dataset) -> Registered:
     except BenchError as why:
         return _unknown(vjm, data, str(why))
     far = ~(np.linalg.norm(found.targets - found.nominal, axis=1) <= MOVED)
-    notes = ("readings are in the base's frame", *target_notes(found, far))
+    notes = ("readings are in the base's frame", fit_note(found), *target_notes(found, far))
     return Registered(with_targets(vjm, found, far), data, found, "base", notes)
 
 

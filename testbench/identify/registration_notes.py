@@ -14,7 +14,7 @@ SMALL = 1e-9  #: Rotation that has no axis [rad].
 def frame_notes(found: Registration) -> Iterator[str]:
     """Where the base is in every station's frame, how well that is known, and how well all readings fit."""
     for frame in found.frames:
-        axis = frame.rotation_vector / max(frame.angle, SMALL)
+        axis = (frame.rotation_vector / max(frame.angle, SMALL)).round(3) + 0.0  # no -0.000
         at = ", ".join(f"{1e3 * x:.1f}" for x in frame.translation)
         about = ", ".join(f"{x:.3f}" for x in axis)
         text = f"station {frame.station}: base at ({at}) mm in the tracker's frame, turned by "
@@ -23,9 +23,13 @@ def frame_notes(found: Registration) -> Iterator[str]:
             where = 1e3 * spread(frame.covariance[3:, 3:])
             text += f"; by noise known to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
         yield text
+    yield fit_note(found)
+
+
+def fit_note(found: Registration) -> str:
+    """How well all readings fit."""
     text = f"unloaded readings fit the arm's kinematics to {1e3 * found.rms:.2f} mm RMS"
-    wild = f"; {found.wild} of {found.readings} are wild and count less" if found.wild else ""
-    yield text + wild
+    return text + (f"; {found.wild} of {found.readings} are wild and count less" if found.wild else "")
 
 
 def target_notes(found: Registration, taken: Mask) -> Iterator[str]:

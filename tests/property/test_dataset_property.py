@@ -36,6 +36,13 @@ def datasets(draw: st.DrawFn) -> Dataset:
     def numbers(*shape: int) -> np.ndarray:
         return draw(arrays(float, shape, elements=ANY))
 
+    def places(*shape: int) -> np.ndarray:
+        """Of targets: three equal coordinates are none."""
+        found = numbers(*shape, 3)
+        equal = (found == found[..., :1]).all(axis=-1)
+        found[..., 0] = np.where(equal, found[..., 0] == 0, found[..., 0])
+        return found
+
     turned = draw(st.booleans())
     return Dataset(
         markers=tuple(draw(st.permutations(ARM.markers))[:m]),
@@ -44,8 +51,8 @@ def datasets(draw: st.DrawFn) -> Dataset:
         q=LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=st.floats(0, 1))),
         wrench=numbers(runs, 6),
         point=numbers(runs, 3),
-        before=numbers(runs, m, 3),
-        after=numbers(runs, m, 3),
+        before=places(runs, m),
+        after=places(runs, m),
         sigma=draw(SIGMA),
         rotation_before=numbers(runs, 3) if turned else None,
         rotation_after=numbers(runs, 3) if turned else None,

@@ -21,6 +21,7 @@ REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_exampl
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3}
 FORCES, MOMENTS = {"N": 1.0, "kN": 1e3}, {"Nm": 1.0, "Nmm": 1e-3}
+APART = np.array([0.0, 11.0, 22.0])  #: Three equal coordinates are no place.
 STATES = {"before": "Unloaded", "after": "loaded"}
 
 
@@ -82,8 +83,8 @@ def datasets(draw: st.DrawFn) -> Dataset:
         q=LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=st.floats(0.1, 0.9))),
         wrench=numbers(runs, 6),
         point=numbers(runs, 3),
-        before=np.where(seen[..., None], numbers(runs, m, 3), 0.0),
-        after=np.where(seen[..., None], numbers(runs, m, 3), 0.0),
+        before=np.where(seen[..., None], numbers(runs, m, 3) + APART, 0.0),
+        after=np.where(seen[..., None], numbers(runs, m, 3) + APART, 0.0),
         sigma=sigma,
         precision=None if seen.all() else precision,
     )

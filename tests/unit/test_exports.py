@@ -473,6 +473,17 @@ def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path):
         read_export(own.data, ARM)
 
 
+@pytest.mark.parametrize("lost", ["9999.0000000", "0"])
+def test_a_place_of_equal_coordinates_is_no_reading(tmp_path, lost):
+    """What instruments write for a lost target, until the map says so."""
+    text = plain().decode().splitlines()
+    text[4] = ",".join([*text[4].split(",")[:8], lost, lost, lost])
+    own = files(tmp_path, "plain", "\n".join(text).encode(), f'words.lost = "{lost}"')
+    assert np.argwhere(~read_export(own.data, ARM, own.map).data.seen).tolist() == [[0, 0]]
+    with pytest.raises(InputError, match=rf"line 5, column x_mm: expected a place, got '{lost}' three times"):
+        read_export(own.data, ARM)
+
+
 def test_runs_of_one_name_and_several_loads_are_told_apart(tmp_path):
     """Whoever counts poses as runs: the unloaded reading and both loads have one number."""
     text = plain().decode().splitlines()

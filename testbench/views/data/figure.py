@@ -27,7 +27,7 @@ def picture(cell: Cell, name: str, found: Understood, data: Dataset) -> Figure:
     _runs(moved, data, size, "deflection [mm]", "Loaded minus unloaded")
     apart = MM * np.linalg.norm(data.before - nominal, axis=-1)
     _runs(away, data, apart, "distance [mm]", "Unloaded reading from the arm without sag")
-    lost = f", {count(found.lost, 'target')} lost" if found.lost else ""
+    lost = f", {count(len(found.lost), 'target')} lost" if found.lost else ""
     title = f"{name}: {count(found.runs, 'run')} in {count(found.poses, 'pose')}{lost}"
     figure.suptitle(title, fontsize="large", parse_math=False)
     return figure

@@ -22,7 +22,7 @@ def lines(found: Understood) -> list[str]:
         f"{found.rows} rows: {count(found.runs, 'run')} in {count(found.poses, 'pose')}, "
         f"{count(len(found.markers), 'marker')} {', '.join(found.markers)}"
         + (f", {found.stations} stations" if found.stations > 1 else ""),
-        f"lost targets: {found.lost} of {readings}",
+        f"lost targets: {len(found.lost)} of {readings}" + (f", {listed(found.lost)}" if found.lost else ""),
         f"loads: {loads(found)}",
         f"deflections: {low:.3f} to {high:.3f} mm, median {middle:.3f} mm; sigma of a reading "
         f"{found.sigma_um:g} um",
