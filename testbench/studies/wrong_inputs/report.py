@@ -88,8 +88,8 @@ class Example:
 
     case: str
     words: str
-    first: str | None
-    said: str | None
+    first: str  #: Name of the first doubt, empty for none.
+    said: str
     right: bool
 
 

@@ -143,4 +143,4 @@ def _interest(row: SetRow) -> tuple[bool, bool]:
 
 def _example(row: SetRow) -> Example:
     words = FAULTS[row.case].words if row.case in FAULTS else "nothing: the sound data set"
-    return Example(row.case, words, row.first, row.said, row.right)
+    return Example(row.case, words, row.first or "", row.said or "", row.right)

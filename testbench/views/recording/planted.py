@@ -88,7 +88,7 @@ def _blueprint(shown: Planted, frames: Frames) -> rrb.Blueprint:
         eye_controls=eye,
     )
     words = rrb.Vertical(
-        text_view("this_fault", "This fault"), text_view("summary", "Summary"), row_shares=[2, 5]
+        text_view("this_fault", "This fault"), text_view("summary", "Summary"), row_shares=[1, 6]
     )
     overview = rrb.Horizontal(view, words, column_shares=[12, 10], name="Overview")
     return layout(overview, text_view("table", "Every fault"), timeline=TIMELINE)
