@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.data.axis_rows import join_axes
 from testbench.data.combined import take_apart
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, SI, XYZ, Slot, What
@@ -89,6 +90,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
         problem = f"no column is known, got {list(table.names)}; names that are not ours need a map"
         raise InputError(table.path, f"line {table.header}", problem)
     _check_map(table, names, named)
+    table, named = join_axes(table, named, names)
     named = _chosen(named)
     found: dict[Slot, Column] = {}
     for k, own in named.items():

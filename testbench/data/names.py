@@ -19,12 +19,15 @@ STATES = {"before": ("before", "unloaded"), "after": ("after", "loaded")}
 DEFLECTION = "deflection"
 """What stands in the place of a state where a file has loaded minus unloaded positions."""
 
+WHOLE = -1  #: Index of a position whose axis a column of axes says.
+
 What = Literal[
     "run",
     "pose",
     "marker",
     "station",
     "state",
+    "axis",
     "joint",
     "mass",
     "force",
@@ -54,7 +57,7 @@ class Slot:
     """What one column says."""
 
     what: What  #: The quantity.
-    index: int = 0  #: Number of the joint from 0, the axis, or the entry of a covariance.
+    index: int = 0  #: Number of the joint from 0, the axis or WHOLE, or the entry of a covariance.
     marker: str = ""  #: Of a reading; empty where a column of markers says it.
     when: str = ""  #: "before", "after" or DEFLECTION; empty where a column of states or the load says it.
 
@@ -67,7 +70,9 @@ def squeeze(text: str) -> str:
 def our_names(arm: Arm) -> dict[str, Slot]:
     """Every quantity of an arm's measurement by its squeezed name, without unit."""
     found = {name: Slot(name) for name in ("run", "pose", "marker", "station", "state", "mass", "sigma")}
-    found["when"] = Slot("state")
+    found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE)}
+    for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
+        found |= {word: Slot("reading", WHOLE, when=when) for word in words}
     for k, axis in enumerate(XYZ):
         found |= {f"{what}_{axis}": Slot(what, k) for what in ("force", "moment", "point")}
         found |= {f"rotation_{when}_{axis}": Slot("rotation", k, when=when) for when in WHEN}

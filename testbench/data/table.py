@@ -62,6 +62,10 @@ class Table:
         mask = pa.array(rows)
         return replace(self, lines=self.lines[rows], cells=[cells.filter(mask) for cells in self.cells])
 
+    def picked(self, k: int, rows: Ids) -> "pa.Array":
+        """Cells of a column in some of the rows, counted from 0."""
+        return self.cells[k].take(pa.array(rows))
+
     def only(self, columns: Sequence[int]) -> "Table":
         """Some of the columns."""
         return replace(

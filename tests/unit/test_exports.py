@@ -296,6 +296,32 @@ joint_2_deg = "-q2"
 """
 
 
+def rows_of_axes() -> bytes:
+    """A report of inspection software: a row a point and axis, with diameters beside."""
+    lines = ["Report 7", "Feature\tAxis\tNominal [mm]\tActual [mm]\tDeviation [mm]\tShot\tPose\tLoad"]
+    lines[1] += "".join(f"\tA{k}" for k in range(1, 7))
+    for r in range(6):
+        for m in M:
+            shared = [str(r + 1), str(DATA.pose[r]), number(KG[r]), *(number(x) for x in DEG[r])]
+            for k in (2, 0, 1):
+                places = [number(x, 1e3) for x in (DATA.before[r, m, k], DATA.after[r, m, k])]
+                lines.append("\t".join([f"P{m + 1}", "XYZ"[k], *places, "0.1", *shared]))
+            lines.append("\t".join([f"P{m + 1}", "D", "38.1", "38.1", "0", *shared]))
+    return "\n".join(lines).encode()
+
+
+ROWS_OF_AXES = """
+words = { ignore = "D" }
+[columns]
+run = "Shot"
+marker = "Feature"
+before = "Nominal"
+after = "Actual"
+mass_kg = "Load"
+"joint_{n}_deg" = "A{n}"
+"""
+
+
 EXPORTS = {
     "spreadsheet": (spreadsheet, SPREADSHEET),
     "analyzer": (analyzer, ANALYZER),
@@ -307,6 +333,7 @@ EXPORTS = {
     "plain": (plain, ""),
     "names_of_points": (names_of_points, NAMES_OF_POINTS),
     "same_names_again": (same_names_again, SAME_NAMES_AGAIN),
+    "rows_of_axes": (rows_of_axes, ROWS_OF_AXES),
 }
 
 
@@ -529,7 +556,7 @@ def damaged(name, line, column, cell):
     make, _ = EXPORTS[name]
     encoding = {"spreadsheet": "cp1252", "controller": "utf-16"}.get(name, "utf-8")
     lines = make().decode(encoding).splitlines()
-    between = {"spreadsheet": ";", "controller": "|", "merged": ";"}.get(name, ",")
+    between = {"spreadsheet": ";", "controller": "|", "merged": ";", "rows_of_axes": "\t"}.get(name, ",")
     cells = lines[line - 1].split(between)
     cells[column] = cell
     lines[line - 1] = between.join(cells)
@@ -625,6 +652,9 @@ def damaged(name, line, column, cell):
             "weight",
             "line 1: missing columns ['mass_kg (or force_x_N, force_y_N",
         ),
+        ("rows_of_axes", 4, 1, "Z", "line 3, column Axis: expected the rows x, y, z of a point together"),
+        ("rows_of_axes", 8, 1, "R", "line 8, column Axis: no axis 'R'; axes are x, y, z"),
+        ("rows_of_axes", 5, 0, "P2", "line 5, column Feature: expected 'P1' as in the other rows"),
         ("plain", 1, 8, "x", "line 1, column x: expected a unit at the end of the name such as _m"),
         ("plain", 5, 0, "12.3", "line 5: a loaded reading in pose"),
     ],
@@ -644,7 +674,7 @@ def test_every_name_of_the_documented_table_is_known():
     page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     section = page.split("### Quantities")[1].split("### Layouts")[0]
     rows = [line.split("|")[1:-1] for line in section.splitlines() if line.startswith("| ")][2:]
-    assert len(rows) == 18
+    assert len(rows) == 20
     known, seen = our_names(ARM), set()
     for what, names, _, example, _ in rows:
         for name in re.findall(r"`([^`]+)`", names) + re.findall(r"`([^`]+_[^`]*|[^`]+\[.*)`", example):
