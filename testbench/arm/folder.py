@@ -65,10 +65,6 @@ class Joint:
         """So many of these in one of its unit."""
         return 1e3 if self.prismatic else 180 / math.pi
 
-    def of_shown(self, values: Array) -> Array:
-        """Coordinates [rad, m] of those that people read [deg, mm]."""
-        return values / 1e3 if self.prismatic else np.deg2rad(values)
-
 
 @dataclass(frozen=True)
 class Arm:

@@ -12,7 +12,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.sag import Sag
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
-from testbench.model.vjm import body_poses
+from testbench.model.vjm import Vjm, body_poses
 
 LENGTH = 2.0  #: Of a tube over the distance of its joints, or the other way round [1].
 CLOSE = 0.1  #: Distances below this share of the reach say nothing [1].
@@ -38,15 +38,9 @@ class Looked:
     sag: Sag
 
     @property
-    def steps(self) -> Array:
-        """From each joint to the next one, to the tool at last, in the link's axes, (n + 1, 3) [m]."""
-        return np.array([pose[:3, 3] for pose in (*self.cell.vjm.placements, self.cell.vjm.tool)])
-
-    @property
-    def reach(self) -> float:
-        """Stretched length from the first joint to the tool; of an arm without joints, of its link [m]."""
-        lengths = np.linalg.norm(self.steps, axis=1)
-        return float(lengths[1:].sum() or lengths.sum())
+    def vjm(self) -> Vjm:
+        """Its kinematics."""
+        return self.cell.vjm
 
     @property
     def turning(self) -> int | None:
@@ -56,14 +50,14 @@ class Looked:
     @cached_property
     def bodies(self) -> list[tuple[Array, Array]]:
         """Links and tool in the world, all joints at zero."""
-        return body_poses(self.cell.vjm, np.zeros((1, self.cell.arm.n_joints)))
+        return body_poses(self.vjm, np.zeros((1, self.cell.arm.n_joints)))
 
     @property
     def tilt(self) -> float | None:
         """Angle of the first turning joint against the vertical, up or down [deg]."""
         if self.turning is None:
             return None
-        axis = self.bodies[self.turning + 1][1][0] @ self.cell.vjm.axes[self.turning]
+        axis = self.bodies[self.turning + 1][1][0] @ self.vjm.axes[self.turning]
         return float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
 
     @property
@@ -97,21 +91,21 @@ def arm_doubts(looked: Looked) -> list[Doubt]:
 
 def tube_lengths(arm: Looked) -> Iterator[str]:
     """A tube as long as the way to the next joint."""
-    for link, step in zip(arm.elastic.link, arm.steps, strict=True):
+    for link, step in zip(arm.elastic.link, arm.vjm.steps, strict=True):
         if link.tube is not None:
             length, distance = link.tube.length.value, float(np.linalg.norm(step))
             if distance < length <= link.tube.outer_diameter.value:
                 continue  # a stub, where joints meet in one point
             small, large = sorted((length, distance))
-            if large > LENGTH * small and large - small > CLOSE * arm.reach:
+            if large > LENGTH * small and large - small > CLOSE * arm.vjm.reach:
                 yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"
 
 
 def beam_axes(arm: Looked) -> Iterator[str]:
     """A beam that points to the next joint."""
-    for link, step in zip(arm.cell.arm.links, arm.steps, strict=True):
+    for link, step in zip(arm.cell.arm.links, arm.vjm.steps, strict=True):
         distance = float(np.linalg.norm(step))
-        if distance > CLOSE * arm.reach:
+        if distance > CLOSE * arm.vjm.reach:
             cosine = float(np.clip(link.frame[:, 0] @ step / distance, -1, 1))
             angle = np.rad2deg(np.arccos(cosine))
             if angle > ANGLE:
@@ -171,11 +165,11 @@ def sags(arm: Looked) -> Iterator[str]:
 
 def points(arm: Looked) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
-    vjm, names = arm.cell.vjm, arm.cell.arm.markers
+    vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
         distance = float(np.linalg.norm(place))
-        if distance > FAR * arm.reach:
-            yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.reach:.3g} m"
+        if distance > FAR * arm.vjm.reach:
+            yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.vjm.reach:.3g} m"
     if len(names) > 1:
         spread = np.linalg.svd(vjm.markers - vjm.markers.mean(axis=0), compute_uv=False)
         if spread[1] <= FLAT * spread[0]:
@@ -187,9 +181,9 @@ def masses(arm: Looked) -> Iterator[str]:
     model = arm.cell.room.model
     weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
     whole, (low, high) = float(weights.sum()), MASS
-    if not low <= whole / arm.reach**3 <= high:
-        expected = f"{low * arm.reach**3:.2g} to {high * arm.reach**3:.2g} kg"
-        yield f"its links weigh {whole:.3g} kg at a reach of {arm.reach:.3g} m, expected {expected}"
+    if not low <= whole / arm.vjm.reach**3 <= high:
+        expected = f"{low * arm.vjm.reach**3:.2g} to {high * arm.vjm.reach**3:.2g} kg"
+        yield f"its links weigh {whole:.3g} kg at a reach of {arm.vjm.reach:.3g} m, expected {expected}"
     for link, mass in zip(arm.cell.arm.links[1:], weights[1:], strict=True):
         if mass < NOTHING * whole:
             yield f"{link.name} weighs {mass:.2g} kg, the whole arm {whole:.3g} kg"
@@ -205,5 +199,5 @@ def base(arm: Looked) -> Iterator[str]:
     weight = "Weight acts along the world's -z"
     if tilt > UPRIGHT:
         yield f"the first turning joint is {tilt:.0f} deg off the vertical: is the base tilted? {weight}"
-    elif below > CLOSE * arm.reach:
+    elif below > CLOSE * arm.vjm.reach:
         yield f"the arm hangs {below:.2g} m below its base: is it overhead? {weight}"

@@ -32,7 +32,7 @@ class Checked:
     @property
     def reach(self) -> float:
         """Stretched length from the first joint to the tool [m]."""
-        return Looked(self.cell, self.elastic, self.sag).reach
+        return self.cell.vjm.reach
 
     @cached_property
     def poses(self) -> Array:
@@ -60,13 +60,12 @@ class Checked:
     @property
     def sizes(self) -> Array:
         """Length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
-        ways = Looked(self.cell, self.elastic, self.sag).steps
         return np.array(
             [
                 (np.linalg.norm(way), 0.0)
                 if link.tube is None
                 else (link.tube.length.value, link.tube.outer_diameter.value)
-                for link, way in zip(self.elastic.link, ways, strict=True)
+                for link, way in zip(self.elastic.link, self.cell.vjm.steps, strict=True)
             ]
         )
 

@@ -61,15 +61,15 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
     joints = _joints(arm)
     if len(joints) != data.q.shape[1]:
         raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
-    m, turned, P = len(data.markers), data.rotation_before is not None, data.precision
-    header = columns(arm, rotation=turned, covariance=P is not None)
+    m, turned = len(data.markers), data.rotation_before is not None
+    header = columns(arm, rotation=turned, covariance=data.precision is not None)
     parts = [np.repeat(a, m, axis=0) for a in (data.q, data.wrench, data.point)]
     parts += [a.reshape(-1, 3) for a in (data.before, data.after)] + [np.full((data.points, 1), data.sigma)]
     if data.rotation_before is not None and data.rotation_after is not None:
         parts += [np.repeat(a, m, axis=0) for a in (data.rotation_before, data.rotation_after)]
         parts += [np.full((data.points, 1), data.sigma_rotation)]
-    if P is not None:
-        C = np.linalg.inv(np.where(data.seen[..., None, None], P, np.eye(3))).reshape(-1, 3, 3)
+    if data.precision is not None:
+        C = data.covariance.reshape(-1, 3, 3)
         parts += [C[:, a, b, None] for a, b in ENTRIES.values()]
     lines = [list(map(repr, row)) for row in np.hstack(parts).tolist()]
     for row in np.flatnonzero(~data.seen):

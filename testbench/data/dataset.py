@@ -82,6 +82,13 @@ class Dataset:
         return np.asarray(self.precision.any(axis=(2, 3)))
 
     @property
+    def covariance(self) -> Array:
+        """Of every deflection, world axes, (runs, m, 3, 3) [m^2]; of no meaning where a target was lost."""
+        if self.precision is None:
+            return np.broadcast_to(2 * self.sigma**2 * np.eye(3), (*self.before.shape, 3))
+        return np.asarray(np.linalg.inv(np.where(self.seen[..., None, None], self.precision, np.eye(3))))
+
+    @property
     def deflection(self) -> Array:
         """Measured deflection of every marker, (runs, m, 3) [m]."""
         return self.after - self.before
@@ -92,6 +99,11 @@ class Dataset:
         if self.rotation_before is None or self.rotation_after is None:
             raise BenchError("dataset: expected orientations, it has positions only")
         return turn(self.rotation_before, self.rotation_after)
+
+
+def read_by(data: Dataset, station: int) -> Mask:
+    """Which runs, (runs,), a set-up of the tracker read; all where the data name none."""
+    return np.ones(data.runs, dtype=bool) if data.station is None else data.station == station
 
 
 def turn(before: Array, after: Array) -> Array:

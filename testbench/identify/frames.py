@@ -59,19 +59,12 @@ def unloaded(vjm: Vjm, data: Dataset) -> Unloaded:
     group, count = group.ravel(), np.bincount(group.ravel())[:, None]
     y, C = np.zeros((len(first), 3)), np.zeros((len(first), 3, 3))
     np.add.at(y, group, data.before[seen])
-    np.add.at(C, group, _covariance(data)[seen])
+    np.add.at(C, group, data.covariance[seen] / 2)  # one reading has half of a deflection's
     some = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(first))[:MOST])
     first, count = first[some], count[some]
     position, rotation = tool_pose(vjm, data.q[run[first]])
     C = C[some] / count[..., None] ** 2
     return Unloaded(station[first], target[first], y[some] / count, C, rotation, position)
-
-
-def _covariance(data: Dataset) -> Array:
-    """Of one reading, (runs, m, 3, 3) [m^2]: half of its deflection's."""
-    if data.precision is None:
-        return np.broadcast_to(data.sigma**2 * np.eye(3), (*data.before.shape, 3))
-    return np.asarray(np.linalg.inv(np.where(data.seen[..., None, None], data.precision, np.eye(3))) / 2)
 
 
 def starts(seen: Unloaded, known: Found) -> Iterator[Found]:
@@ -134,12 +127,14 @@ def points(seen: Unloaded, targets: Array) -> Array:
     return np.asarray(seen.position + np.einsum("nxy,ny->nx", seen.rotation, targets[seen.target]))
 
 
-def kabsch(points: Array, read: Array) -> tuple[Array, Array]:
+def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
     """Rotation, (3, 3), and translation, (3,) [m], that take points to readings with the least squares.
 
-    Both are (n, 3) [m] (Kabsch 1976; Arun, Huang, Blostein 1987).
+    Both are (n, 3) [m]; `mirrored` asks for a determinant of -1 (Kabsch 1976; Arun, Huang, Blostein 1987;
+    Umeyama 1991).
     """
     centre, seen = points.mean(axis=0), read.mean(axis=0)
     U, _, Vt = np.linalg.svd((read - seen).T @ (points - centre))
-    R = U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    sign = (-1 if mirrored else 1) * np.sign(np.linalg.det(U @ Vt))
+    R = U @ np.diag([1, 1, sign]) @ Vt
     return R, seen - R @ centre

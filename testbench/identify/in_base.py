@@ -1,26 +1,25 @@
 """What a registration does to runs and model: readings in the base's axes, targets where they were found."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask
+from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array
-from testbench.identify.registration import Frame, Registration
+from testbench.identify.registration import Registration
 from testbench.model.vjm import Vjm
-
-
-def of_station(frame: Frame, data: Dataset) -> Mask:
-    """Which runs, (runs,), its station read."""
-    return np.ones(data.runs, dtype=bool) if data.station is None else data.station == frame.station
 
 
 def with_targets(vjm: Vjm, found: Registration, taken: Mask) -> Vjm:
     """The model with these of the targets, (m,), where they were found."""
-    if not taken.any():
-        return vjm
-    have = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
-    have |= {name: found.targets[k] for k, name in enumerate(found.markers) if taken[k]}
+    places = {name: found.targets[k] for k, name in enumerate(found.markers) if taken[k]}
+    return with_markers(vjm, places) if places else vjm
+
+
+def with_markers(vjm: Vjm, places: Mapping[str, Array]) -> Vjm:
+    """The model with markers at these places in the tool's frame, (3,) [m] each, some of them new."""
+    have = dict(zip(vjm.arm.markers, vjm.markers, strict=True)) | dict(places)
     return replace(vjm, arm=replace(vjm.arm, markers=tuple(have)), markers=np.array(list(have.values())))
 
 
@@ -36,7 +35,7 @@ def in_base(found: Registration, data: Dataset) -> Dataset:
     turned = [r if r is None else r.copy() for r in (data.rotation_before, data.rotation_after)]
     R, about = np.tile(np.eye(3), (data.runs, 1, 1)), np.zeros((data.runs, 3, 3))
     for frame in found.frames:
-        own = of_station(frame, data)
+        own = read_by(data, frame.station)
         R[own], about[own] = frame.rotation, frame.covariance[:3, :3]
         for readings in (before, after):
             readings[own] = (readings[own] - frame.translation) @ frame.rotation
@@ -60,11 +59,7 @@ def _precision(data: Dataset, R: Array, about: Array, deflection: Array) -> Arra
     Of the rotation of every run's frame, (runs, 3, 3), and its covariance about base axes, (runs, 3, 3).
     """
     lost = ~data.seen[..., None, None]
-    if data.precision is None:
-        C = np.broadcast_to(2 * data.sigma**2 * np.eye(3), (*data.before.shape, 3))
-    else:
-        C = np.linalg.inv(np.where(lost, np.eye(3), data.precision))
     across = np.cross(np.eye(3), deflection[:, :, None]).swapaxes(2, 3)  # e_a x d
-    C = R.swapaxes(1, 2)[:, None] @ C @ R[:, None]
+    C = R.swapaxes(1, 2)[:, None] @ data.covariance @ R[:, None]
     C = C + across @ about[:, None] @ across.swapaxes(2, 3)
     return np.where(lost, 0.0, np.linalg.inv((C + C.swapaxes(2, 3)) / 2))

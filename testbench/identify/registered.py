@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, read_by
 from testbench.errors import BenchError
-from testbench.identify.in_base import in_base, of_station, with_targets
+from testbench.identify.in_base import in_base, with_targets
 from testbench.identify.registration import Frame, Registration, register, spread, station_names
 from testbench.identify.registration_notes import fit_note, frame_notes, target_notes
 from testbench.model.vjm import Vjm, skew
@@ -87,7 +87,7 @@ def _unknown(vjm: Vjm, data: Dataset, why: str) -> Registered:
 
 def _is_base(frame: Frame, data: Dataset, reach: float) -> bool:
     """Whether a frame is the base's but for the arm's errors, or cannot be told from it."""
-    own = data.seen & of_station(frame, data)[:, None]
+    own = data.seen & read_by(data, frame.station)[:, None]
     y = data.before[own]
     x = (y - frame.translation) @ frame.rotation
     at_targets = np.hstack([-frame.rotation @ skew(x.mean(axis=0)), np.eye(3)])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask
+from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array, BenchError
 from testbench.identify.frames import LEAST_POINTS, Found, points, starts, unloaded
 from testbench.identify.refinement import Solved, refine
@@ -137,7 +137,7 @@ def _unsolved(vjm: Vjm, data: Dataset, tried: list[Solved]) -> str:
     if any(one.status == "no convergence" for one in tried):
         return "registration: no convergence; a wrong unit, order of joints or sign of an angle?"
     for name in station_names(data):
-        own = data.seen if data.station is None else data.seen[data.station == name]
+        own = data.seen[read_by(data, name)]
         if own.sum() < LEAST_POINTS:
             return f"registration: station {name} read {own.sum()} targets; expected at least {LEAST_POINTS}"
     turning = [

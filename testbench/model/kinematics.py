@@ -14,7 +14,7 @@ import pinocchio as pin
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import Array, InputError
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, rotation, skew
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 LEAST = 1e-10  #: A direction shorter than this is none.
@@ -107,9 +107,9 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
         if key == "quat":
             return _of_quaternion(_unit(values))
         if key == "axisangle":
-            return about(_unit(values[:3]), unit * values[3])
+            return rotation(_unit(values[:3]), unit * values[3])
         if key == "euler":  # about x, then the new y, then the new z
-            x, y, z = (about(axis, angle) for axis, angle in zip(np.eye(3), unit * values, strict=True))
+            x, y, z = (rotation(axis, angle) for axis, angle in zip(np.eye(3), unit * values, strict=True))
             return np.asarray(x @ y @ z)
         return _of_axes(values[:3], values[3:]) if key == "xyaxes" else _of_z(_unit(values))
     except ZeroDivisionError:
@@ -123,18 +123,10 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / length)
 
 
-def about(axis: Array, angle: float) -> Array:
-    """Turn by an angle [rad] about a unit axis (Rodrigues), (3, 3)."""
-    x, y, z = axis
-    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
-
-
 def _of_quaternion(quaternion: Array) -> Array:
     """Of a unit quaternion w, x, y, z."""
     w, v = quaternion[0], quaternion[1:]
-    x, y, z = v
-    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    W = skew(v)
     return np.asarray(np.eye(3) + 2 * w * W + 2 * W @ W)
 
 
@@ -150,4 +142,4 @@ def _of_z(z: Array) -> Array:
     across = np.cross([0.0, 0.0, 1.0], z)
     sine = float(np.linalg.norm(across))
     axis = np.array([1.0, 0.0, 0.0]) if sine < LEAST else across / sine
-    return about(axis, float(np.arctan2(sine, z[2])))
+    return rotation(axis, float(np.arctan2(sine, z[2])))

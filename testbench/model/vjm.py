@@ -35,6 +35,17 @@ class Vjm:
         return np.asarray(np.einsum("jxb,jxy,jy->jb", frames, self.placements[:, :3, :3], self.axes))
 
     @cached_property
+    def steps(self) -> Array:
+        """From each joint to the next one, to the tool at last, in the link's axes, (n + 1, 3) [m]."""
+        return np.array([pose[:3, 3] for pose in (*self.placements, self.tool)])
+
+    @property
+    def reach(self) -> float:
+        """Stretched length from the first joint to the tool; of an arm without joints, of its link [m]."""
+        lengths = np.linalg.norm(self.steps, axis=1)
+        return float(lengths[1:].sum() or lengths.sum())
+
+    @cached_property
     def links(self) -> tuple[tuple[Array, Array], ...]:
         """Of every link its beam axes and the axes of the next body, (6, 3), and the arm to that, (3,) [m].
 
@@ -161,6 +172,12 @@ def turn(R: Array, axis: Array, angle: Array) -> Array:
     """
     W = skew(axis)
     return np.asarray(R + np.sin(angle) * (W.T @ R) + (1 - np.cos(angle)) * ((W @ W).T @ R))
+
+
+def rotation(axis: Array, angle: float) -> Array:
+    """Turn by an angle [rad] about a unit axis (Rodrigues), (3, 3)."""
+    W = skew(axis)
+    return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
 
 
 def skew(axis: Array) -> Array:

@@ -42,7 +42,4 @@ def _joint(seen: Seen, own: Fit, pose: int) -> str:
     joint = seen.vjm.arm.joints[best]
     if float(np.median(away(one, fits[best]))) > APART * seen.scale:
         return "is its pose right?"
-    size = (
-        f"{MM * fits[best].offset:.3g} mm" if joint.prismatic else f"{np.rad2deg(fits[best].offset):.3g} deg"
-    )
-    return f"they fit if {joint.name} stood {size} farther"
+    return f"they fit if {joint.name} stood {joint.shown * fits[best].offset:.3g} {joint.shown_unit} farther"

@@ -1,6 +1,6 @@
 """Doubts about runs: first what is plain, then where the arm is, then what moves it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain as joined
 
 import numpy as np
@@ -14,6 +14,7 @@ from testbench.identify.doubts.placed import placed
 from testbench.identify.doubts.plain import moved_against, plain
 from testbench.identify.doubts.sentences import frame_doubt, targets_doubt
 from testbench.identify.doubts.weighed import SINGLE, weighed
+from testbench.identify.in_base import with_markers
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered
@@ -39,11 +40,8 @@ class HandedIn:
     @property
     def filed(self) -> Vjm:
         """The arm with the targets of its folder, and with others where they were found."""
-        have = dict(zip(self.found.vjm.arm.markers, self.found.vjm.markers, strict=True))
-        have |= dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
-        return replace(
-            self.vjm, arm=replace(self.vjm.arm, markers=tuple(have)), markers=np.array(list(have.values()))
-        )
+        own = dict(zip(self.vjm.arm.markers, self.vjm.markers, strict=True))
+        return with_markers(self.found.vjm, own)
 
 
 def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
@@ -61,7 +59,7 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     """
     found = given.found
     check_runs(found.vjm, found.data)
-    plainly = plain(given.data, reach_of(given.vjm))
+    plainly = plain(given.data, given.vjm.reach)
     said, own, seen = _places(given)
     if plainly or any(doubt.name not in MENDED for doubt in said):
         return [*said, *plainly]
@@ -127,12 +125,6 @@ def _together(parts: list[list[Doubt]]) -> list[Doubt]:
     return sorted([*parts[0], *single], key=lambda d: -(d.evidence or 0))
 
 
-def reach_of(vjm: Vjm) -> float:
-    """Length of the arm from its first joint to the tool [m]."""
-    steps = np.concatenate([vjm.placements[1:, :3, 3], vjm.tool[None, :3, 3]])
-    return float(np.linalg.norm(steps, axis=1).sum())
-
-
 def _different(data: Dataset) -> Ids:
     """Runs with unloaded readings of their own: several loads of a pose may share them."""
     read = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
@@ -148,7 +140,7 @@ def _seen(vjm: Vjm, data: Dataset, read: Array) -> Seen:
         markers=marker_points(vjm, data.markers),
         read=read[runs],
         there=data.seen[runs],
-        scale=PRECISE * reach_of(vjm),
+        scale=PRECISE * vjm.reach,
         names=data.markers,
         runs=data.run[runs],
         poses=data.pose[runs],

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.identify.doubts.rigid import STILL, Rigid, closest, cost, turned_by, weights
+from testbench.identify.doubts.rigid import STILL, Rigid, cost, turned_by, weights
+from testbench.identify.frames import kabsch
 from testbench.model.vjm import Vjm, tool_pose
 
 PENALTY = 4.0  #: Nats that a free number has to earn.
@@ -71,8 +72,8 @@ def fit(seen: Seen, free: Free) -> Fit:
     now = Fit(STILL, seen.markers, 0.0, np.zeros(3), seen.read, np.inf, count)
     if free.frame:
         where = _where(seen, free, now)
-        start = closest(where[seen.there], seen.read[seen.there], sign=-1 if free.mirrored else 1)
-        now = replace(now, frame=start)
+        R, t = kabsch(where[seen.there], seen.read[seen.there], mirrored=free.mirrored)
+        now = replace(now, frame=Rigid(R, t))
     now = _judged(seen, free, now)
     for _ in range(ROUNDS if count else 0):
         now = _judged(seen, free, _refined(seen, free, now))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array
+from testbench.model.vjm import rotation
 
 
 @dataclass(frozen=True)
@@ -29,25 +30,10 @@ class Rigid:
 STILL = Rigid(np.eye(3), np.zeros(3))
 
 
-def closest(source: Array, target: Array, sign: int = 1) -> Rigid:
-    """The motion of least squares from points to points, (k, 3) (Kabsch 1976; Umeyama 1991).
-
-    `sign` is the determinant of R: -1 for a mirrored one.
-    """
-    a, b = source.mean(axis=0), target.mean(axis=0)
-    U, _, Vt = np.linalg.svd((target - b).T @ (source - a))
-    R = U @ np.diag([1.0, 1.0, sign * np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    return Rigid(R, b - R @ a)
-
-
 def turned_by(vector: Array) -> Array:
     """Rotation matrix of a rotation vector, (3,) [rad] (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
-    if angle < 1e-15:
-        return np.eye(3)
-    x, y, z = vector / angle
-    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
+    return np.eye(3) if angle < 1e-15 else rotation(vector / angle, angle)
 
 
 def weights(residual: Array, scale: float) -> Array:

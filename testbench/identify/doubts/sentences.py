@@ -71,8 +71,8 @@ def _words(seen: Seen, mistake: Mistake, own: Fit) -> str:
         step = ", ".join(f"{MM * x:.0f}" for x in own.step)
         return f"fit if the end of {mistake.words} is ({step}) mm farther, in its axes: is this the arm?"
     if mistake.free.joint is not None:
-        prismatic = seen.vjm.arm.joints[mistake.free.joint].prismatic
-        size = f"{MM * own.offset:.3g} mm" if prismatic else f"{np.rad2deg(own.offset):.3g} deg"
+        joint = seen.vjm.arm.joints[mistake.free.joint]
+        size = f"{joint.shown * own.offset:.3g} {joint.shown_unit}"
         also = {0: ", or the frame is turned about it", len(seen.vjm.arm.joints) - 1: ", or the tool is"}
         return f"fit if the zero of {mistake.words} is off by {size}{also.get(mistake.free.joint, '')}"
     return mistake.words

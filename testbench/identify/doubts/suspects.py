@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask
+from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array
 from testbench.identify.doubts.loads import Change, Fitted, Size, of_columns, sized
+from testbench.identify.registration import station_names
 
 FORCE, POINT, SHIFT, FACTOR = 0.1, 0.1, 1e-3, 0.3
 """Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
@@ -35,8 +36,8 @@ def suspects(fitted: Fitted) -> Iterator[Suspect]:
     if force > 0:
         yield Suspect("force_offset", "", sized(fitted, _force(FORCE * force), 3), FORCE * force)
     yield Suspect("load_point", "", sized(fitted, _point, 3), POINT)
-    for name in [None] if data.station is None else np.unique(data.station):
-        where = "" if name is None else f"station {name}"
+    for name in station_names(data):
+        where = "" if data.station is None else f"station {name}"
         yield Suspect("tracker_moved", where, sized(fitted, _station(data, name), 6), SHIFT)
     groups = levels(data)
     if len(groups) > 1:
@@ -71,8 +72,8 @@ def _point(data: Dataset, b: Array) -> Dataset:
     return replace(data, point=data.point + POINT * b)
 
 
-def _station(data: Dataset, name: int | None) -> Change:
-    own = np.ones(data.runs, dtype=bool) if data.station is None else data.station == name
+def _station(data: Dataset, name: int) -> Change:
+    own = read_by(data, name)
     centre = data.after[data.seen].mean(axis=0)
 
     def change(data: Dataset, b: Array) -> Dataset:

@@ -12,6 +12,7 @@ from testbench.identify.doubts.doubt import Doubt
 from testbench.identify.doubts.loads import Fitted, learnt
 from testbench.identify.doubts.suspects import Suspect, levels, suspects
 from testbench.identify.metric import Metric
+from testbench.identify.regression import reduce
 from testbench.model.vjm import Vjm, tool_pose
 
 LEAST = 12.0  #: Nats by which a mistake has to make the readings likelier to be a doubt.
@@ -60,8 +61,6 @@ def weighed(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
 
 def scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
     """By what factor the readings want the prior's compliances, by least squares [1]."""
-    from testbench.identify.regression import reduce
-
     regression = reduce(vjm, metric.structure, data)
     pi = metric.L @ metric.expected
     rows = [(t.R @ pi, t.z) for t in regression.terms]
