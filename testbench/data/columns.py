@@ -53,7 +53,9 @@ class Columns:
 
     def values(self, column: Column) -> Array:
         """A column in SI units, (rows,); NaN where it is blank."""
-        values = self.table.numbers(column.index, self.mark)
+        lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'
+        words = lost if column.slot.what == "reading" else ""
+        values = self.table.numbers(column.index, self.mark, words)
         scale = column.sign * (column.unit.scale if column.unit else 1.0)
         return values if scale == 1 else scale * values
 
@@ -62,14 +64,18 @@ class Columns:
         values = self.values(column)
         blank = np.flatnonzero(np.isnan(values))
         if len(blank):
-            hint = "; below merged cells say merged = true in the map's [file]"
-            raise self.table.error(blank[0], column.name, f"expected a finite number, got ''{hint}")
+            last = blank[0] == self.table.rows - 1
+            what, key = (
+                ("a line behind the table", "footer = 1") if last else ("merged cells", "merged = true")
+            )
+            problem = f"expected a finite number, got ''; for {what} say {key} in the map's [file]"
+            raise self.table.error(blank[0], column.name, problem)
         return values
 
-    def lack(self, missing: Sequence[str]) -> InputError:
+    def lack(self, missing: Sequence[str], hint: str = "") -> InputError:
         """The error about columns that are not there."""
         ignored = list(self.ignored)
-        problem = f"missing columns {list(missing)}, ignored columns {ignored}"
+        problem = f"missing columns {list(missing)}, ignored columns {ignored}{hint}"
         return InputError(self.table.path, f"line {self.table.header}", problem)
 
     def constant(self, slot: Slot) -> float | None:
@@ -87,7 +93,8 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     table, read_as = take_apart(table, names)
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
-        problem = f"no column is known, got {list(table.names)}; names that are not ours need a map"
+        hint = "names that are not ours need a map, a file without a header too"
+        problem = f"no column is known, got {list(table.names)}; {hint}"
         raise InputError(table.path, f"line {table.header}", problem)
     _check_map(table, names, named)
     table, named = join_axes(table, named, names)
@@ -192,11 +199,22 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
         if column is None and value is None
     ]
     if missing:
-        raise columns.lack(missing)
+        raise columns.lack(missing, _numbered(columns.ignored, arm.n_joints))
     for k, (column, value) in enumerate(zip(found, stated, strict=True)):
         q[:, k] = columns.full(column) if column else value
     _check_limits(columns, arm, q)
     return q
+
+
+def _numbered(ignored: Sequence[str], count: int) -> str:
+    """The line of a map for columns that are numbered as the joints are; empty where there are none."""
+    units = dict(split_unit(name) or (name, None) for name in ignored)
+    for name, unit in units.items():
+        before, one, after = name.rpartition("1")
+        if one and all(f"{before}{k}{after}" in units for k in range(1, count + 1)):
+            ours = f"joint_{{n}}_{unit.name if unit else 'deg'}"
+            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{{n}}{after}\""""
+    return ""
 
 
 def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:

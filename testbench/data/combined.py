@@ -30,7 +30,8 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
             known = all(recognise(part, names.ours) for part in parts)
             if not parts or not known or len(set(parts)) < len(parts) or pattern.count("*") > MOST_STARS:
                 problem = (
-                    f"expected quantities such as {{run}}, {{pose}}, {{marker}}, each once, got {pattern!r}"
+                    "expected quantities such as {run}, {pose}, {marker}, each once, * for anything else, "
+                    f"got {pattern!r}"
                 )
                 raise InputError(names.path or table.path, place, problem)
             wholes.append(_expression(pattern))

@@ -99,7 +99,8 @@ def _wrench(columns: Columns) -> tuple[Array, list[str]]:
     table = columns.table
     if acts == has_mass:
         if not acts:
-            raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"])
+            hint = "; one for the whole file stands in [values] of a map, as mass_kg = 150"
+            raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
         raise InputError(table.path, f"line {table.header}", "expected a mass or forces, got both")
     wrench = np.zeros((table.rows, 6))
     if has_mass:

@@ -47,7 +47,8 @@ def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
             if name == tried[-1]:
                 words = " or ".join(tried)
                 place = f"byte {len(mark) + err.start + 1}"
-                raise InputError(path, place, f"expected text in {words}: {err.reason}") from err
+                problem = f"expected text in {words}: {err.reason}; a map's [file] may say the encoding"
+                raise InputError(path, place, problem) from err
         else:
             if "\0" in text:
                 line = text.count("\n", 0, text.index("\0")) + 1

@@ -205,7 +205,7 @@ def _values(path: Path, found: _Map, ours: Mapping[str, Slot]) -> dict[Slot, tup
         if known is None or known[1] is None or known[0].what not in CONSTANTS:
             kinds = ", ".join(CONSTANTS)
             raise InputError(
-                path, f"values.{key}", f"expected a number with its unit of {kinds}, as sigma_um"
+                path, f"values.{key}", f"expected one of {kinds} with its unit, as sigma_um or mass_kg"
             )
         slot, unit = known[0], known[1]
         if slot.what == "sigma":

@@ -135,8 +135,13 @@ class Table:
             count["."] += pc.sum(pc.and_not(pc.match_substring(self.cells[k], "."), comma)).as_py() or 0
         return max(count, key=lambda mark: (count[mark], mark))
 
-    def numbers(self, k: int, mark: str = ".") -> Array:
+    def numbers(self, k: int, mark: str = ".", words: str = "") -> Array:
         """A column of finite numbers, (rows,); NaN where a cell is blank.
+
+        Args:
+            k: The column.
+            mark: The decimal mark.
+            words: What an error adds about cells that are no number in another way of writing.
 
         Raises:
             InputError: At the first cell that holds something else.
@@ -156,11 +161,8 @@ class Table:
         if len(bad):
             text = self.texts(k)[bad[0]]
             marked = len(text) > 1 and text.strip("+-.,' 0123456789") == ""
-            hint = (
-                f"; the decimal mark here is {mark!r}; thousands are divided before one only"
-                if marked
-                else ""
-            )
+            hint = f"the decimal mark here is {mark!r}; thousands are divided before one only"
+            hint = f"; {hint}" if marked else words
             raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
         return np.asarray(values)
 

@@ -392,6 +392,21 @@ def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
         check_alike(read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM).data)
 
 
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("spreadsheet", '"joint_{n}_deg" = "A{n}"'),
+        ("controller", '"joint_{n}_deg" = "axis {n}"'),
+        ("names_of_points", '"joint_{n}_deg" = "J{n}"'),
+    ],
+)
+def test_a_line_for_numbered_joints_is_offered(tmp_path, name, line):
+    text = "\n".join(line for line in EXPORTS[name][1].splitlines() if "joint" not in line)
+    own = files(tmp_path, name, text=text)
+    with pytest.raises(InputError, match=re.escape(f"are they joints? [columns] of a map: {line}")):
+        read_export(own.data, ARM, own.map)
+
+
 def test_words_stand_for_loads(tmp_path):
     text = merged().decode().replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;")
     own = files(tmp_path, "merged", text.encode(), f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}')
@@ -607,7 +622,7 @@ def damaged(name, line, column, cell):
             7,
             3,
             "",
-            "line 7, column A1 [°]: expected a finite number, got ''; below",
+            "line 7, column A1 [°]: expected a finite number, got ''; for merged cells",
         ),
         ("spreadsheet", 7, 4, "90", "line 7, column A2 [°]: expected -130.0000 to 20.0000 deg, got 90"),
         (
