@@ -53,8 +53,8 @@ def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_pat
         text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"'), "utf-8"
     )
     build_cell(folder)
-    about = kinematics.about
-    monkeypatch.setattr(kinematics, "about", lambda axis, angle: about(axis[::-1], angle))
+    rotation = kinematics.rotation
+    monkeypatch.setattr(kinematics, "rotation", lambda axis, angle: rotation(axis[::-1], angle))
     with pytest.raises(
         InputError, match=r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
     ):
