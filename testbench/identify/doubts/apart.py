@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.doubt import Doubt, length
 from testbench.identify.doubts.geometry import Fit, Free, Seen, away, fit
 from testbench.identify.doubts.sentences import MM
 
@@ -19,11 +19,11 @@ def apart(seen: Seen, own: Fit) -> list[tuple[int, Doubt]]:
         pose, typical, run = int(seen.poses[row]), float(np.median(off[row][seen.there[row]])), seen.runs[row]
         if typical > APART / 2 * seen.scale:
             why = _joint(seen, own, int(row))
-            words = f"run {run}: its unloaded readings lie {MM * typical:.3g} mm off: {why}"
+            words = f"run {run}: its unloaded readings lie {length(typical)} off: {why}"
             found.append((pose, Doubt("pose", words)))
         else:
             k = int(np.argmax(off[row]))
-            words = f"run {run}: {seen.names[k]} was read {MM * off[row, k]:.3g} mm off, the others were not"
+            words = f"run {run}: {seen.names[k]} was read {length(off[row, k])} off, the others were not"
             found.append((pose, Doubt("reading", words)))
     return found
 

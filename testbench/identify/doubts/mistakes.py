@@ -38,8 +38,8 @@ def mistakes(seen: Seen, free: Free) -> Iterator[Mistake]:
     yield Mistake("mirrored", "lie in a left-handed frame: the sign of an axis?", seen, left)
     for factor, words in UNITS.items():
         yield Mistake("unit", words, replace(seen, read=factor * seen.read), free, CHOICE)
-    for shift, words in ((1, "next"), (-1, "last")):
-        words = f"are those of the {words} pose"
+    for shift, words in ((1, "before"), (-1, "after")):
+        words = f"are those of the pose {words}"
         yield Mistake("order", words, replace(seen, q=np.roll(seen.q, shift, axis=0)), free, CHOICE)
     for k in range(1, len(seen.vjm.arm.links) - 1):
         yield Mistake("link", seen.vjm.arm.links[k].name, seen, replace(free, link=k))

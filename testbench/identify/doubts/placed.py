@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.doubt import Doubt, length
 from testbench.identify.doubts.geometry import PENALTY, Fit, Free, Seen, away, fit
 from testbench.identify.doubts.mistakes import Mistake, mistakes
-from testbench.identify.doubts.sentences import MM, sentence
+from testbench.identify.doubts.sentences import sentence
 
 BETTER, LEAST = 0.3, 20.0
 """Nats a reading, and in all, by which a mistake has to make the readings likelier to be a doubt."""
@@ -73,5 +73,5 @@ def _unfit(seen: Seen, own: Fit, what: str) -> Doubt | None:
     typical = float(np.median(away(seen, own)))
     if typical <= LOST * seen.scale:
         return None
-    words = f"the {what} lie {MM * typical:.3g} mm (median) from the arm's kinematics, and no single mistake "
+    words = f"the {what} lie {length(typical)} (median) from the arm's kinematics, and no single mistake "
     return Doubt("kinematics", f"{words}explains it: is this the arm?")

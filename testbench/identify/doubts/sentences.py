@@ -3,7 +3,7 @@
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify.doubts.doubt import Doubt
+from testbench.identify.doubts.doubt import Doubt, length, three
 from testbench.identify.doubts.geometry import Fit, Seen, away
 from testbench.identify.doubts.mistakes import Mistake
 from testbench.identify.registered import Registered
@@ -15,9 +15,9 @@ ROUGH = 0.1  #: Distance of a target whose place was rough, and was found, that 
 def sentence(seen: Seen, mistake: Mistake, own: Fit, before: tuple[Fit, str]) -> str:
     """A mistake and its fit, beside the fit without it, of such readings."""
     start, what = before
-    was, now = (MM * float(np.median(away(seen, x))) for x in (start, own))
+    was, now = (length(float(np.median(away(seen, x)))) for x in (start, own))
     words = _words(seen, mistake, own)
-    return f"the {what} {words} (they lie {was:.3g} mm from the arm's kinematics, median; so {now:.3g} mm)"
+    return f"the {what} {words} (they lie {was} from the arm's kinematics, median; so {now})"
 
 
 def frame_doubt(found: Registered) -> Doubt:
@@ -52,8 +52,7 @@ def targets_doubt(found: Registered) -> list[Doubt]:
 
 def _moved(turn: Array, shift: Array) -> str:
     angle = float(np.linalg.norm(turn))
-    axis = ", ".join(f"{x:.2f}" for x in turn / max(angle, 1e-12))
-    at = ", ".join(f"{MM * x:.0f}" for x in shift)
+    axis, at = three(turn / max(angle, 1e-12), 1, 2), three(shift, MM, 0)
     return (
         f"are in a frame turned by {np.rad2deg(angle):.3g} deg about ({axis}) and moved by ({at}) mm "
         "against the arm's base"
@@ -68,7 +67,7 @@ def _words(seen: Seen, mistake: Mistake, own: Fit) -> str:
         worst = int(np.argmax(off))
         return f"have {seen.names[worst]} {off[worst]:.0f} mm from where the arm's folder has it on the tool"
     if mistake.name == "link":
-        step = ", ".join(f"{MM * x:.0f}" for x in own.step)
+        step = three(own.step, MM, 0)
         return f"fit if the end of {mistake.words} is ({step}) mm farther, in its axes: is this the arm?"
     if mistake.free.joint is not None:
         joint = seen.vjm.arm.joints[mistake.free.joint]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
-from testbench.identify.doubts.doubt import Doubt
+from testbench.errors import BenchError
+from testbench.identify.doubts.doubt import Doubt, three
 from testbench.identify.doubts.loads import Fitted, learnt
 from testbench.identify.doubts.suspects import Suspect, levels, suspects
 from testbench.identify.metric import Metric
@@ -95,28 +95,23 @@ def _large(fitted: Fitted, suspect: Suspect) -> bool:
 def _sentence(suspect: Suspect) -> str:
     b = suspect.unit * suspect.size.b
     if suspect.name == "force_offset":
-        return f"a constant force of ({_three(b, 1, '.0f')}) N is missing in every load: the sensor's zero?"
+        return f"a constant force of ({three(b, 1, 0)}) N is missing in every load: the sensor's zero?"
     if suspect.name == "load_point":
-        return f"the load acts ({_three(b, 1e3, '.0f')}) mm from the stated point, in the tool's axes"
+        return f"the load acts ({three(b, 1e3, 0)}) mm from the stated point, in the tool's axes"
     if suspect.name == "tracker_moved":
-        turn = f"({_three(b[3:], 1e3, '.2f')}) mrad"
+        turn = f"({three(b[3:], 1e3, 2)}) mrad"
         which = f"the loaded readings of {suspect.where}" if suspect.where else "all loaded readings"
-        return (
-            f"{which} are moved by ({_three(b, 1e3, '.2f')}) mm and turned by {turn}: did the tracker move?"
-        )
+        return f"{which} are moved by ({three(b, 1e3, 2)}) mm and turned by {turn}: did the tracker move?"
     if suspect.name == "level":
         return f"the load of {suspect.where} acts as {1 + b[0]:.2f} times that, beside the others: its mass?"
     if suspect.name == "run_load":
-        return f"run {suspect.where}: its load acts as {1 + b[0]:.2f} times what is stated: its mass?"
+        hint = "its mass" if b[0] > -1 else "before and after exchanged"
+        return f"run {suspect.where}: its load acts as {1 + b[0]:.2f} times what is stated: {hint}?"
     away = 1e3 * float(np.linalg.norm(b)) / math.sqrt(len(b) / 3)
     if suspect.name == "run":
         return f"run {suspect.where}: its targets moved otherwise than the load says, by {away:.2g} mm"
     run, target = suspect.where.split(" ", 1)
     return f"run {run}: {target} is {away:.2g} mm from where the others say: touched, or read wrongly?"
-
-
-def _three(b: Array, factor: float, form: str) -> str:
-    return ", ".join(format(factor * x, form) for x in b[:3])
 
 
 @dataclass(frozen=True)
@@ -190,6 +185,7 @@ def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Doubt]:
         hint = "forces in kg instead of N (9.81 times), in kN, a heavier load, or a folder too stiff?"
     else:
         hint = "forces in another unit, a lighter load, or a folder too soft?"
-    words = f"the readings are {factor:.3g} times what the arm's folder says under loads up to {force:.4g} N"
+    times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
+    words = f"the readings are {times} times what the arm's folder says under loads up to {force:,.5g} N"
     stated = "" if payload is None else f" (payload {payload:.4g} kg)"
     return [Doubt("scale", f"{words}{stated}: {hint}", size**2 / 2)]
