@@ -6,7 +6,6 @@ import numpy as np
 
 from testbench.identify.doubts.doubt import Doubt, length
 from testbench.identify.doubts.geometry import Fit, Free, Seen, away, fit
-from testbench.identify.doubts.sentences import MM
 
 APART = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
 
