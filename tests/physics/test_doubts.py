@@ -56,6 +56,15 @@ def test_a_planted_mistake_is_named_first(sets, fault):
     assert len(first.sentence) < 300
 
 
+def test_a_reading_that_outweighs_all_others_is_named(sets):
+    own = sets["levels"]
+    after = own.data.after.copy()
+    after[3, 1] = own.data.before[3, 1] + np.array([-3.0, 2.0, 8.0])  # metres, against the load
+    [first, *_] = named(replace(own, data=replace(own.data, after=after)))
+    marker, run = own.data.markers[1], own.data.run[3]
+    assert f"{marker} in run {run}" in first.sentence or f"run {run}: {marker}" in first.sentence
+
+
 @pytest.mark.parametrize("fault", ["joint_sign", "millimetres", "longer", "kilograms", "tracker_moved"])
 def test_it_is_named_in_a_trackers_frame_too(sets, fault):
     assert named(FAULTS[fault].plant(sets["tracker"], stream(1, 40)))[0].name in FAULTS[fault].names

@@ -1,5 +1,6 @@
 """`testbench data check` says what was understood of a file, and shows it; maps serve the other commands."""
 
+import re
 from pathlib import Path
 from random import Random
 
@@ -34,7 +35,8 @@ def test_a_spreadsheet_is_understood_and_shown(tmp_path):
     assert "1471.5 N (as of 150 kg hung) in 8 runs; 4515.5 N (as of 460.3 kg hung) in 8 runs" in words
     assert "columns not read: Bemerkung" in words
     assert "text in cp1252, ';' between the cells, header in line 4" in words
-    assert "readings are in the base's frame" in words
+    assert "readings are in the base's frame - unloaded readings fit the arm's kinematics to" in words
+    assert re.search(r"deflections are (0\.9|1(\.0)?)\S* times what the arm's folder says", words)
     assert sorted(p.name for p in (tmp_path / "seen").iterdir()) == [
         "data.png",
         "manifest.json",

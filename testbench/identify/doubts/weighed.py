@@ -31,14 +31,25 @@ QUIET = 1.3, 2.5
 NOISE = 8.0  #: Misfit from which the stated noise is doubted.
 
 
+def _largest(factor: float, data: Dataset) -> str:
+    """Deflections that are no arm's, in words: a wild one may outweigh all others."""
+    size = 1e3 * np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
+    (i, k), middle = np.unravel_index(np.argmax(size), size.shape), np.median(size[data.seen])
+    return (
+        f"as a whole the deflections are {factor:.3g} times what the arm's folder says; the largest is "
+        f"{size[i, k]:.3g} mm, {data.markers[k]} in run {data.run[i]}, the median {middle:.3g} mm: "
+        "is that reading wrong, or are loaded readings of other runs?"
+    )
+
+
 def weighed(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
     """Doubts about loads and deflections, the likeliest first."""
     factor = scale(vjm, metric, data)
     try:
         fitted = learnt(vjm, metric, data)
-    except BenchError as err:  # no compliance moves so: only other loads can
+    except BenchError:  # no compliance moves so: only other loads can
         said = _changed(None, vjm, metric, data)
-        return said or [Doubt("scale", f"the readings do not compare with the arm's folder: {err}")]
+        return said or [Doubt("scale", _largest(factor, data))]
     found = [s for s in suspects(fitted) if s.size.gain > LEAST and _large(fitted, s)]
     found.sort(key=lambda s: -s.size.gain)
     said = [Doubt(s.name, _sentence(s), s.size.gain) for s in _told(found)]
