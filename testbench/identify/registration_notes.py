@@ -29,7 +29,7 @@ def frame_notes(found: Registration) -> Iterator[str]:
 def fit_note(found: Registration) -> str:
     """How well all readings fit."""
     text = f"unloaded readings fit the arm's kinematics to {1e3 * found.rms:.2f} mm RMS"
-    return text + (f"; {found.wild} of {found.readings} are wild and count less" if found.wild else "")
+    return text + (f"; {found.wild} of {found.readings} fit worse and count less" if found.wild else "")
 
 
 def target_notes(found: Registration, taken: Mask) -> Iterator[str]:

@@ -115,3 +115,12 @@ def test_a_wrong_map_is_one_line(tmp_path, old, new, text):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert text in done.stderr
+
+
+def test_runs_of_an_arm_without_joints_are_looked_at(tmp_path):
+    runs = tmp_path / "runs.csv"
+    done = run("simulate", "single_link", "--poses", 2, "--out", runs)
+    assert done.returncode == 0, done.stderr
+    done = run("data", "check", "single_link", runs)
+    assert done.returncode == 0, done.stderr
+    assert "no doubts about the runs" in done.stdout

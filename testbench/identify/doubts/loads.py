@@ -60,8 +60,10 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
     S[np.diag_indices_from(S)] += kappa**2
     x = s * seen.metric.expected + width * (half.T @ np.linalg.solve(S, residual))
     pi = seen.metric.L @ x
-    D = allowed(vjm, data, structure.matrix(pi))
-    inverse = np.linalg.inv(S + D @ D.T)
+    if vjm.arm.joints:
+        D = allowed(vjm, data, structure.matrix(pi))
+        S = S + D @ D.T
+    inverse = np.linalg.inv(S)
     value, surprise = loss(seen, h)[0], inverse @ residual
     return Fitted(vjm, seen.metric, data, read, value, pi, inverse, surprise, h)
 

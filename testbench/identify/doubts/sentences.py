@@ -24,7 +24,7 @@ def frame_doubt(found: Registered) -> Doubt:
     """Readings that turned out to be in the tracker's frame, where nobody said so."""
     assert found.registration is not None
     [first, *others] = found.registration.frames
-    more = f", and {len(others)} stations more" if others else ""
+    more = f", and {len(others)} station{'s' * (len(others) > 1)} more" if others else ""
     moved = _moved(first.rotation_vector, first.translation)
     return Doubt(
         "frame", f"the readings {moved}{more}; they are taken as the tracker's: --frame tracker confirms"
