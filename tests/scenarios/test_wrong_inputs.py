@@ -67,12 +67,12 @@ def test_a_set_is_judged_by_its_first_doubt(hung):
 def test_the_two_checks_before_see_what_they_saw(hung):
     """Far readings and moves against the force, and not what they never saw."""
     seen = {
-        fault: noticed(own.cell.vjm, own.data)
+        fault: noticed(own.cell, own.data)
         for fault in ("tracker_frame", "swapped", "force_sign", "kilograms", "joint_zero", "noise")
         for own in [planted(hung, fault)]
     }
     assert [fault for fault, own in seen.items() if own] == ["tracker_frame", "swapped", "force_sign"]
-    assert not noticed(hung.cell.vjm, hung.data)
+    assert not noticed(hung.cell, hung.data)
 
 
 @pytest.mark.parametrize(

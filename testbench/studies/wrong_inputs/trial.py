@@ -129,7 +129,7 @@ def row(case: str, own: Sound) -> SetRow:
         doubts=len(found),
         right=first.name in names if first else case == SOUND,
         anywhere=any(doubt.name in names for doubt in found) or (case == SOUND and not found),
-        before=noticed(own.cell.vjm, own.data),
+        before=noticed(own.cell, own.data),
         seconds=seconds,
         measured=dataset_row(own.data) if case == SOUND else None,
     )
