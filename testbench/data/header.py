@@ -164,6 +164,8 @@ def rows_of(path: Path, header: Header) -> list[str]:
         while got > count and text.rstrip(" ").endswith(delimiter):
             text, got = text.rstrip(" ")[:-1], got - 1
         if got != count:
-            raise InputError(path, f"line {line.number}", f"expected {count} fields, got {got}")
+            hint = "; for a line behind the table say footer = 1 in the map's [file]"
+            problem = f"expected {count} fields, got {got}" + hint * (line is header.body[-1])
+            raise InputError(path, f"line {line.number}", problem)
         found.append(text)
     return found

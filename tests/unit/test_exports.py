@@ -467,6 +467,14 @@ def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
     check_alike(read_export(own.data, ARM, own.map).data)
 
 
+def test_a_footer_is_suspected_in_the_last_line(tmp_path):
+    lines = [*plain().decode().splitlines(), "36 points"]
+    for count, hint in ((0, "for a line behind the table say footer = 1"), (1, "expected 11 fields, got 1$")):
+        content = "\n".join([*lines, *lines[1 : 1 + count]]).encode()
+        with pytest.raises(InputError, match=hint):
+            read_export(files(tmp_path, "plain", content).data, ARM)
+
+
 def test_the_unit_of_a_name_that_a_map_gives_whole_is_known(tmp_path):
     own = files(
         tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
