@@ -44,15 +44,15 @@ class PoseError(BenchError):
     """A pose that the arm cannot take: outside its limits or in collision."""
 
 
-def read_text(path: Path, max_bytes: int) -> str:
-    """The text of a file that a user handed in, without its byte order mark.
+def read_bytes(path: Path, max_bytes: int) -> bytes:
+    """The content of a file that a user handed in.
 
     Args:
         path: The file.
         max_bytes: Largest size that is read [byte].
 
     Raises:
-        InputError: When it is missing, no plain file, too large or not UTF-8.
+        InputError: When it is missing, no plain file, or too large.
     """
     try:
         status = path.stat()
@@ -60,9 +60,15 @@ def read_text(path: Path, max_bytes: int) -> str:
             raise InputError(path, "", "expected a file, got a folder or a device")
         if status.st_size > max_bytes:
             raise InputError(path, "", f"expected at most {max_bytes} bytes, got {status.st_size}")
-        return path.read_bytes().decode("utf-8-sig")
+        return path.read_bytes()
     except OSError as err:
         raise InputError(path, "", f"cannot be read: {err.strerror}") from err
+
+
+def read_text(path: Path, max_bytes: int) -> str:
+    """The text of such a file without its byte order mark; InputError also when it is not UTF-8."""
+    try:
+        return read_bytes(path, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as err:
         raise InputError(path, f"byte {err.start + 1}", f"expected UTF-8: {err.reason}") from err
 

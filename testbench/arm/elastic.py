@@ -1,11 +1,11 @@
 """elastic.toml as a document: every number with its unit, its origin and a note."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from testbench.arm.document import Strict, parse_toml
 from testbench.arm.lines import toml_place
 from testbench.arm.stiffness import COMPLIANCE_RANGE
 from testbench.errors import InputError, read_text
@@ -19,17 +19,13 @@ PAYLOAD_RANGE = 1e-3, 1e4
 Origin = Literal["published", "inferred", "assumed", "estimated"]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^\P{C}+$")]  # no control characters
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Value = TypeVar("Value")
 Unit = TypeVar("Unit")
 
 
-class Quantity(_Strict, Generic[Value, Unit]):
+class Quantity(Strict, Generic[Value, Unit]):
     """A number and where it comes from."""
 
     value: Value
@@ -41,7 +37,7 @@ class Quantity(_Strict, Generic[Value, Unit]):
 Metre = Quantity[float, Literal["m"]]
 
 
-class TubeEntry(_Strict):
+class TubeEntry(Strict):
     """A straight hollow circular beam."""
 
     length: Metre
@@ -51,7 +47,7 @@ class TubeEntry(_Strict):
     poissons_ratio: Quantity[float, Literal["1"]]
 
 
-class LinkEntry(_Strict):
+class LinkEntry(Strict):
     """A link: its body, its beam axes, and a tube or a compliance."""
 
     name: Name
@@ -61,14 +57,14 @@ class LinkEntry(_Strict):
     compliance: Quantity[list[list[float]], Literal["m/N, rad/(N m)"]] | None = None
 
 
-class JointEntry(_Strict):
+class JointEntry(Strict):
     """An actuated joint."""
 
     name: Name
     compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]
 
 
-class Elastic(_Strict):
+class Elastic(Strict):
     """The whole file."""
 
     format: Literal[1]
@@ -93,10 +89,7 @@ def read_elastic(path: Path) -> Elastic:
     for number, line in enumerate(text.split("\n"), start=1):
         if line.count(".") > MAX_DOTS:
             raise InputError(path, f"line {number}", f"expected at most {MAX_DOTS} dots in a line")
-    try:
-        data = tomllib.loads(text)
-    except (ValueError, RecursionError) as err:  # also an integer of thousands of digits
-        raise InputError(path, "", f"not TOML: {err}") from err
+    data = parse_toml(path, text)
     try:
         elastic = Elastic.model_validate(data)
     except ValidationError as err:

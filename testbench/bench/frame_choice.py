@@ -1,13 +1,13 @@
 """The frame of a user's readings: found, said, or given as a TOML file."""
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from testbench.arm.document import Strict, parse_toml
 from testbench.bench.campaign import Cell
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, InputError, read_text
@@ -19,11 +19,7 @@ Metres = Annotated[float, Field(ge=-1000, le=1000)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Frame(_Strict):
+class _Frame(Strict):
     """The base in the tracker's frame: a reading is R x + position, R = Rz Ry Rx."""
 
     station: int = 1  #: Identifier of the station.
@@ -31,7 +27,7 @@ class _Frame(_Strict):
     rotation_xyz_deg: list[Degrees] = Field(min_length=3, max_length=3)  #: About the tracker's x, y, then z.
 
 
-class _File(_Strict):
+class _File(Strict):
     frame: list[_Frame] = Field(min_length=1, max_length=100)
 
 
@@ -72,11 +68,9 @@ def read_frames(path: Path) -> tuple[Frame, ...]:
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
+    content = parse_toml(path, read_text(path, MAX_BYTES))
     try:
-        content = tomllib.loads(read_text(path, MAX_BYTES))
         given = _File.model_validate(content).frame
-    except tomllib.TOMLDecodeError as err:
-        raise InputError(path, "", f"not TOML: {err}") from err
     except ValidationError as err:
         first = err.errors()[0]
         place = ".".join(str(part) for part in first["loc"])

@@ -2,11 +2,10 @@
 
 import csv
 import re
-import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbench.errors import InputError
+from testbench.errors import InputError, read_bytes
 
 MAX_BYTES = 300_000_000
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
@@ -35,7 +34,7 @@ def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
     Raises:
         InputError: When it is missing, no plain file, too large, or no text.
     """
-    content = _read_bytes(path)
+    content = read_bytes(path, MAX_BYTES)
     if content.startswith(WORKBOOK):
         raise InputError(path, "", "expected text, got a workbook; export the sheet as CSV")
     mark = next((mark for mark in MARKS if content.startswith(mark)), b"")
@@ -58,18 +57,6 @@ def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
                 raise InputError(path, f"line {line}", problem)
             return text, name
     raise AssertionError
-
-
-def _read_bytes(path: Path) -> bytes:
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):  # a device or a pipe has no end
-            raise InputError(path, "", "expected a file, got a folder or a device")
-        if status.st_size > MAX_BYTES:
-            raise InputError(path, "", f"expected at most {MAX_BYTES} bytes, got {status.st_size}")
-        return path.read_bytes()
-    except OSError as err:
-        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
 
 
 def split_lines(path: Path, text: str) -> list[Line]:

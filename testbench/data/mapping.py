@@ -1,14 +1,14 @@
 """A map: how somebody's export names our quantities, as TOML of a few lines."""
 
 import re
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.lines import toml_place
 from testbench.data.names import (
@@ -33,11 +33,7 @@ Frame = Literal["base", "tracker"]
 Words = tuple[str, ...]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Layout(_Strict):
+class Layout(Strict):
     """How the file is written, where that is not to be found from the file itself."""
 
     #: Between cells; " " for runs of blanks, "  " for runs of at least two.
@@ -54,7 +50,7 @@ class Layout(_Strict):
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
 
 
-class _Map(_Strict):
+class _Map(Strict):
     frame: Frame | None = None
     file: Layout = Layout()
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
@@ -137,9 +133,9 @@ def read_map(path: Path | None, arm: Arm) -> Names:
 
 
 def _read(path: Path) -> _Map:
-    text = read_text(path, MAX_BYTES)
+    data = parse_toml(path, read_text(path, MAX_BYTES))
     try:
-        return _Map.model_validate(tomllib.loads(text))
+        return _Map.model_validate(data)
     except ValidationError as err:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
@@ -147,8 +143,6 @@ def _read(path: Path) -> _Map:
             keys = _Map.model_fields if len(first["loc"]) == 1 else Layout.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
         raise InputError(path, place, f"{first['msg']}, got {str(first['input'])[:80]!r}") from err
-    except (ValueError, RecursionError) as err:
-        raise InputError(path, "", f"not TOML: {err}") from err
 
 
 def _tuple(words: str | list[str]) -> tuple[str, ...]:

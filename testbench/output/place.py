@@ -1,5 +1,6 @@
 """Whether an output may go to a place, asked before anything is computed."""
 
+import contextlib
 import os
 import re
 import stat
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from testbench.errors import InputError
 from testbench.output.manifest import is_run
+from testbench.output.scratch import writing
 
 LONGEST = 255  #: Longest name of a file [byte].
 HEAD = 4096  #: How much of a file says what it is [byte].
@@ -59,11 +61,8 @@ def check_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bo
 
 
 def _is(path: Path, kind: Kind) -> bool:
-    try:
-        with path.open("rb") as file:
-            return re.match(kind.begins, file.read(HEAD)) is not None
-    except OSError as err:
-        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+    with writing(path), path.open("rb") as file:
+        return re.match(kind.begins, file.read(HEAD)) is not None
 
 
 def look(path: Path) -> os.stat_result | None:
@@ -72,14 +71,11 @@ def look(path: Path) -> os.stat_result | None:
     Raises:
         InputError: When nothing can stand there.
     """
-    try:
-        if any(len(os.fsencode(part)) > LONGEST for part in path.parts):
-            raise InputError(path, "", f"cannot be written: a name has more than {LONGEST} bytes")
+    if any(len(os.fsencode(part)) > LONGEST for part in path.parts):
+        raise InputError(path, "", f"cannot be written: a name has more than {LONGEST} bytes")
+    with writing(path), contextlib.suppress(FileNotFoundError):
         return path.lstat()
-    except FileNotFoundError:
-        return None
-    except OSError as err:
-        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+    return None
 
 
 def same(path: Path, other: Path) -> bool:
@@ -103,8 +99,5 @@ def check_writable(folder: Path, path: Path) -> None:
     """
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as err:
-        raise InputError(path, "", f"cannot be written: {err.strerror}") from err
+    with writing(path), tempfile.TemporaryFile(dir=folder):
+        pass

@@ -9,7 +9,7 @@ from testbench.errors import InputError
 from testbench.output import manifest
 from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
-from testbench.output.scratch import folder_for, interrupts_wait, remove, scratch_name, sweep
+from testbench.output.scratch import folder_for, interrupts_wait, remove, scratch_name, sweep, writing
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd"))
 """Of files of runs whose manifest does not name them: older ones."""
@@ -81,21 +81,16 @@ def whole_folder(out: Path) -> Iterator[Path]:
         InputError: When the folder cannot be made or written.
     """
     scratch = out / scratch_name()
-    try:
-        with folder_for(out):
-            sweep(out)
-            scratch.mkdir()
-            try:
-                yield scratch
-                with interrupts_wait():
-                    files = sorted(
-                        scratch.iterdir(), key=lambda file: (file.name != manifest.NAME, file.name)
-                    )
-                    _replace(out, files)
-            finally:
-                remove(scratch)
-    except OSError as err:
-        raise InputError(Path(err.filename2 or out), "", f"cannot be written: {err.strerror}") from err
+    with writing(out), folder_for(out):
+        sweep(out)
+        scratch.mkdir()
+        try:
+            yield scratch
+            with interrupts_wait():
+                files = sorted(scratch.iterdir(), key=lambda file: (file.name != manifest.NAME, file.name))
+                _replace(out, files)
+        finally:
+            remove(scratch)
 
 
 @contextlib.contextmanager
@@ -111,17 +106,14 @@ def new_folder(out: Path) -> Iterator[Path]:
     if look(out) is not None:
         raise InputError(out, "", "exists already; expected the name of a new folder")
     scratch = out.parent / scratch_name()
-    try:
-        with folder_for(out.parent):
-            sweep(out.parent)
-            try:
-                (scratch / out.name).mkdir(parents=True)
-                yield scratch / out.name
-                (scratch / out.name).rename(out)
-            finally:
-                remove(scratch)
-    except OSError as err:
-        raise InputError(Path(err.filename2 or out), "", f"cannot be written: {err.strerror}") from err
+    with writing(out), folder_for(out.parent):
+        sweep(out.parent)
+        try:
+            (scratch / out.name).mkdir(parents=True)
+            yield scratch / out.name
+            (scratch / out.name).rename(out)
+        finally:
+            remove(scratch)
 
 
 def _replace(out: Path, made: Sequence[Path]) -> None:

@@ -41,6 +41,16 @@ def _runs(pid: int, life: str) -> bool:
     return True
 
 
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What the disk refuses in the block is told as an InputError of the path, or of what is replaced."""
+    try:
+        yield
+    except OSError as err:
+        problem = f"cannot be written: {err.strerror or err}"
+        raise InputError(Path(err.filename2 or path), "", problem) from err
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder, if it can be."""
     if path.is_dir() and not path.is_symlink():
@@ -59,10 +69,8 @@ def folder_for(path: Path) -> Iterator[None]:
     """
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
-        try:
+        with writing(path):
             path.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            raise InputError(path, "", f"cannot be written: {err.strerror}") from err
         yield
     finally:
         for folder in made:
@@ -81,16 +89,13 @@ def whole_file(path: Path) -> Iterator[Path]:
         InputError: When it cannot be written.
     """
     part = path.with_name(scratch_name())
-    try:
-        with folder_for(path.parent):
-            sweep(path.parent)
-            try:
-                yield part
-                part.replace(path)
-            finally:
-                remove(part)
-    except OSError as err:
-        raise InputError(path, "", f"cannot be written: {err.strerror or err}") from err
+    with writing(path), folder_for(path.parent):
+        sweep(path.parent)
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            remove(part)
 
 
 def write_whole(text: str, path: Path) -> None:
