@@ -26,4 +26,4 @@ def overloaded(arm: Arm, masses: Iterable[float]) -> str | None:
     mass = max(masses)
     if arm.payload is None or mass <= OVERLOAD * arm.payload:
         return None
-    return f"doubt: {mass:g} kg hang from an arm that states a payload of {arm.payload:g} kg"
+    return f"{mass:.4g} kg hang from an arm that states a payload of {arm.payload:g} kg"

@@ -8,16 +8,18 @@ from typing import Protocol
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
 from testbench.bench.fits import Runs
 from testbench.bench.frame_choice import frame_files, to_base
 from testbench.bench.frame_rows import registration_row
 from testbench.bench.looks import Looks, look
+from testbench.bench.payload import overloaded
 from testbench.bench.rows import UM
 from testbench.data.dataset import split
 from testbench.data.export import Export, read_export
 from testbench.errors import BenchError, InputError
-from testbench.identify.doubts import HandedIn, open_places
+from testbench.identify.doubts import Doubt, HandedIn, open_places
 from testbench.identify.registered import Registered
 
 
@@ -90,7 +92,10 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
 
 def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> Looks:
     """What may be wrong with runs of an arm, as its folder has it, that were registered."""
-    return look(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"))
+    looks = look(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"))
+    masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
+    heavy = overloaded(cell.arm, masses.tolist())
+    return looks if heavy is None else replace(looks, doubts=(*looks.doubts, Doubt("payload", heavy)))
 
 
 def _said(export: Export, asked: Source) -> str:

@@ -43,7 +43,7 @@ def command(asked: Options) -> None:
         "To confirm, by share of the sag that hangs on it:",
         *(confirm_lines(checked, MOST) or ["  nothing"]),
         "",
-        *([f"DOUBT: {sentence}" for sentence in doubts] or ["No doubts about the arm."]),
+        *([f"Doubt: {sentence}" for sentence in doubts] or ["No doubts about the arm."]),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
     if asked.out is not None:

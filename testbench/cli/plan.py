@@ -73,7 +73,7 @@ def command(asked: Options) -> None:
     tasks = read_tasks(asked.task, cell, plans.hung(cell, settings.loads_kg[0]))
     console = Console(highlight=False)
     if doubt := overloaded(cell.arm, settings.loads_kg):
-        console.print(doubt, soft_wrap=True, markup=False)
+        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
     with console.status("looking for feasible poses") as status:
         found = plans.search(cell, settings)
         status.update(f"choosing {asked.poses} of {len(found.q)} poses")

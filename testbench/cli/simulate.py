@@ -80,7 +80,7 @@ def command(asked: Options) -> None:
     write_csv(data, cell.arm, asked.out)
     console, size = Console(highlight=False), 1e3 * np.linalg.norm(data.deflection, axis=-1)
     if doubt := overloaded(cell.arm, masses.ravel().tolist()):
-        console.print(doubt, soft_wrap=True, markup=False)
+        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
     console.print(text, soft_wrap=True, markup=False)
 

@@ -166,7 +166,7 @@ def _confirm(axes: Axes, checked: Checked) -> None:
     rest = len(checked.items) - len(items)
     lines = [f"and {rest} more of less effect"] if rest else []
     for doubt in checked.doubts:
-        lines += wrap(f"DOUBT: {doubt.sentence}", WIDTH)
+        lines += wrap(f"Doubt: {doubt.sentence}", WIDTH)
     for k, line in enumerate(lines):
         weight = "bold" if checked.doubts and k >= bool(rest) else "normal"
         axes.text(0, len(items) + 0.1 + 0.5 * k, line, weight=weight, va="bottom", parse_math=False)
