@@ -22,7 +22,6 @@ DRAWN = 2.0  #: Diameter of a tube over the width of the drawn link [1].
 NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
 SAG = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
 FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
-FLAT = 0.05  #: Spread of markers across their line over that along it [1].
 MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
 ALL = 0.8  #: The same [1].
@@ -165,15 +164,15 @@ def sags(arm: Looked) -> Iterator[str]:
 
 def points(arm: Looked) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
+    from testbench.plant.adopt.points import on_a_line
+
     vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
         distance = float(np.linalg.norm(place))
         if distance > FAR * arm.vjm.reach:
             yield f"{name} is {distance:.3g} m from the tool, the whole arm reaches {arm.vjm.reach:.3g} m"
-    if len(names) > 1:
-        spread = np.linalg.svd(vjm.markers - vjm.markers.mean(axis=0), compute_uv=False)
-        if spread[1] <= FLAT * spread[0]:
-            yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
+    if len(names) > 1 and on_a_line(vjm.markers):
+        yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
 
 
 def masses(arm: Looked) -> Iterator[str]:

@@ -13,7 +13,7 @@ from testbench.cli.arguments import ArmName
 from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.checked.files import COMMAND, write
-from testbench.views.checked.words import confirm_lines, contents, doubt_lines, sag_words
+from testbench.views.checked.words import confirm_lines, contents, sag_words
 
 MOST = 12  #: Numbers to confirm that are listed.
 
@@ -34,7 +34,7 @@ def command(asked: Options) -> None:
         check_folder(asked.out, COMMAND, own=frozenset(), inputs=[find_arm(asked.arm)], force=asked.force)
     checked = check(asked.arm)
     console = Console(highlight=False)
-    doubts = doubt_lines(checked)
+    doubts = [f"Doubt: {doubt.sentence}" for doubt in checked.doubts]
     lines = [
         *contents(checked),
         f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {checked.apart:.0e} m",
@@ -43,7 +43,7 @@ def command(asked: Options) -> None:
         "To confirm, by share of the sag that hangs on it:",
         *(confirm_lines(checked, MOST) or ["  nothing"]),
         "",
-        *([f"Doubt: {sentence}" for sentence in doubts] or ["No doubts about the arm."]),
+        *(doubts or ["No doubts about the arm."]),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
     if asked.out is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.doubts.doubt import Doubt, three
@@ -189,7 +190,7 @@ def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Doubt]:
     size = abs(math.log(max(abs(factor), 1e-12)))
     force = float(np.linalg.norm(data.wrench[:, :3], axis=1).max())
     payload = vjm.arm.payload
-    light = payload is not None and force < LIGHT * payload * 9.81 and force > LIGHT * payload
+    light = payload is not None and force < LIGHT * payload * GRAVITY and force > LIGHT * payload
     if size <= math.log(SCALES) and not (light and factor > HALF):
         return []
     if factor > 1:

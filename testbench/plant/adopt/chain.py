@@ -1,5 +1,6 @@
 """The serial chain that a robot's file is reduced to: parts, joints, masses and surfaces, in SI."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,6 +29,11 @@ class Shape:
     visual: bool  #: It is drawn.
     collides: bool  #: It keeps others out.
     solid: Solid | None = None  #: The primitive that the surface stands for, where it is one.
+
+
+def seen(shapes: Sequence[Shape]) -> list[Shape]:
+    """Those that are drawn; where none is, those that collide."""
+    return [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,9 +40,8 @@ class Rows:
     tool: str
     load: str
     markers: tuple[str, ...]
-    proposed: tuple[
-        tuple[str, str], ...
-    ]  #: Places that nobody has stated: "tool", "load" or "markers"; words.
+    #: Places that nobody has stated: "tool", "load" or "markers"; words.
+    proposed: tuple[tuple[str, str], ...]
     links: tuple[LinkRow, ...]
     joints: tuple[JointRow, ...]
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Part, Shape, Site, Solid
-from testbench.plant.adopt.tree import Body, pose_of
+from testbench.plant.adopt.pose import moved, pose_of
+from testbench.plant.adopt.tree import Body
 
 SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
 
@@ -29,13 +30,13 @@ def place(bodies: tuple[Body, ...], path: list[int]) -> dict[int, Placed]:
         placed[k] = Placed(0, backwards)
         backwards = backwards @ np.linalg.inv(bodies[k].pose)
     assert np.array_equal(placed[base].pose, np.eye(4))
-    moved = 0
+    joints = 0
     for k in path[path.index(first) :]:
         if bodies[k].joint is not None:
-            moved += 1
-            placed[k] = Placed(moved, np.eye(4))
+            joints += 1
+            placed[k] = Placed(joints, np.eye(4))
         else:
-            placed[k] = Placed(moved, placed[bodies[k].parent].pose @ bodies[k].pose)
+            placed[k] = Placed(joints, placed[bodies[k].parent].pose @ bodies[k].pose)
     for k, body in enumerate(bodies):
         if k not in placed and body.parent in placed:
             before = placed[body.parent]
@@ -89,7 +90,7 @@ def _joined(own: list[tuple[Body, Array]]) -> tuple[float, Array, Array]:
 def _moved(shape: Shape, pose: Array) -> Shape:
     """A shape of a body in the frame of its part."""
     solid = shape.solid and Solid(shape.solid.kind, shape.solid.size, pose @ shape.solid.pose)
-    return replace(shape, vertices=shape.vertices @ pose[:3, :3].T + pose[:3, 3], solid=solid)
+    return replace(shape, vertices=moved(shape.vertices, pose), solid=solid)
 
 
 def _site(site: Site, pose: Array) -> Site:

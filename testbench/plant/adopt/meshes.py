@@ -19,6 +19,8 @@ TOLD = 4  #: Meshes that a note names; the others it counts.
 READ = ("stl", "obj", "ply", "dae")
 
 Faces = npt.NDArray[np.int_]
+Surface = tuple[Array, Faces]
+"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 
 
 class MeshError(Exception):
@@ -92,9 +94,8 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         if not parts:
             raise MeshError(f"no triangles in this {kind}")
         scale = _metre(data) if kind == "dae" else 1.0
-        vertices = np.concatenate([np.asarray(part.vertices, dtype=float) for part in parts]) * scale
-        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-        faces = np.concatenate([np.asarray(p.faces, dtype=int) + first[k] for k, p in enumerate(parts)])
+        vertices, faces = joined([(np.asarray(p.vertices, dtype=float), np.asarray(p.faces)) for p in parts])
+        vertices = vertices * scale
         rgba = _main_colour(parts)
     except MeshError:
         raise
@@ -135,13 +136,24 @@ def _colour(part: object) -> tuple[float, ...] | None:
     return tuple(float(x) / 255 for x in colour[:4])
 
 
-def _welded(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def _welded(vertices: Array, faces: Faces) -> Surface:
     """Corners in one place as one; triangles without area go."""
     unit = float(np.abs(vertices).max()) * 1e-7 or 1.0
     _, first, inverse = np.unique(np.round(vertices / unit), axis=0, return_index=True, return_inverse=True)
-    faces = inverse.reshape(-1)[faces]
+    return vertices[first], with_area(inverse.reshape(-1)[faces])
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """Several surfaces as one."""
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    faces = [own.astype(int) + first[k] for k, (_, own) in enumerate(surfaces)]
+    return np.concatenate([vertices for vertices, _ in surfaces]), np.concatenate(faces)
+
+
+def with_area(faces: Faces) -> Faces:
+    """The triangles whose corners differ."""
     a, b, c = faces.T
-    return vertices[first], faces[(a != b) & (b != c) & (c != a)]
+    return np.asarray(faces[(a != b) & (b != c) & (c != a)])
 
 
 def check_size(vertices: Array) -> None:

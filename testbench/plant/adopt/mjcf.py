@@ -12,8 +12,9 @@ import numpy as np
 from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import JointOf, Shape, Site, Solid
 from testbench.plant.adopt.mjcf_text import Cleaned, clean_mjcf
+from testbench.plant.adopt.pose import moved, pose_of
 from testbench.plant.adopt.solids import solid_shape
-from testbench.plant.adopt.tree import Body, Tree, pose_of
+from testbench.plant.adopt.tree import Body, Tree
 from testbench.plant.adopt.urdf import SLIDE, UNLIMITED
 from testbench.plant.shapes import KINDS, VISUAL_GROUPS, geom_rgba
 
@@ -35,12 +36,12 @@ def read_mjcf_tree(file: Path, root: ET.Element) -> Tree:
     model, stated = _compile(file, cleaned)
     bodies: list[Body] = []
     index: dict[int, int] = {0: -1}  # of MuJoCo's body the last of ours, whose origin may lie on a joint
-    moved: dict[int, Array] = {0: np.zeros(3)}  # that origin in MuJoCo's body
+    origins: dict[int, Array] = {0: np.zeros(3)}  # that origin in MuJoCo's body
     for b in range(1, model.nbody):
         parent = int(model.body_parentid[b])
-        before = pose_of(np.eye(3), -moved[parent]) @ _pose(model.body_pos[b], model.body_quat[b])
-        split, moved[b] = _split(model, b, index[parent], before, len(bodies))
-        split[-1] = _filled(model, b, split[-1], moved[b], weighed=stated[b])
+        before = pose_of(np.eye(3), -origins[parent]) @ _pose(model.body_pos[b], model.body_quat[b])
+        split, origins[b] = _split(model, b, index[parent], before, len(bodies))
+        split[-1] = _filled(model, b, split[-1], origins[b], weighed=stated[b])
         bodies += split
         index[b] = len(bodies) - 1
     return Tree(root.get("model") or file.stem, tuple(bodies), cleaned.notes)
@@ -148,7 +149,7 @@ def _shape(model: mujoco.MjModel, g: int, origin: Array) -> Shape | None:
         first, face = int(model.mesh_vertadr[k]), int(model.mesh_faceadr[k])
         corners = model.mesh_vert[first : first + int(model.mesh_vertnum[k])].astype(float)
         faces = model.mesh_face[face : face + int(model.mesh_facenum[k])].astype(int)
-        shape = Shape(corners @ pose[:3, :3].T + pose[:3, 3], faces, rgba, visual=True, collides=True)
+        shape = Shape(moved(corners, pose), faces, rgba, visual=True, collides=True)
     else:
         counts = {"sphere": 1, "capsule": 2, "cylinder": 2}
         solid = Solid(kind, tuple(map(float, size[: counts.get(kind, 3)])), pose)

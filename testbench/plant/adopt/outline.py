@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
-from testbench.plant.adopt.chain import Shape
+from testbench.plant.adopt.chain import Shape, seen
 
 CUTS = 17  #: Cuts across a link.
 INNER = 0.1, 0.9  #: They stand at this share of its length, clear of the flanges [1].
@@ -15,8 +15,7 @@ FEWEST = 3  #: Cuts that must meet the surface.
 
 def triangles(shapes: Sequence[Shape]) -> Array:
     """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
-    chosen = [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
-    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in chosen)])
+    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in seen(shapes))])
 
 
 def extent(surface: Array, axis: Array) -> tuple[float, float]:

@@ -22,9 +22,8 @@ class Points:
 
     markers: tuple[tuple[str, Array], ...]  #: Name and position, (3,) [m].
     load: Array  #: Where a weight hangs, (3,) [m].
-    proposed: tuple[
-        tuple[str, str], ...
-    ]  #: What nobody has stated, "tool", "load" or "markers", and in words.
+    #: What nobody has stated, "tool", "load" or "markers", and in words.
+    proposed: tuple[tuple[str, str], ...]
 
 
 def tool_pose(chain: Chain, wishes: Wishes) -> Array:

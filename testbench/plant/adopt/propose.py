@@ -5,6 +5,7 @@ Every rule is plain and every number says "estimated" and how: docs/own_arm.md h
 
 from dataclasses import dataclass
 
+from testbench.arm.folder import COMPLIANCE_UNIT
 from testbench.errors import Array
 from testbench.plant.adopt.beam import Beam, beams, reach
 from testbench.plant.adopt.chain import Chain, Part
@@ -107,4 +108,4 @@ def _joint(chain: Chain, k: int, of: Class) -> JointRow:
     assert joint is not None  # every part but the base has one
     c = joint_compliance(of, k, chain.n_joints, joint.prismatic)
     kind = "slide" if joint.prismatic else "wrist" if in_wrist(k, chain.n_joints) else "arm"
-    return JointRow(joint.name, c, "m/N" if joint.prismatic else "rad/(N m)", kind)
+    return JointRow(joint.name, c, COMPLIANCE_UNIT[joint.prismatic], kind)

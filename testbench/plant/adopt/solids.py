@@ -6,6 +6,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Shape, Solid
+from testbench.plant.adopt.pose import moved
 
 AROUND = 16  #: Corners of a circle.
 VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])  #: Colour where the file has none.
@@ -16,8 +17,7 @@ def solid_shape(solid: Solid, rgba: Array) -> Shape:
     corners = _corners(solid)
     hull = ConvexHull(corners)
     faces = _outward(corners, hull.simplices.astype(int))
-    vertices = corners @ solid.pose[:3, :3].T + solid.pose[:3, 3]
-    return Shape(vertices, faces, rgba, visual=True, collides=True, solid=solid)
+    return Shape(moved(corners, solid.pose), faces, rgba, visual=True, collides=True, solid=solid)
 
 
 def _corners(solid: Solid) -> Array:

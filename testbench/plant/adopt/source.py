@@ -1,6 +1,5 @@
 """A stranger's XML, as far as any format goes: a file that is small, well-formed and of numbers."""
 
-import math
 import os
 import re
 import xml.etree.ElementTree as ET
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.errors import Array, InputError, read_text
-from testbench.plant.adopt.tree import pose_of
+from testbench.plant.adopt.pose import pose_of, turned
 
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
@@ -90,18 +89,6 @@ def need(file: Path, e: ET.Element, key: str) -> str:
     if not text.strip():
         raise InputError(file, where(e), f"expected an attribute {key}")
     return text
-
-
-def turned(rpy: Array) -> Array:
-    """Rotation by roll, pitch, yaw about the fixed x, y, z, (3, 3)."""
-    (a, b, c), (u, v, w) = map(math.cos, rpy), map(math.sin, rpy)
-    return np.array(
-        [
-            [b * c, u * v * c - a * w, a * v * c + u * w],
-            [b * w, u * v * w + a * c, a * v * w - u * c],
-            [-v, u * b, a * b],
-        ]
-    )
 
 
 def read_origin(file: Path, e: ET.Element) -> Array:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.adopt.chain import Part, Shape, Solid
-from testbench.plant.adopt.meshes import Faces
+from testbench.plant.adopt.chain import Part, Shape, Solid, seen
+from testbench.plant.adopt.meshes import Faces, Surface, joined, with_area
 from testbench.plant.adopt.solids import VISIBLE, hull_of
 from testbench.plant.adopt.thin import decimated
 
@@ -16,8 +16,6 @@ HULL_FACES = 200  #: Of a hull.
 GRID = 64, 48, 32, 24, 16, 12  #: Cells along the longest side of a surface that cannot be thinned as it is.
 ENOUGH = 1.2  #: A surface of so many times the faces asked for is thin enough [1].
 MOST_HULLS = 8  #: Of a part; more are one.
-
-Surface = tuple[Array, Faces]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +34,12 @@ def surfaces(part: Part) -> Surfaces:
 
     Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
     """
-    drawn = [s for s in part.shapes if s.visual] or [s for s in part.shapes if s.collides]
+    drawn = seen(part.shapes)
     meshes = [s for s in drawn if s.solid is None]
     hard = [s for s in part.shapes if s.collides]
     largest = max(meshes, key=lambda s: float(_areas(s).sum()), default=None)
     return Surfaces(
-        drawn=_small(_joined(meshes), DRAWN_FACES) if meshes else None,
+        drawn=_small(joined([(s.vertices, s.faces) for s in meshes]), DRAWN_FACES) if meshes else None,
         drawn_solids=tuple((s.solid, s.rgba) for s in drawn if s.solid),
         rgba=VISIBLE if largest is None else largest.rgba,
         hulls=tuple(_hulls([s for s in hard if s.solid is None] if hard else drawn)),
@@ -52,12 +50,6 @@ def surfaces(part: Part) -> Surfaces:
 def _areas(shape: Shape) -> Array:
     t = shape.vertices[shape.faces]
     return np.asarray(np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2)
-
-
-def _joined(shapes: Sequence[Shape]) -> Surface:
-    first = np.cumsum([0, *(len(s.vertices) for s in shapes)])
-    faces = np.concatenate([s.faces + first[k] for k, s in enumerate(shapes)])
-    return np.concatenate([s.vertices for s in shapes]), faces
 
 
 def _small(surface: Surface, most: int) -> Surface:
@@ -76,8 +68,7 @@ def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
     _, inverse, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     inverse = inverse.reshape(-1)
     middle = np.column_stack([np.bincount(inverse, weights=x) for x in vertices.T]) / count[:, None]
-    a, b, c = inverse[faces].T
-    kept = np.column_stack([a, b, c])[(a != b) & (b != c) & (c != a)]
+    kept = with_area(inverse[faces])
     _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
     return middle, kept[np.sort(first)]
 

@@ -5,10 +5,10 @@ import struct
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.adopt.meshes import Faces
+from testbench.plant.adopt.meshes import Faces, Surface
 
 
-def decimated(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
+def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
     """A surface of at most about so many triangles."""
     if len(faces) <= most:
         return vertices, faces

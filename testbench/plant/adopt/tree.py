@@ -7,6 +7,7 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import JointOf, Shape, Site
+from testbench.plant.adopt.pose import pose_of
 
 TIPS = (
     *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef", "ee_link"),
@@ -56,13 +57,6 @@ class Tip:
     name: str  #: Of the body or site.
     body: int  #: Index of its body.
     pose: Array  #: In the body's frame, (4, 4) [m].
-
-
-def pose_of(rotation: Array, position: Array) -> Array:
-    """A pose, (4, 4), from its rotation, (3, 3), and its position, (3,)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, position
-    return pose
 
 
 def path_to(tree: Tree, body: int) -> list[int]:

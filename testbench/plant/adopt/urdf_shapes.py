@@ -10,6 +10,7 @@ from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import Shape, Solid
 from testbench.plant.adopt.meshes import MeshError, Meshes, check_size
 from testbench.plant.adopt.packages import find_mesh
+from testbench.plant.adopt.pose import moved
 from testbench.plant.adopt.solids import VISIBLE, solid_shape
 from testbench.plant.adopt.source import need, read_number, read_numbers, read_origin, where
 
@@ -84,4 +85,4 @@ def _mesh(file: Path, form: ET.Element, pose: Array, rgba: Array | None, meshes:
         return None
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
     colour = next(c for c in (rgba, mesh.rgba, VISIBLE) if c is not None)
-    return Shape(vertices @ pose[:3, :3].T + pose[:3, 3], faces, colour, visual=True, collides=False)
+    return Shape(moved(vertices, pose), faces, colour, visual=True, collides=False)

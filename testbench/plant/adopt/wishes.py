@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.errors import Array, BenchError, check_array
+from testbench.plant.adopt.pose import pose_of, turned
 
 LARGEST = 10.0  #: Farthest point from the tip that can be meant in metres [m].
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
@@ -36,8 +38,9 @@ def read_wishes(
     Raises:
         BenchError: Names the flag and what was expected.
     """
-    if payload_kg is not None and not 1e-3 <= payload_kg <= 1e4:
-        raise BenchError(f"--payload-kg: expected 0.001 to 10000 kg, got {payload_kg}")
+    low, high = PAYLOAD_RANGE
+    if payload_kg is not None and not low <= payload_kg <= high:
+        raise BenchError(f"--payload-kg: expected {low:g} to {high:g} kg, got {payload_kg}")
     named = tuple(_marker(text) for text in markers)
     names = [name for name, _ in named]
     if len(set(names)) < len(names):
@@ -52,22 +55,9 @@ def read_wishes(
     )
 
 
-def turned_about_fixed_axes(degrees: Array) -> Array:
-    """Rotation by rx, then ry, then rz about the x, y and z of before, as URDF's rpy, (3, 3)."""
-    (a, b, c), (u, v, w) = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
-    about_x = np.array([[1, 0, 0], [0, a, -u], [0, u, a]])
-    about_y = np.array([[b, 0, v], [0, 1, 0], [-v, 0, b]])
-    about_z = np.array([[c, -w, 0], [w, c, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x)
-
-
 def _pose(text: str) -> Array:
     values = _numbers("--tool", text, (3, 6))
-    pose = np.eye(4)
-    pose[:3, 3] = values[:3]
-    if len(values) == 6:
-        pose[:3, :3] = turned_about_fixed_axes(values[3:])
-    return pose
+    return pose_of(turned(np.deg2rad(values[3:])) if len(values) == 6 else np.eye(3), values[:3])
 
 
 def _marker(text: str) -> tuple[str, Array]:

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Chain, JointOf, Part, Solid
+from testbench.plant.adopt.meshes import Surface
+from testbench.plant.adopt.pose import pose_of
 from testbench.plant.adopt.propose import Proposal
-from testbench.plant.adopt.surface import Surface, surfaces
+from testbench.plant.adopt.surface import surfaces
 from testbench.plant.adopt.thin import stl_bytes
 
 LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
@@ -40,7 +43,7 @@ def rigid_mjcf(chain: Chain, proposal: Proposal, excluded: tuple[tuple[str, str]
         root.append(ET.Comment(f" {re.sub('-(?=-)', '- ', note)} "))  # no comment may hold two hyphens
     angles = {"angle": "radian", "autolimits": "true"}
     compiler = ET.SubElement(root, "compiler", {**angles, "inertiafromgeom": "false", "meshdir": "meshes"})
-    ET.SubElement(root, "option", gravity="0 0 -9.81", jacobian="dense")
+    ET.SubElement(root, "option", gravity=f"0 0 -{GRAVITY}", jacobian="dense")
     _defaults(root)
     asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     meshes: dict[str, bytes] = {}
@@ -158,7 +161,6 @@ def _tool(last: ET.Element, chain: Chain, proposal: Proposal) -> None:
     colours = [MARKER] * len(proposal.markers) + [LOAD]
     places = [*proposal.markers, (proposal.load_name, proposal.load)]
     for (name, position), rgba in zip(places, colours, strict=True):
-        pose = np.eye(4)
-        pose[:3, 3] = position
+        pose = pose_of(np.eye(3), position)
         looks = {"class": "visual", "type": "sphere", "size": radius, "rgba": rgba}
         ET.SubElement(_body(tool, name, pose), "geom", looks)

@@ -14,6 +14,7 @@ from testbench.plant.corners import RING, corners
 from testbench.plant.shapes import body_names, rigid_frames, visual_shapes
 from testbench.views.checked.words import listed, sag_words
 from testbench.views.colours import LOAD, NOMINAL, hexadecimal
+from testbench.views.data.words import count
 from testbench.views.figure import SOFT, quiet
 
 DARK = "#404040"
@@ -36,8 +37,7 @@ def picture(checked: Checked) -> Figure:
         axes.set_title(TITLES[k], fontsize="medium")
     _confirm(right, checked)
     arm = checked.cell.arm
-    count = len(checked.doubts)
-    words = "no doubts" if not count else f"{count} doubt" + "s" * (count > 1)
+    words = count(len(checked.doubts), "doubt") if checked.doubts else "no doubts"
     figure.suptitle(f"{arm.name}: {sag_words(checked)}; {words}", fontsize="large")
     return figure
 

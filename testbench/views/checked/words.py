@@ -52,11 +52,6 @@ def listed(checked: Checked, most: int) -> list[Item]:
     return [item for item in checked.items if item.share >= SHOWN][:most]
 
 
-def doubt_lines(checked: Checked) -> list[str]:
-    """What may be wrong, a sentence each."""
-    return [doubt.sentence for doubt in checked.doubts]
-
-
 def _link(link: LinkEntry) -> str:
     axis = f"along {_place(np.array(link.axis))}"
     if link.tube is None:
