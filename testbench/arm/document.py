@@ -1,6 +1,7 @@
-"""What the TOML files that people write have in common: strict models, and an error in one line."""
+"""TOML and XML as people hand them in: well-formed, without what may reach elsewhere; strict models."""
 
 import tomllib
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
@@ -24,3 +25,17 @@ def parse_toml(path: Path, text: str) -> dict[str, object]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as err:  # also an integer of thousands of digits
         raise InputError(path, "", f"not TOML: {err}") from err
+
+
+def parse_xml(path: Path, text: str) -> ET.Element:
+    """The root element of a file's text.
+
+    Raises:
+        InputError: When it is not well-formed, or defines entities.
+    """
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(path, "", "document types and entities are not allowed")
+    try:
+        return ET.fromstring(text)
+    except (ET.ParseError, LookupError, ValueError) as err:
+        raise InputError(path, "", f"not well-formed XML: {err}") from err

@@ -9,6 +9,7 @@ import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
 from testbench.errors import InputError, read_text
 
@@ -41,13 +42,7 @@ def read_mjcf(path: Path) -> ET.Element:
     Raises:
         InputError: When it is missing, too large, not well-formed, or holds what an arm may not.
     """
-    text = read_text(path, MAX_BYTES)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(path, "", "document types and entities are not allowed")
-    try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, LookupError, ValueError) as err:
-        raise InputError(path, "", f"not well-formed XML: {err}") from err
+    root = parse_xml(path, read_text(path, MAX_BYTES))
     if root.tag != "mujoco":
         raise InputError(path, "", f"expected <mujoco> at the top, got <{root.tag}>")
     _check_elements(path, root)

@@ -1,6 +1,6 @@
 """What people see of their own runs' fits: the table, and the words around it."""
 
-from testbench.bench.fits import Fits
+from testbench.bench.fit_rows import Fits
 from testbench.views.markdown import TEMPLATES, Words
 from testbench.views.schema import Column, Table
 

@@ -7,7 +7,7 @@ import pytest
 from checks import check_report, check_table, tables_of
 from made_up import fill, filled, single
 
-from testbench.bench.fits import Fits, Fitted, HeldOut
+from testbench.bench.fit_rows import Fits, Fitted, HeldOut
 from testbench.identify.contradiction import Unchecked
 from testbench.identify.doubts import Doubt
 from testbench.views import fits as views

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.document import parse_xml
 from testbench.errors import Array, InputError, read_text
 from testbench.plant.adopt.pose import pose_of, turned
 
@@ -23,15 +24,10 @@ def read_xml(file: Path) -> ET.Element:
         InputError: When it is missing, too large, not well-formed, or says more than a robot can have.
     """
     text = read_text(file, MAX_BYTES)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(file, "", "document types and entities are not allowed")
     if "<xacro:" in re.sub("<!--.*?-->", "", text, flags=re.DOTALL) or file.suffix == ".xacro":
         target = file.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         raise InputError(file, "", f"this is xacro; expand it first: xacro {file.name} > {target}")
-    try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, LookupError, ValueError) as err:
-        raise InputError(file, "", f"not well-formed XML: {err}") from err
+    root = parse_xml(file, text)
     level, count = [root], 0
     for _ in range(MAX_DEPTH):
         count += len(level)
