@@ -183,11 +183,30 @@ def masses(arm: Looked) -> Iterator[str]:
     if not low <= whole / arm.vjm.reach**3 <= high:
         expected = f"{low * arm.vjm.reach**3:.2g} to {high * arm.vjm.reach**3:.2g} kg"
         yield f"its links weigh {whole:.3g} kg at a reach of {arm.vjm.reach:.3g} m, expected {expected}"
+    yield from _densities(arm.cell, weights)
     for link, mass in zip(arm.cell.arm.links[1:], weights[1:], strict=True):
         if mass < NOTHING * whole:
             yield f"{link.name} weighs {mass:.2g} kg, the whole arm {whole:.3g} kg"
         elif mass > ALL * whole and len(weights) > 3:
             yield f"{link.name} weighs {mass:.3g} of the arm's {whole:.3g} kg"
+
+
+def _densities(cell: Cell, weights: Array) -> Iterator[str]:
+    """Masses that fit the hulls of what collides, as far as the links have them."""
+    from testbench.plant.adopt.solids import hull_of, volume_integrals
+    from testbench.plant.adopt.weigh import PLAUSIBLE
+    from testbench.plant.corners import corners
+    from testbench.plant.shapes import body_names, solid_shapes
+
+    names, volumes = body_names(cell.room), dict.fromkeys((link.name for link in cell.arm.links), 0.0)
+    for shape in solid_shapes(cell.room):
+        if names[shape.body] in volumes and (hull := hull_of(corners(shape))):
+            volumes[names[shape.body]] += volume_integrals(*hull)[0]
+    volume = np.array(list(volumes.values()))
+    mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE
+    if volume.any() and not low <= mass / volume.sum() <= high:
+        inside = f"its {mass:.4g} kg are {mass / volume.sum():.0f} kg/m^3 inside of what collides"
+        yield f"{inside}, expected {low:g} to {high:g}"
 
 
 def base(arm: Looked) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What the arm looks like: the visual geoms of its rigid MJCF, and where every body is, rigid or elastic."""
+"""What the arm looks like: geoms of its rigid MJCF, and where every body is, rigid or elastic."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -77,6 +77,16 @@ def visual_shapes(room: Room) -> list[Shape]:
         if int(model.geom_type[g]) in KINDS and model.geom_group[g] < VISUAL_GROUPS
     ]
     return shapes or _sticks(model)
+
+
+def solid_shapes(room: Room) -> list[Shape]:
+    """The geoms of an arm that collide."""
+    model = room.model
+    return [
+        _shape(model, g)
+        for g in range(model.ngeom)
+        if int(model.geom_type[g]) in KINDS and model.geom_contype[g]
+    ]
 
 
 def _shape(model: mujoco.MjModel, g: int) -> Shape:

@@ -90,6 +90,11 @@ WRONG = {
         "link_3 weighs 5.45e+05 of the arm's",
         (XML, r'mass="545\.2"', 'mass="545200"'),
     ),
+    "a mass of solid steel": (
+        "mass",
+        "kg/m^3 inside of what collides, expected 300 to 4000",
+        (XML, r'mass="545\.2"', 'mass="9545.2"'),
+    ),
     "a mass left out": (
         "mass",
         "link_3 weighs 0.001 kg, the whole arm",
