@@ -3,12 +3,13 @@
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, ValidationError
 
 from testbench.arm.document import Strict, parse_toml
 from testbench.arm.lines import toml_place
 from testbench.arm.stiffness import COMPLIANCE_RANGE
-from testbench.errors import InputError, read_text
+from testbench.errors import Array, InputError, read_text
 
 MAX_TOML_BYTES = 100_000
 MAX_DOTS = 200
@@ -130,6 +131,30 @@ def _check_payload(path: Path, elastic: Elastic) -> None:
             toml_place(path, ["payload"]),
             f"expected {low:g} to {high:g} kg, got {elastic.payload.value}",
         )
+
+
+def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:
+    """Where a link, or a value of it, stands; with its name."""
+    return f"{toml_place(path, ['link', index, *keys])} ({link.name})"
+
+
+def beam_frame(path: Path, index: int, link: LinkEntry) -> Array:
+    """Beam axes x, y, z as columns, (3, 3), from axis and normal.
+
+    Raises:
+        InputError: When they are no unit vectors at right angles.
+    """
+    x, y = np.array(link.axis), np.array(link.normal)
+    orthonormal = max(abs(x).max(), abs(y).max()) < 2 and np.allclose(
+        [x @ x, y @ y, x @ y], [1, 1, 0], rtol=0, atol=1e-6
+    )
+    if not orthonormal:
+        problem = f"expected unit vectors at right angles, got {link.axis} and {link.normal}"
+        raise InputError(path, link_place(path, index, link, "axis"), f"axis and normal: {problem}")
+    x = x / np.linalg.norm(x)  # written to six digits or more; exact from here on
+    y = y - (x @ y) * x
+    y = y / np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
 
 
 def _first(path: Path, err: ValidationError) -> tuple[str, str]:

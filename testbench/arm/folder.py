@@ -14,8 +14,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, read_elastic
-from testbench.arm.lines import toml_place
+from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
 from testbench.errors import Array, BenchError, InputError
@@ -162,7 +161,7 @@ def load_arm(folder: str | Path) -> Arm:
 
 def _link(path: Path, index: int, link: LinkEntry) -> Link:
     if (link.tube is None) == (link.compliance is None):
-        raise InputError(path, _place(path, index, link), "expected either a tube or a compliance")
+        raise InputError(path, link_place(path, index, link), "expected either a tube or a compliance")
     try:
         if link.tube is not None:
             tube = Tube(**{k: v.value for k, v in link.tube})
@@ -172,26 +171,8 @@ def _link(path: Path, index: int, link: LinkEntry) -> Link:
             C = check_compliance(link.compliance.value, "compliance")
     except BenchError as err:
         key = "compliance" if link.tube is None else "tube"
-        raise InputError(path, _place(path, index, link, key), str(err)) from err
-    return Link(link.name, _frame(path, index, link), C)
-
-
-def _place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:
-    return f"{toml_place(path, ['link', index, *keys])} ({link.name})"
-
-
-def _frame(path: Path, index: int, link: LinkEntry) -> Array:
-    x, y = np.array(link.axis), np.array(link.normal)
-    orthonormal = max(abs(x).max(), abs(y).max()) < 2 and np.allclose(
-        [x @ x, y @ y, x @ y], [1, 1, 0], rtol=0, atol=1e-6
-    )
-    if not orthonormal:
-        problem = f"expected unit vectors at right angles, got {link.axis} and {link.normal}"
-        raise InputError(path, _place(path, index, link, "axis"), f"axis and normal: {problem}")
-    x = x / np.linalg.norm(x)  # written to six digits or more; exact from here on
-    y = y - (x @ y) * x
-    y = y / np.linalg.norm(y)
-    return np.column_stack([x, y, np.cross(x, y)])
+        raise InputError(path, link_place(path, index, link, key), str(err)) from err
+    return Link(link.name, beam_frame(path, index, link), C)
 
 
 def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint:
@@ -254,5 +235,5 @@ def _check_lengths(path: Path, elastic: Elastic, whole: float) -> None:
     for index, link in enumerate(elastic.link):
         if link.tube is not None and link.tube.length.value > LONGEST * whole > 0:
             got = f"got {link.tube.length.value:g} m; the whole arm is {whole:.3g} m long"
-            place = _place(path, index, link, "tube", "length")
+            place = link_place(path, index, link, "tube", "length")
             raise InputError(path, place, f"expected at most {LONGEST * whole:.3g} m, {got}")

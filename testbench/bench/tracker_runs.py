@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.bench.campaign import stream
+from testbench.bench.plan_settings import Place
 from testbench.data.dataset import Dataset
 from testbench.data.station import check_position
 from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import Array, BenchError
-
-Place = tuple[float, float, float]
 
 
 def places(texts: Sequence[str]) -> list[Place]:

@@ -47,10 +47,6 @@ class Columns:
         """The column of a quantity; None where there is none."""
         return self.found.get(slot)
 
-    def with_table(self, table: Table) -> "Columns":
-        """The same of other rows."""
-        return replace(self, table=table)
-
     def values(self, column: Column) -> Array:
         """A column in SI units, (rows,); NaN where it is blank."""
         lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'

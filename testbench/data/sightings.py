@@ -1,6 +1,6 @@
 """Single readings of a file: which row, which marker, unloaded or loaded, and where the target was."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def drop_other_points(columns: Columns) -> tuple[Columns, int]:
     if column is None or not columns.names.ignored:
         return columns, 0
     other = np.array([squeeze(text) in columns.names.ignored for text in columns.table.texts(column.index)])
-    return columns.with_table(columns.table.take(~other)), int(other.sum())
+    return replace(columns, table=columns.table.take(~other)), int(other.sum())
 
 
 def read_sightings(columns: Columns, arm: Arm, loaded: Mask) -> Sightings:

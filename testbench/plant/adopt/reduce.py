@@ -8,7 +8,7 @@ from testbench.errors import InputError
 from testbench.plant.adopt.chain import Chain
 from testbench.plant.adopt.merge import in_world, part_of, place
 from testbench.plant.adopt.names import with_fit_names
-from testbench.plant.adopt.said import what_became
+from testbench.plant.adopt.notes import what_became
 from testbench.plant.adopt.tree import Tip, Tree, named_tips, path_to, usual_tip
 from testbench.plant.adopt.weigh import weigh
 
