@@ -76,20 +76,12 @@ def _state_by_state(table: Table, conditions: Conditions, seen: Sightings) -> Pa
     load_key = (
         _key(conditions) if conditions.run is None else np.column_stack([_key(conditions), conditions.run])
     )
-    parts = []
-    for own, key in ((rows[~loaded], idle_key), (rows[loaded], load_key)):
-        if not len(own):
-            have = "loaded" if loaded.any() else "unloaded"
-            raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
-        code = number_rows(key[own])
-        if conditions.run is None:
-            code = _repeated(table, code, marker[own])
-        again = own[np.flatnonzero(repeats(np.column_stack([code, marker[own]])))]
-        if len(again):
-            problem = "this marker was read before in the same run, pose, state and load"
-            raise table.error(again[0], "", problem)
-        parts.append((code, own[_first(code)]))
-    (idle_code, idle_row), (code, row) = parts
+    if loaded.all() or not loaded.any():
+        have = "loaded" if loaded.any() else "unloaded"
+        raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
+    counted = conditions.run is None
+    idle_code, idle_row = _grouped(table, rows[~loaded], idle_key, marker, counted=counted)
+    code, row = _grouped(table, rows[loaded], load_key, marker, counted=counted)
     unloaded = _belongs(table, conditions, idle_row, row)
     held = _check_held(table, conditions.q, row, idle_row[unloaded])
     leader, of_row = rows.copy(), np.full(table.rows, -1)
@@ -101,13 +93,39 @@ def _state_by_state(table: Table, conditions: Conditions, seen: Sightings) -> Pa
         notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
     run = np.arange(len(row)) + 1 if notes or run is None else run[row]
     notes += held
-    shared = int((np.bincount(unloaded, minlength=len(idle_row)) > 1).sum())
-    alone = np.setdiff1d(np.arange(len(idle_row)), unloaded)
-    notes += [f"{shared} unloaded readings serve several loads each"] * bool(shared)
-    if len(alone):
-        lines = ", ".join(str(table.lines[r]) for r in idle_row[alone[:5]])
-        notes.append(f"{len(alone)} unloaded readings have no loaded one, from line {lines}")
+    notes += _notes(table, idle_row, unloaded)
     return Paired(row, run, leader, before, _placed(seen, of_row, len(row), after=True), tuple(notes))
+
+
+def _grouped(table: Table, own: Ids, key: Array | Ids, marker: Ids, *, counted: bool) -> tuple[Ids, Ids]:
+    """Readings of one state as groups, one reading of each marker: a number each, and first rows.
+
+    Args:
+        table: The cells.
+        own: Rows of the state.
+        key: What readings of a group share, (rows, columns).
+        marker: Index of the marker, (rows,).
+        counted: Whether a marker that comes again begins another group, as no column says the run.
+    """
+    code = number_rows(key[own])
+    if counted:
+        code = _repeated(table, code, marker[own])
+    again = own[np.flatnonzero(repeats(np.column_stack([code, marker[own]])))]
+    if len(again):
+        problem = "this marker was read before in the same run, pose, state and load"
+        raise table.error(again[0], "", problem)
+    return code, own[_first(code)]
+
+
+def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
+    """Unloaded readings, by their first rows, that serve several runs or none; one belongs to each run."""
+    shared = int((np.bincount(unloaded, minlength=len(idle)) > 1).sum())
+    alone = np.setdiff1d(np.arange(len(idle)), unloaded)
+    notes = [f"{shared} unloaded readings serve several loads each"] * bool(shared)
+    if len(alone):
+        lines = ", ".join(str(table.lines[r]) for r in idle[alone[:5]])
+        notes.append(f"{len(alone)} unloaded readings have no loaded one, from line {lines}")
+    return notes
 
 
 def _key(conditions: Conditions) -> Array:
