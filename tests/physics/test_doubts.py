@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbench.bench import full_pose
 from testbench.bench.campaign import stream
 from testbench.data.dataset import select
 from testbench.errors import BenchError
 from testbench.identify.doubts import HandedIn, doubts, open_places
 from testbench.identify.doubts.find import AT_A_TIME
+from testbench.identify.prior import cad_prior
 from testbench.identify.registered import registered
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.sound import sound
@@ -90,6 +92,19 @@ def test_sizes_are_told(sets):
     words = said("levels", turned)
     assert "zero of joint_3" in words
     assert float(words.split("off by ")[1].split()[0]) == pytest.approx(2, abs=0.2)
+
+
+def test_runs_under_moments_alone_are_looked_at(arm_6r):
+    data = full_pose.simulate(arm_6r, full_pose.FullPose(arm="arm_6r"), 5).identification
+    assert not data.wrench[:, :3].any(axis=1).all()
+
+    def told(data):
+        given = HandedIn(arm_6r.vjm, data, registered(arm_6r.vjm, data, "base"), True)
+        return [doubt.name for doubt in doubts(given, cad_prior(arm_6r.arm))]
+
+    assert told(data) == []
+    assert told(replace(data, wrench=data.wrench / 9.81)) == ["scale"]
+    assert told(replace(data, before=data.after, after=data.before))[0] == "sign"
 
 
 def test_single_runs_are_found_among_many(sets):

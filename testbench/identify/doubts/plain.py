@@ -51,12 +51,12 @@ def moved_against(data: Dataset) -> Doubt | None:
     """Whether targets move against the force: an elastic arm gives way."""
     force = data.wrench[:, :3]
     work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
-    against = int((work < 0).sum())
-    if against < AGAINST * data.runs:
+    against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
+    if not against or against < AGAINST * pushed:
         return None
     upwards = (force[:, 2] > 0).mean() > 1 / 2 and np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
     hint = "the force points up: its sign?" if upwards else "before and after exchanged, or the force's sign?"
-    return Doubt("sign", f"in {against} of {data.runs} runs the targets move against the force: {hint}")
+    return Doubt("sign", f"in {against} of {pushed} runs the targets move against the force: {hint}")
 
 
 def _listed(runs: Ids) -> str:

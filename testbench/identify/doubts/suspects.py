@@ -48,7 +48,7 @@ def suspects(fitted: Fitted) -> Iterator[Suspect]:
 
 
 def levels(data: Dataset) -> list[Mask]:
-    """Runs of one size of force each, sizes that occur often enough; none where any load is not of one."""
+    """Runs of one size of force each, sizes that occur often enough; none where a load is of no such size."""
     force = np.linalg.norm(data.wrench[:, :3], axis=1)
     found: list[Mask] = []
     left = np.ones(len(force), dtype=bool)
@@ -56,7 +56,8 @@ def levels(data: Dataset) -> list[Mask]:
         own = left & (np.abs(force - force[left].max()) <= SAME * force.max())
         found.append(own)
         left &= ~own
-    return found if all(own.sum() >= LEAST_OF_LEVEL for own in found) else []
+    often = all(own.sum() >= LEAST_OF_LEVEL for own in found)
+    return found if often and force.min() > 0 else []
 
 
 def _force(size: float) -> Change:
