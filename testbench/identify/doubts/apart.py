@@ -6,6 +6,7 @@ import numpy as np
 
 from testbench.identify.doubts.doubt import Doubt, length
 from testbench.identify.doubts.geometry import Fit, Free, Seen, away, fit
+from testbench.identify.doubts.mistakes import exchanges
 
 APART = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
 
@@ -17,7 +18,7 @@ def apart(seen: Seen, own: Fit) -> list[tuple[int, Doubt]]:
     for row in np.flatnonzero((off > APART * seen.scale).any(axis=1)):
         pose, typical, run = int(seen.poses[row]), float(np.median(off[row][seen.there[row]])), seen.runs[row]
         if typical > APART / 2 * seen.scale:
-            why = _joint(seen, own, int(row))
+            why = _why(seen, own, int(row))
             words = f"run {run}: its unloaded readings lie {length(typical)} off: {why}"
             found.append((pose, Doubt("pose", words)))
         else:
@@ -27,8 +28,8 @@ def apart(seen: Seen, own: Fit) -> list[tuple[int, Doubt]]:
     return found
 
 
-def _joint(seen: Seen, own: Fit, pose: int) -> str:
-    """Which joint angle of a pose may be wrong."""
+def _why(seen: Seen, own: Fit, pose: int) -> str:
+    """Which targets of a pose may have each other's names, or which joint angle may be wrong."""
     one = replace(
         seen,
         q=seen.q[[pose]],
@@ -36,6 +37,11 @@ def _joint(seen: Seen, own: Fit, pose: int) -> str:
         read=(seen.read[[pose]] - own.frame.t) @ own.frame.R,
         there=seen.there[[pose]],
     )
+    for order in exchanges(len(seen.markers)):
+        read, there = one.read[:, order], one.there[:, order]
+        if away(one, fit(replace(one, read=read, there=there), Free())).max() < APART * seen.scale:
+            wrong = ", ".join(seen.names[k] for k, other in enumerate(order) if k != other)
+            return f"they fit if {wrong} have each other's names"
     fits = [fit(one, Free(joint=k)) for k in range(seen.q.shape[1])]
     best = int(np.argmin([f.loss for f in fits]))
     joint = seen.vjm.arm.joints[best]

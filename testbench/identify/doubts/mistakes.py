@@ -9,10 +9,16 @@ import numpy as np
 from testbench.identify.doubts.geometry import Free, Seen
 
 UNITS = {
-    1e-3: "are 1000 times too large: millimetres read as metres?",
-    1e3: "are 1000 times too small",
-    0.0254: "are 39.4 times too large: inches read as metres?",
+    1e-3: "1000 times too large: millimetres read as metres?",
+    1e-2: "100 times too large: centimetres read as metres?",
+    0.1: "10 times too large: millimetres read as centimetres?",
+    0.0254: "39.4 times too large: inches read as metres?",
+    1 / 25.4: "25.4 times too large: millimetres read as inches?",
+    10.0: "10 times too small: centimetres read as millimetres?",
+    25.4: "25.4 times too small: inches read as millimetres?",
+    1e3: "1000 times too small: metres read as millimetres?",
 }
+"""What is to be multiplied with, and what that means."""
 FEW = 4  #: Targets up to which every order of their names is tried; of more, exchanges of two.
 CHOICE = 2  #: Free numbers that a choice among many counts as.
 
@@ -37,7 +43,11 @@ def mistakes(seen: Seen, free: Free) -> Iterator[Mistake]:
     left = replace(free, frame=True, mirrored=True)
     yield Mistake("mirrored", "lie in a left-handed frame: the sign of an axis?", seen, left)
     for factor, words in UNITS.items():
-        yield Mistake("unit", words, replace(seen, read=factor * seen.read), free, CHOICE)
+        yield Mistake("unit", f"are {words}", replace(seen, read=factor * seen.read), free, CHOICE)
+    turning = np.array([not joint.prismatic for joint in seen.vjm.arm.joints])
+    for factor, words in ((np.rad2deg(1), "radians, not degrees"), (np.deg2rad(1), "degrees, not radians")):
+        q = np.where(turning, factor * seen.q, seen.q)
+        yield Mistake("angle_unit", f"fit if joint angles are {words}", replace(seen, q=q), free, CHOICE)
     for shift, words in ((1, "before"), (-1, "after")):
         words = f"are those of the pose {words}"
         yield Mistake("order", words, replace(seen, q=np.roll(seen.q, shift, axis=0)), free, CHOICE)
@@ -47,15 +57,17 @@ def mistakes(seen: Seen, free: Free) -> Iterator[Mistake]:
     yield from _joints(seen, free)
 
 
-def _markers(seen: Seen, free: Free) -> Iterator[Mistake]:
-    m = len(seen.markers)
+def exchanges(m: int) -> Iterator[list[int]]:
+    """Other orders of m targets: all of a few, of more those in which two are exchanged."""
     if m <= FEW:
-        orders = list(permutations(range(m)))[1:]
-    else:
-        orders = [
-            tuple(j if k == i else i if k == j else k for k in range(m)) for i, j in combinations(range(m), 2)
-        ]
-    for order in orders:
+        yield from (list(order) for order in list(permutations(range(m)))[1:])
+        return
+    for i, j in combinations(range(m), 2):
+        yield [j if k == i else i if k == j else k for k in range(m)]
+
+
+def _markers(seen: Seen, free: Free) -> Iterator[Mistake]:
+    for order in exchanges(len(seen.markers)):
         own = replace(seen, read=seen.read[:, order], there=seen.there[:, order])
         wrong = [seen.names[k] for k, other in enumerate(order) if k != other]
         words = f"of {', '.join(wrong)} have each other's names"

@@ -16,10 +16,11 @@ from testbench.identify.metric import Metric
 from testbench.identify.regression import reduce
 from testbench.model.vjm import Vjm, tool_pose
 
-LEAST = 12.0  #: Nats by which a mistake has to make the readings likelier to be a doubt.
+LEAST, ONE_OF_MANY = 7.0, 12.0
+"""Nats by which a mistake has to make the readings likelier to be a doubt; of a single run or level."""
 CLEAR = 20.0  #: The same where all readings are changed at once: a force along another axis, other levels.
 SINGLE = ("run_load", "run", "reading")  #: Names of mistakes of single runs.
-LARGE = {"force_offset": 0.03, "load_point": 0.05, "tracker_moved": 4e-4, "level": 0.08, "run_load": 0.4}
+LARGE = {"force_offset": 0.045, "load_point": 0.05, "tracker_moved": 4e-4, "level": 0.08, "run_load": 0.4}
 """Least sizes that are a doubt: sound arms, which stiffen, have play and compensators, look as wrong as this.
 Of the largest force [1]; [m]; [m, rad]; of the load [1]."""
 BUMP = 4e-4  #: The same of a single reading [m], and of SIGMAS standard deviations.
@@ -51,7 +52,7 @@ def weighed(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
     except BenchError:  # no compliance moves so: only other loads can
         said = _changed(None, vjm, metric, data)
         return said or [Doubt("scale", _largest(factor, data))]
-    found = [s for s in suspects(fitted) if s.size.gain > LEAST and _large(fitted, s)]
+    found = [s for s in suspects(fitted) if s.size.gain > _least(s) and _large(fitted, s)]
     found.sort(key=lambda s: -s.size.gain)
     said = [Doubt(s.name, _sentence(s), s.size.gain) for s in _told(found)]
     kappa = math.exp(fitted.h[-1])
@@ -92,6 +93,10 @@ def _told(found: list[Suspect]) -> Iterator[Suspect]:
         if other.name in SINGLE and run not in told:
             told.add(run)
             yield other
+
+
+def _least(suspect: Suspect) -> float:
+    return ONE_OF_MANY if suspect.name in ("level", *SINGLE) else LEAST
 
 
 def _large(fitted: Fitted, suspect: Suspect) -> bool:

@@ -77,6 +77,17 @@ def _shifted(_: Sound, d: Dataset, __: np.random.Generator) -> Dataset:
     return replace(d, before=np.roll(d.before, own, axis=0), after=np.roll(d.after, own, axis=0))
 
 
+def _radians(_: Sound, d: Dataset, __: np.random.Generator) -> Dataset:
+    return replace(d, q=np.deg2rad(d.q))
+
+
+def _names_once(_: Sound, d: Dataset, rng: np.random.Generator) -> Dataset:
+    before, after, own = d.before.copy(), d.after.copy(), d.pose == rng.choice(d.pose)
+    order = [1, 0, *range(2, len(d.markers))]
+    before[own], after[own] = d.before[own][:, order], d.after[own][:, order]
+    return replace(d, before=before, after=after)
+
+
 def _one_pose(_: Sound, d: Dataset, rng: np.random.Generator) -> Dataset:
     """One joint angle of one pose 0.15 rad off."""
     q, pose = d.q.copy(), rng.choice(d.pose)
@@ -185,12 +196,18 @@ READINGS: Mapping[str, Fault] = {
     "axes": Fault("x, y, z are y, z, x", _rigid(np.eye(3)[[1, 2, 0]], np.zeros(3)), ("frame",), _in_base),
     "millimetres": Fault("millimetres as metres", _units(1e3), ("unit",)),
     "inches": Fault("inches as metres", _units(1 / 0.0254), ("unit",)),
+    "inches_mm": Fault("inches as millimetres", _units(1 / 25.4), ("unit",)),
+    "centimetres": Fault("centimetres as metres", _units(100.0), ("unit",)),
+    "radians": Fault("joint angles in radians as degrees", of_data(_radians), ("angle_unit",)),
     "names": Fault("two targets' names exchanged", of_data(_names), ("markers",), _several),
     "target": Fault("a target 60 mm off on the tool", of_data(_target), ("targets",), _in_base),
     "joint_zero": Fault("a joint's zero 1.5 deg off", _joint(_zero), ("joint_zero",)),
     "joint_sign": Fault("a joint's sign", _joint(_reversed), ("joint_sign",)),
     "joint_order": Fault("two joints exchanged", _joint(_exchanged), ("joint_order",)),
     "order": Fault("readings of the pose before", of_data(_shifted), ("order",)),
+    "names_once": Fault(
+        "two targets' names exchanged in one pose", of_data(_names_once), ("pose",), _several
+    ),
     "one_pose": Fault("a joint angle of one pose 0.15 rad off", of_data(_one_pose), ("pose",)),
     "one_reading": Fault("an unloaded reading 2 mm off", of_data(_one_reading), ("reading", "run"), _several),
     "longer": Fault("another arm's folder, a link 150 mm longer", _longer, ("link",)),
