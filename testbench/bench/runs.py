@@ -67,7 +67,10 @@ def files_read(asked: Source) -> list[Path]:
 def read(cell: Cell, asked: Source) -> Export:
     """The runs as they were read; InputError names what is wrong with the file or its map."""
     sigma = None if asked.sigma_um is None else asked.sigma_um / UM
-    return read_export(asked.dataset, with_new(cell.arm, asked.new_target or ()), asked.mapping, sigma)
+    found = read_export(asked.dataset, with_new(cell.arm, asked.new_target or ()), asked.mapping, sigma)
+    if not found.data.wrench.any():
+        raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
+    return found
 
 
 def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registered]:

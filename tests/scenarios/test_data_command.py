@@ -124,3 +124,17 @@ def test_runs_of_an_arm_without_joints_are_looked_at(tmp_path):
     done = run("data", "check", "single_link", runs)
     assert done.returncode == 0, done.stderr
     assert "no doubts about the runs" in done.stdout
+
+
+def test_runs_without_any_load_are_refused(tmp_path):
+    runs = tmp_path / "runs.csv"
+    run("simulate", "single_link", "--poses", 2, "--out", runs)
+    rows = [line.split(",") for line in runs.read_text().splitlines()]
+    column = rows[0].index("force_z_N")
+    lines = [rows[0], *([*row[:column], "0", *row[column + 1 :]] for row in rows[1:])]
+    runs.write_text("\n".join(map(",".join, lines)))
+    done = run("data", "check", "single_link", runs)
+    assert (done.returncode, done.stderr) == (
+        2,
+        f"error: {runs}: expected loads, all forces and moments are 0\n",
+    )
