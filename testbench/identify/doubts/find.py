@@ -8,12 +8,12 @@ import numpy as np
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify.doubts.apart import apart
+from testbench.identify.doubts.deflected import SINGLE, deflected
 from testbench.identify.doubts.doubt import Doubt
 from testbench.identify.doubts.geometry import Fit, Free, Seen, fit
 from testbench.identify.doubts.placed import placed
 from testbench.identify.doubts.plain import moved_against, plain
 from testbench.identify.doubts.sentences import frame_doubt, targets_doubt
-from testbench.identify.doubts.weighed import SINGLE, weighed
 from testbench.identify.in_base import with_markers
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
@@ -77,8 +77,8 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
     parts = max(1, -(-kept.runs // AT_A_TIME))
     chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
-    weights = _together([weighed(vjm, model, chunk) for chunk in chunks])
-    return [*said, *(doubt for _, doubt in off), *weights]
+    loads = _together([deflected(vjm, model, chunk) for chunk in chunks])
+    return [*said, *(doubt for _, doubt in off), *loads]
 
 
 def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:

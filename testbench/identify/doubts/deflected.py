@@ -44,7 +44,7 @@ def _largest(factor: float, data: Dataset) -> str:
     )
 
 
-def weighed(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
+def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
     """Doubts about loads and deflections, the likeliest first."""
     factor = scale(vjm, metric, data)
     try:
