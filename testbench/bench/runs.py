@@ -95,7 +95,10 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
 
 def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> Looks:
     """What may be wrong with runs of an arm, as its folder has it, that were registered."""
-    looks = look(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"))
+    try:
+        looks = look(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"))
+    except BenchError as err:
+        raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = overloaded(cell.arm, masses.tolist())
     return looks if heavy is None else replace(looks, doubts=(*looks.doubts, Doubt("payload", heavy)))

@@ -11,6 +11,7 @@ from rich.console import Console
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
+from testbench.bench.checked import check
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
 from testbench.bench.looks import check_strictly
@@ -74,7 +75,7 @@ def command(asked: Options) -> None:
     models = _models(cell, asked)
     found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
     if asked.strict:
-        check_strictly(found.doubts)
+        check_strictly((*check(asked.arm).doubts, *found.doubts))
     with whole_folder(asked.out) as folder:
         files.write_json(asdict(found), folder / "models.json")
         files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])

@@ -23,10 +23,10 @@ SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
 def named(given):
     """Doubts about a data set, as `testbench identify` finds them."""
     try:
-        found = registered(given.cell.vjm, given.data, "tracker" if given.tracker else "auto")
+        found = registered(given.cell.vjm, given.data, "tracker" if given.declared else "auto")
     except BenchError:
         return [open_places(given.cell.vjm, given.data)]
-    return doubts(HandedIn(given.cell.vjm, given.data, found, given.tracker), given.prior)
+    return doubts(HandedIn(given.cell.vjm, given.data, found, given.declared), given.prior)
 
 
 @pytest.fixture(scope="module")

@@ -68,10 +68,10 @@ def test_the_two_checks_before_see_what_they_saw(hung):
     """Far readings and moves against the force, and not what they never saw."""
     seen = {
         fault: noticed(own.cell, own.data)
-        for fault in ("tracker_frame", "swapped", "force_sign", "kilograms", "joint_zero", "noise")
+        for fault in ("axes", "swapped", "force_sign", "kilograms", "joint_zero", "noise")
         for own in [planted(hung, fault)]
     }
-    assert [fault for fault, own in seen.items() if own] == ["tracker_frame", "swapped", "force_sign"]
+    assert [fault for fault, own in seen.items() if own] == ["axes", "swapped", "force_sign"]
     assert not noticed(hung.cell, hung.data)
 
 

@@ -30,7 +30,9 @@ SCALES, HALF, LIGHT = 5.0, 4.5, 0.35
 under LIGHT of the stated payload, and not as kilograms."""
 QUIET = 1.3, 2.5
 """Misfit, and factor between prior and readings, up to which no mistake of all readings is looked for."""
-NOISE = 8.0  #: Misfit from which the stated noise is doubted.
+NOISE, SHARE_OF_MOVE = 8.0, 0.005
+"""Misfit, and share of the deflections, from which the stated noise is doubted: models leave that much."""
+SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
 
 
 def _largest(factor: float, data: Dataset) -> str:
@@ -54,22 +56,40 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
         return said or [Doubt("scale", _largest(factor, data))]
     found = [s for s in suspects(fitted) if s.size.gain > _least(s) and _large(fitted, s)]
     found.sort(key=lambda s: -s.size.gain)
-    said = [Doubt(s.name, _sentence(s), s.size.gain) for s in _told(found)]
     kappa = math.exp(fitted.h[-1])
-    if kappa > QUIET[0] or abs(math.log(abs(factor) or 1e-9)) > math.log(QUIET[1]) or factor < 0:
+    suspicious = kappa > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]
+    said = [Doubt(s.name, _sentence(s), _gain(fitted, s, again=suspicious)) for s in _told(found)]
+    if suspicious:
         said += _changed(fitted.loss, vjm, metric, data)
-    said.sort(key=lambda d: -(d.evidence or 0))
+    said.sort(key=lambda d: -(d.evidence or 0) * (SHARE if d.name in SINGLE else 1))
     said += _scale(vjm, data, factor)
-    if not said and kappa > NOISE:
-        sigma = 1e6 * data.sigma
-        said.append(
-            Doubt(
-                "noise",
-                f"the readings scatter {kappa:.2g} times more than their noise, {sigma:.3g} um: is it more, "
-                "or does the arm do what springs do not?",
-            )
+    typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
+    if not said and kappa > NOISE and kappa * data.sigma > SHARE_OF_MOVE * typical:
+        words = (
+            f"the readings scatter {kappa:.2g} times more than their noise, {1e6 * data.sigma:.3g} um: is it "
+            "more, or does the arm do what springs do not?"
         )
+        said.append(Doubt("noise", words))
     return said
+
+
+def single(vjm: Vjm, metric: Metric, data: Dataset) -> list[Doubt]:
+    """Doubts about single runs alone."""
+    try:
+        fitted = learnt(vjm, metric, data)
+    except BenchError:
+        return []
+    found = [s for s in suspects(fitted) if s.name in SINGLE and s.size.gain > _least(s)]
+    found = sorted((s for s in found if _large(fitted, s)), key=lambda s: -s.size.gain)
+    return [Doubt(s.name, _sentence(s), s.size.gain) for s in _told(found)]
+
+
+def _gain(fitted: Fitted, suspect: Suspect, *, again: bool) -> float:
+    """How much likelier a mistake makes the readings [nats]; one of all runs is learnt anew if asked."""
+    if suspect.mend is None or not again:
+        return suspect.size.gain
+    mended = learnt(fitted.vjm, fitted.metric, suspect.mend(fitted.data, suspect.size.b))
+    return max(suspect.size.gain, fitted.loss - mended.loss)
 
 
 def scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:

@@ -1,14 +1,14 @@
 """Doubts about runs: first what is plain, then where the arm is, then what moves it."""
 
-from dataclasses import dataclass
-from itertools import chain as joined
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify.doubts.apart import apart
-from testbench.identify.doubts.deflected import SINGLE, deflected
+from testbench.identify.doubts.deflected import SINGLE, deflected, single
 from testbench.identify.doubts.doubt import Doubt
 from testbench.identify.doubts.geometry import Fit, Free, Seen, fit
 from testbench.identify.doubts.placed import placed
@@ -77,7 +77,10 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
     parts = max(1, -(-kept.runs // AT_A_TIME))
     chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
-    loads = _together([deflected(vjm, model, chunk) for chunk in chunks])
+    loads = deflected(vjm, model, chunks[0])
+    if all(doubt.name in SINGLE for doubt in loads):
+        loads += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
+        loads.sort(key=lambda d: -(d.evidence or 0))
     return [*said, *(doubt for _, doubt in off), *loads]
 
 
@@ -88,6 +91,8 @@ def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:
     if found.frame == "base" or guessed:
         seen = _seen(given.filed, given.data, given.data.before)
         raw = placed(seen, Free(), "unloaded readings")
+        if found.registration is None and raw.doubt is not None and raw.doubt.name == "kinematics":
+            raw = replace(raw, doubt=open_places(given.filed, given.data))
         mistaken = raw.doubt is not None and raw.doubt.name not in ("frame", "kinematics")
         if found.frame == "base" or mistaken:
             return ([] if raw.doubt is None else [raw.doubt]), raw.fit, seen
@@ -97,7 +102,7 @@ def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:
     own = fit(seen, Free())
     if doubt is not None:
         return [doubt], own, seen
-    said = [frame_doubt(found)] if guessed else []
+    said = frame_doubt(found) if guessed else []
     return [*said, *targets_doubt(found)], own, seen
 
 
@@ -117,12 +122,6 @@ def _of_one_station(data: Dataset) -> Dataset:
 
 def _free(found: Registered) -> Free:
     return Free(frame=found.frame == "tracker", targets=found.frame == "tracker")
-
-
-def _together(parts: list[list[Doubt]]) -> list[Doubt]:
-    """Doubts about all runs, of the first part; those about single runs, of all parts."""
-    single = [d for d in joined(*parts[1:]) if d.name in SINGLE]
-    return sorted([*parts[0], *single], key=lambda d: -(d.evidence or 0))
 
 
 def _different(data: Dataset) -> Ids:

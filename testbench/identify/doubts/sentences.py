@@ -9,6 +9,7 @@ from testbench.identify.doubts.mistakes import Mistake
 from testbench.identify.registered import Registered
 
 MM = 1e3
+NEAR = 0.5  #: Distance of a frame from the base below which no tracker stands [m].
 ROUGH = 0.1  #: Distance of a target whose place was rough, and was found, that is a doubt [m].
 
 
@@ -20,15 +21,15 @@ def sentence(seen: Seen, mistake: Mistake, own: Fit, before: tuple[Fit, str]) ->
     return f"the {what} {words} (they lie {was} from the arm's kinematics, median; so {now})"
 
 
-def frame_doubt(found: Registered) -> Doubt:
-    """Readings that turned out to be in the tracker's frame, where nobody said so."""
+def frame_doubt(found: Registered) -> list[Doubt]:
+    """Readings that turned out to be in another frame than the base's, too near it to be a tracker's."""
     assert found.registration is not None
-    [first, *others] = found.registration.frames
-    more = f", and {len(others)} station{'s' * (len(others) > 1)} more" if others else ""
-    moved = _moved(first.rotation_vector, first.translation)
-    return Doubt(
-        "frame", f"the readings {moved}{more}; they are taken as the tracker's: --frame tracker confirms"
-    )
+    near = [f for f in found.registration.frames if np.linalg.norm(f.translation) < NEAR]
+    if not near:
+        return []
+    moved = _moved(near[0].rotation_vector, near[0].translation)
+    words = f"the readings {moved}, too near for a tracker; they are taken as they fit the arm: --frame says"
+    return [Doubt("frame", f"{words} what they are in")]
 
 
 def targets_doubt(found: Registered) -> list[Doubt]:

@@ -27,6 +27,7 @@ class Suspect:
     where: str  #: Run, target or level.
     size: Size
     unit: float  #: Of the size, in SI.
+    mend: Change | None = None  #: Mends it in all runs; None for a mistake of single runs.
 
 
 def suspects(fitted: Fitted) -> Iterator[Suspect]:
@@ -34,16 +35,19 @@ def suspects(fitted: Fitted) -> Iterator[Suspect]:
     data = fitted.data
     force = float(np.linalg.norm(data.wrench[:, :3], axis=1).max())
     if force > 0:
-        yield Suspect("force_offset", "", sized(fitted, _force(FORCE * force), 3), FORCE * force)
-    yield Suspect("load_point", "", sized(fitted, _point, 3), POINT)
+        push = _force(FORCE * force)
+        yield Suspect("force_offset", "", sized(fitted, push, 3), FORCE * force, push)
+    yield Suspect("load_point", "", sized(fitted, _point, 3), POINT, _point)
     for name in station_names(data):
         where = "" if data.station is None else f"station {name}"
-        yield Suspect("tracker_moved", where, sized(fitted, _station(data, name), 6), SHIFT)
+        move = _station(data, name)
+        yield Suspect("tracker_moved", where, sized(fitted, move, 6), SHIFT, move)
     groups = levels(data)
     if len(groups) > 1:
         for mask in groups:
             load = np.linalg.norm(data.wrench[mask, :3], axis=1).mean()
-            yield Suspect("level", f"{load:.4g} N", sized(fitted, _factor(mask), 1), FACTOR)
+            weigh = _factor(mask)
+            yield Suspect("level", f"{load:.4g} N", sized(fitted, weigh, 1), FACTOR, weigh)
     yield from _single(fitted)
 
 

@@ -30,11 +30,6 @@ def _units(factor: float) -> Plant:
     return of_data(lambda _, d, __: replace(d, before=factor * d.before, after=factor * d.after))
 
 
-def _random_frame(sound: Sound, rng: np.random.Generator) -> Sound:
-    R = _turn((0.0, 0.0, 1.0), float(rng.uniform(20, 340)))
-    return _rigid(R, rng.uniform(-3, 3, 3))(sound, rng)
-
-
 def _names(_: Sound, d: Dataset, __: np.random.Generator) -> Dataset:
     order = [1, 0, *range(2, len(d.markers))]
     return replace(d, before=d.before[:, order], after=d.after[:, order])
@@ -191,7 +186,6 @@ READINGS: Mapping[str, Fault] = {
     "frame_moved": Fault(
         "frame 110 mm away", _rigid(np.eye(3), np.array([0.1, -0.05, 0.0])), ("frame",), _in_base
     ),
-    "tracker_frame": Fault("readings in the tracker's frame", _random_frame, ("frame",), _in_base),
     "mirrored": Fault("sign of y", _rigid(np.diag([1.0, -1, 1]), np.zeros(3)), ("mirrored",)),
     "axes": Fault("x, y, z are y, z, x", _rigid(np.eye(3)[[1, 2, 0]], np.zeros(3)), ("frame",), _in_base),
     "millimetres": Fault("millimetres as metres", _units(1e3), ("unit",)),

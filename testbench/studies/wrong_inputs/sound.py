@@ -30,8 +30,9 @@ LOADS = ("hung", "levels", "pressed")
 """One hung mass; three, one after the other in every pose; forces in all directions, one a run."""
 SCALE, SHAPE = 0.35, 0.3
 """Standard deviations of the logarithms of the folder's common factor and of each compliance's own [1]."""
-TRACKER, ROUGH = 1 / 3, 15e-3
-"""Share of the sets in a tracker's frames; how far targets then are from where the folder has them [m]."""
+TRACKER, DECLARED, ROUGH = 1 / 3, 0.5, 15e-3
+"""Share of the sets in a tracker's frames, and of these that say so; how far their targets are from where the
+folder has them [m]."""
 QUIET = Disturbances(own_weight=True)
 
 
@@ -44,7 +45,8 @@ class Sound:
     prior: Prior  #: What the folder believes of its compliances.
     loads: str  #: One of LOADS.
     true_arm: str  #: One of TRUTHS.
-    tracker: bool  #: Whether it is in the frames of a tracker's set-ups, and said so.
+    tracker: bool  #: Whether it is in the frames of a tracker's set-ups.
+    declared: bool  #: Whether that is said; it is found out otherwise.
     disturbed: bool  #: Whether the true arm does what models do not know.
 
 
@@ -78,7 +80,8 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     tracker = bool(rng.random() < TRACKER)
     if tracker:
         cell, data = _in_tracker(cell, data, rng)
-    return Sound(cell, data, prior, loads, truth, tracker, disturbances is not QUIET)
+    declared = tracker and bool(rng.random() < DECLARED)
+    return Sound(cell, data, prior, loads, truth, tracker, declared, disturbances is not QUIET)
 
 
 def _in_tracker(cell: Cell, data: Dataset, rng: np.random.Generator) -> tuple[Cell, Dataset]:

@@ -139,7 +139,7 @@ def said(own: Sound) -> list[Doubt]:
     """Doubts about a data set, as `testbench identify` finds them."""
     vjm, data = own.cell.vjm, own.data
     try:
-        found = registered(vjm, data, "tracker" if own.tracker else "auto")
+        found = registered(vjm, data, "tracker" if own.declared else "auto")
     except BenchError as why:
         return [open_places(vjm, data) or Doubt(REFUSED, str(why))]
-    return doubts(HandedIn(vjm, data, found, own.tracker), own.prior)
+    return doubts(HandedIn(vjm, data, found, own.declared), own.prior)
