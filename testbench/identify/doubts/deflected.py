@@ -88,7 +88,10 @@ def _gain(fitted: Fitted, suspect: Suspect, *, again: bool) -> float:
     """How much likelier a mistake makes the readings [nats]; one of all runs is learnt anew if asked."""
     if suspect.mend is None or not again:
         return suspect.size.gain
-    mended = learnt(fitted.vjm, fitted.metric, suspect.mend(fitted.data, suspect.size.b))
+    try:
+        mended = learnt(fitted.vjm, fitted.metric, suspect.mend(fitted.data, suspect.size.b))
+    except BenchError:  # mended by so much that targets move against the force
+        return suspect.size.gain
     return max(suspect.size.gain, fitted.loss - mended.loss)
 
 
