@@ -12,7 +12,7 @@ from testbench.errors import BenchError
 from testbench.identify.doubts import HandedIn, doubts, open_places
 from testbench.identify.doubts.find import AT_A_TIME
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import registered
+from testbench.identify.registered import Registered, registered
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.sound import sound
 
@@ -138,3 +138,11 @@ def joined(parts, pose):
         after=after + 1e-6 * rng.standard_normal(after.shape),
         **{name: every(name) for name in ("q", "wrench", "point")},
     )
+
+
+def test_a_single_reading_that_lies_apart_is_a_doubt_with_nothing_left_to_weigh(kr500, arm_6r):
+    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 39)
+    assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
+    data = select(own.data, own.data.run == 1)
+    given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
+    assert [doubt.name for doubt in doubts(given, own.prior)] == ["pose"]

@@ -73,15 +73,18 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     if against := moved_against(data):
         return [*said, against]
     off = apart(seen, own)
+    said += [doubt for _, doubt in off]
     model = metric(prior, vjm, all153(vjm.arm))
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
+    if not kept.seen.any():
+        return said
     parts = max(1, -(-kept.runs // AT_A_TIME))
     chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
     loads = deflected(vjm, model, chunks[0])
     if all(doubt.name in SINGLE for doubt in loads):
         loads += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
         loads.sort(key=lambda d: -(d.evidence or 0))
-    return [*said, *(doubt for _, doubt in off), *loads]
+    return [*said, *loads]
 
 
 def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:
