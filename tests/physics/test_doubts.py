@@ -141,7 +141,7 @@ def joined(parts, pose):
 
 
 def test_a_single_reading_that_lies_apart_is_a_doubt_with_nothing_left_to_weigh(kr500, arm_6r):
-    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 39)
+    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 4)
     assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
     data = select(own.data, own.data.run == 1)
     given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
