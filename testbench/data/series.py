@@ -1,0 +1,132 @@
+"""Absolute readings as arrays: targets on the tool in a tracker's frame, one pose under one load a row."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.errors import Array, BenchError, check_array
+
+
+@dataclass(frozen=True)
+class Series:
+    """What one set-up of a tracker read of one arm.
+
+    Frame and target are names: series that share a name share the unknown behind it. Rows of one `pose` are
+    readings without a move in between, such as unloaded and loaded: what the model leaves open there is
+    common to them.
+    """
+
+    name: str  #: For reports, such as the file's name.
+    markers: tuple[str, ...]  #: Names of the targets, m of them.
+    frame: str  #: Name of the tracker's frame.
+    target: str  #: Name of the mount that holds the targets to the tool.
+    row: Ids  #: Identifier of every row, such as its line in the file, (rows,).
+    pose: Ids  #: Identifier of the pose of every row, (rows,).
+    q: Array  #: Actuated joints, commanded or read, (rows, n) [rad, m].
+    wrench: Array  #: Load beside the arm's own weight, force and moment, world axes, (rows, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (rows, 3) [m].
+    position: Array  #: Targets in the tracker's frame, (rows, m, 3) [m]; zero where one was lost.
+    sigma: float  #: Standard deviation of one position reading along one axis [m].
+    #: Inverse covariance of every position, the tracker's axes, (rows, m, 3, 3) [1/m^2]; zero where the target
+    #: was lost. None where sigma holds for all.
+    precision: Array | None = None
+    #: Orientation of a target that has one, the tracker from the target, (rows, 3, 3); None if not read, all
+    #: NaN in rows where it was lost.
+    rotation: Array | None = None
+    sigma_rotation: float | None = None  #: Standard deviation of an orientation about an axis [rad].
+    torque: Array | None = None  #: Torques of the actuated joints, (rows, n) [N m, N].
+    temperature: Array | None = None  #: (rows,) [degree Celsius].
+    time: Array | None = None  #: (rows,) [s] from any start.
+
+    def __post_init__(self) -> None:
+        """Refuse wrong shapes and identifiers, and what is not finite, by BenchError."""
+        rows, m = len(self.row), len(self.markers)
+        for name in ("row", "pose"):
+            ids = np.asarray(getattr(self, name))
+            if ids.shape != (rows,) or not np.issubdtype(ids.dtype, np.integer):
+                raise BenchError(f"{name}: expected {rows} integers, got {ids.dtype} {ids.shape}")
+        if m == 0 or len(set(self.markers)) != m:
+            raise BenchError(f"markers: expected different names, got {self.markers}")
+        q = check_array(self.q, (rows, None), "q [rad, m]")
+        check_array(self.wrench, (rows, 6), "wrench [N, N m]")
+        check_array(self.point, (rows, 3), "point [m]")
+        check_array(self.position, (rows, m, 3), "position [m]")
+        if not 0 < self.sigma < np.inf:
+            raise BenchError(f"sigma [m]: expected more than 0, got {self.sigma}")
+        if (self.rotation is None) != (self.sigma_rotation is None):
+            raise BenchError("orientations: expected rotation and sigma together, or none")
+        if self.rotation is not None:
+            if self.rotation.shape != (rows, 3, 3):
+                raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
+            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
+        if self.sigma_rotation is not None and not 0 < self.sigma_rotation < np.inf:
+            raise BenchError(f"sigma [rad]: expected more than 0, got {self.sigma_rotation}")
+        if self.precision is not None:
+            check_array(self.precision, (rows, m, 3, 3), "precision [1/m^2]")
+        if self.torque is not None:
+            check_array(self.torque, q.shape, "torque [N m, N]")
+        for name in ("temperature", "time"):
+            if getattr(self, name) is not None:
+                check_array(getattr(self, name), (rows,), name)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.row)
+
+    @property
+    def seen(self) -> Mask:
+        """Which targets were read, (rows, m)."""
+        if self.precision is None:
+            return np.ones((self.rows, len(self.markers)), dtype=bool)
+        return np.asarray(self.precision.any(axis=(2, 3)))
+
+    @property
+    def turned(self) -> Mask:
+        """In which rows an orientation was read, (rows,)."""
+        if self.rotation is None:
+            return np.zeros(self.rows, dtype=bool)
+        return np.asarray(np.isfinite(self.rotation).all(axis=(1, 2)))
+
+
+def select_rows(series: Series, rows: Mask | Ids) -> Series:
+    """The rows of a mask, or of their places, (rows,)."""
+    every = ("row", "pose", "q", "wrench", "point", "position")
+    some = [
+        field.name
+        for field in fields(Series)
+        if field.name in ("precision", "rotation", "torque", "temperature", "time")
+        and getattr(series, field.name) is not None
+    ]
+    return replace(series, **{name: getattr(series, name)[rows] for name in (*every, *some)})
+
+
+def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
+    """Deflection pairs as absolute readings: two rows a run, of one pose; one series a station."""
+    found = []
+    stations = np.ones(data.runs, dtype=int) if data.station is None else data.station
+    for station in np.unique(stations):
+        own = np.flatnonzero(stations == station)
+        seen = data.seen[own]
+        precision = None
+        if data.precision is not None:  # of a deflection: twice the covariance of a reading
+            precision = np.concatenate([2 * data.precision[own]] * 2)
+        still = np.zeros((len(own), 6))
+        found.append(
+            Series(
+                name=name,
+                markers=data.markers,
+                frame=f"{name} {station}",
+                target=target,
+                row=np.concatenate([data.run[own]] * 2),
+                pose=np.concatenate([np.arange(len(own))] * 2),
+                q=np.concatenate([data.q[own]] * 2),
+                wrench=np.concatenate([still, data.wrench[own]]),
+                point=np.concatenate([data.point[own]] * 2),
+                position=np.concatenate([data.before[own] * seen[..., None], data.after[own] * seen[..., None]]),
+                sigma=data.sigma,
+                precision=precision,
+            )
+        )
+    return tuple(found)
