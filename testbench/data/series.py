@@ -28,8 +28,8 @@ class Series:
     point: Array  #: Where it acts, in the tool's frame, (rows, 3) [m].
     position: Array  #: Targets in the tracker's frame, (rows, m, 3) [m]; zero where one was lost.
     sigma: float  #: Standard deviation of one position reading along one axis [m].
-    #: Inverse covariance of every position, the tracker's axes, (rows, m, 3, 3) [1/m^2]; zero where the target
-    #: was lost. None where sigma holds for all.
+    #: Inverse covariance of every position, the tracker's axes, (rows, m, 3, 3) [1/m^2]; zero where the
+    #: target was lost. None where sigma holds for all.
     precision: Array | None = None
     #: Orientation of a target that has one, the tracker from the target, (rows, 3, 3); None if not read, all
     #: NaN in rows where it was lost.
@@ -54,14 +54,7 @@ class Series:
         check_array(self.position, (rows, m, 3), "position [m]")
         if not 0 < self.sigma < np.inf:
             raise BenchError(f"sigma [m]: expected more than 0, got {self.sigma}")
-        if (self.rotation is None) != (self.sigma_rotation is None):
-            raise BenchError("orientations: expected rotation and sigma together, or none")
-        if self.rotation is not None:
-            if self.rotation.shape != (rows, 3, 3):
-                raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
-            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
-        if self.sigma_rotation is not None and not 0 < self.sigma_rotation < np.inf:
-            raise BenchError(f"sigma [rad]: expected more than 0, got {self.sigma_rotation}")
+        self._check_orientations()
         if self.precision is not None:
             check_array(self.precision, (rows, m, 3, 3), "precision [1/m^2]")
         if self.torque is not None:
@@ -69,6 +62,17 @@ class Series:
         for name in ("temperature", "time"):
             if getattr(self, name) is not None:
                 check_array(getattr(self, name), (rows,), name)
+
+    def _check_orientations(self) -> None:
+        """Orientations and their sigma are both there, or neither."""
+        if (self.rotation is None) != (self.sigma_rotation is None):
+            raise BenchError("orientations: expected rotation and sigma together, or none")
+        if self.rotation is not None:
+            if self.rotation.shape != (self.rows, 3, 3):
+                raise BenchError(f"rotation: expected shape {(self.rows, 3, 3)}, got {self.rotation.shape}")
+            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
+        if self.sigma_rotation is not None and not 0 < self.sigma_rotation < np.inf:
+            raise BenchError(f"sigma [rad]: expected more than 0, got {self.sigma_rotation}")
 
     @property
     def rows(self) -> int:
@@ -124,7 +128,9 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
                 q=np.concatenate([data.q[own]] * 2),
                 wrench=np.concatenate([still, data.wrench[own]]),
                 point=np.concatenate([data.point[own]] * 2),
-                position=np.concatenate([data.before[own] * seen[..., None], data.after[own] * seen[..., None]]),
+                position=np.concatenate(
+                    [data.before[own] * seen[..., None], data.after[own] * seen[..., None]]
+                ),
                 sigma=data.sigma,
                 precision=precision,
             )
