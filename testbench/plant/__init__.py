@@ -16,10 +16,11 @@ from testbench.plant.compensator import (
     Compensator,
 )
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
-from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair
+from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair, true_angles
 from testbench.plant.elastic import elastic_mjcf, write_elastic
 from testbench.plant.equilibrium import Equilibrium, part_of, settle, unloaded
 from testbench.plant.feasible import Room, build_room, check_poses, collisions, has_surroundings
+from testbench.plant.gear import GearErrors, Gears, gear_error
 from testbench.plant.linear import settle_linear
 from testbench.plant.site import Contact, Kind, Payload, Site, build_site, contacts, hidden
 
@@ -36,6 +37,8 @@ __all__ = [
     "Disturbances",
     "DisturbedPlant",
     "Equilibrium",
+    "GearErrors",
+    "Gears",
     "GeometryErrors",
     "Kind",
     "Payload",
@@ -50,6 +53,7 @@ __all__ = [
     "contacts",
     "disturb",
     "elastic_mjcf",
+    "gear_error",
     "has_surroundings",
     "hidden",
     "part_of",
@@ -57,6 +61,7 @@ __all__ = [
     "settle_disturbed",
     "settle_linear",
     "settle_pair",
+    "true_angles",
     "unloaded",
     "weightless",
     "with_markers",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from testbench.errors import check_least
 from testbench.plant.compensator import KR500_COMPENSATOR, Compensator
+from testbench.plant.gear import GearErrors
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Disturbances:
     geometry: GeometryErrors | None = None  #: Errors of the nominal geometry.
     #: Standard deviation of each joint's constant offset [rad]: true q = commanded q + offset.
     sensor_offset: float = 0.0
+    #: Errors of the gears, which depend on the commanded q: they add to the offset.
+    gear: GearErrors | None = None
     #: True weight of the payload over the recorded one, less one [1]; scales the whole wrench.
     mass_error: float = 0.0
     #: Standard deviation of the true hanging point about the recorded one, along each axis of the tool [m];
@@ -80,5 +83,6 @@ joints mastered with an electronic probe [assumed]. mass_error: 0.2 %, a crane s
 joints 2 and 3 [assumed]; Harmonic Drive's CHA catalogue has 50 to 110 % between a gear's first and third
 stiffness [published], for lighter arms. backlash and hysteresis: 2 b = 0.34 and 2 h = 0.21 arc minutes
 [assumed], inside the 1 arc minute of lost motion that the same catalogue admits [published]. foundation: all
-assumed.
+assumed. gear: off; its errors stand in both readings of a pair and change a deflection by 3e-4 of it
+[computed], half of what sensor_offset does.
 """

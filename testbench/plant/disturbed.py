@@ -25,6 +25,7 @@ from testbench.plant.equilibrium import (
     settle,
     settle_by,
 )
+from testbench.plant.gear import Gears, draw_gears, gear_error
 from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
 from testbench.plant.newton import Poses, Statics
 from testbench.plant.state import Row, evaluate
@@ -38,14 +39,19 @@ class DisturbedPlant:
     #: order of theta: the foundation's six coordinates come into C and the residual, not into theta.
     plant: Plant
     disturbances: Disturbances  #: What is disturbed.
-    offset: Array  #: True minus commanded joint angles, (n,) [rad].
+    offset: Array  #: True minus commanded joint angles, the same in all poses, (n,) [rad].
     centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
+    #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
+    #: link before, turn about the frame's own.
+    frames: Array
+    gears: Gears | None  #: Joint errors that depend on the pose; None for none.
 
 
 def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> DisturbedPlant:
     """The plant with disturbances built in.
 
-    Every disturbance takes its random numbers, on or off: switching one leaves the others as they are.
+    Every disturbance takes its random numbers, on or off: switching one leaves the others as they are. Gears
+    have a stream of their own, as their number of orders varies.
 
     Args:
         plant: The nominal elastic arm; is not changed. With a soft foundation its model is compiled anew from
@@ -63,14 +69,30 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     true = _on_foundation(plant, disturbances.foundation)
     if not disturbances.own_weight:
         true = weightless(true)
+    frames = _sized(frames, disturbances.geometry)
     if disturbances.geometry is not None:
-        true = _displaced(true, disturbances.geometry, frames)
+        true = _displaced(true, frames)
     return DisturbedPlant(
         plant=true,
         disturbances=disturbances,
         offset=disturbances.sensor_offset * offset,
         centre=disturbances.centre_error * centre,
+        frames=frames,
+        gears=None if disturbances.gear is None else draw_gears(disturbances.gear, n, rng.spawn(1)[0]),
     )
+
+
+def true_angles(disturbed: DisturbedPlant, q: Array) -> Array:
+    """Where the joints are when they are commanded to q and carry nothing, (runs, n) [rad, m]."""
+    true = q + disturbed.offset
+    return true if disturbed.gears is None else true + gear_error(disturbed.gears, q)
+
+
+def _sized(normal: Array, errors: GeometryErrors | None) -> Array:
+    """Errors of frames from standard normal numbers, (n + 1, 6) [m, rad]."""
+    if errors is None:
+        return np.zeros_like(normal)
+    return np.asarray(normal * np.repeat([errors.position, errors.angle], 3))
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
@@ -97,8 +119,8 @@ def _foundation_mjcf(arm: Arm, compliance: Array) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def _displaced(plant: Plant, errors: GeometryErrors, frames: Array) -> Plant:
-    """Frames of all joints and of the tool moved and turned by standard normal numbers, (n + 1, 6).
+def _displaced(plant: Plant, frames: Array) -> Plant:
+    """Frames of all joints and of the tool moved and turned, (n + 1, 6) [m, rad].
 
     Where a frame is, is said by the body that carries the virtual joint before it; how it is turned, by the
     frame's own body.
@@ -106,8 +128,8 @@ def _displaced(plant: Plant, errors: GeometryErrors, frames: Array) -> Plant:
     arm, model = plant.arm, copy.copy(plant.model)
     for name, error in zip([*(link.name for link in arm.links[1:]), arm.tool], frames, strict=True):
         body = model.body(name).id
-        model.body_pos[model.body_parentid[body]] += errors.position * error[:3]
-        mujoco.mju_quatIntegrate(model.body_quat[body], errors.angle * error[3:], 1.0)
+        model.body_pos[model.body_parentid[body]] += error[:3]
+        mujoco.mju_quatIntegrate(model.body_quat[body], error[3:], 1.0)
     return with_model(plant, model)
 
 
@@ -130,7 +152,7 @@ def settle_disturbed(
             have just moved to the pose and hold back nothing.
 
     Returns:
-        The poses at rest; theta is measured from the true, offset joint angles.
+        The poses at rest; theta is measured from the true joint angles.
 
     Raises:
         NoEquilibrium: When the arm is too soft for its load; names the pose.
@@ -143,7 +165,7 @@ def settle_disturbed(
         point = point + disturbed.centre
     if before is not None:
         check_array(before.theta, (len(q), plant.arm.n_theta), "theta before [m, rad]")
-    q = q + disturbed.offset
+    q = true_angles(disturbed, q)
     if not (changes.compensator or changes.stiffening or changes.backlash or changes.hysteresis):
         return settle(plant, q, wrench, point)
 

@@ -14,6 +14,7 @@ from testbench.plant import (
     TYPICAL,
     Compensator,
     Disturbances,
+    GearErrors,
     GeometryErrors,
     build_plant,
     disturb,
@@ -252,6 +253,40 @@ def test_a_sensor_offset_is_settling_at_the_offset_angles(kr500, rng):
     assert_same(settle_disturbed(true, q), settle(kr500.plant, q + true.offset))
 
 
+def test_gears_turn_the_joints_by_a_sum_of_sines_and_a_share_of_the_angle(kr500, rng):
+    q = random_q(kr500, rng, 3)
+    errors = GearErrors(orders=5, ratio=1e-4, line=1e-4, line_order=202)
+    true = disturbed(kr500, replace(CLEAN, sensor_offset=1e-3, gear=errors))
+    gears = true.gears
+    assert 0 < np.abs(gears.sine[:5]).max() < 2e-4  # 30 urad each
+    assert not gears.sine[5:201].any()
+    np.testing.assert_allclose(np.hypot(gears.sine[201], gears.cosine[201]), 1e-4, rtol=1e-12)
+    moved = np.array(
+        [
+            [
+                x + true.offset[j] + gears.ratio[j] * x
+                + sum(a * np.sin((k + 1) * x) for k, a in enumerate(gears.sine[:, j]))
+                + sum(b * np.cos((k + 1) * x) for k, b in enumerate(gears.cosine[:, j]))
+                for j, x in enumerate(pose)
+            ]
+            for pose in q
+        ]
+    )  # fmt: skip
+    assert np.abs(moved - q).max() > 1e-4
+    rest, expected = settle_disturbed(true, q), settle(kr500.plant, moved)
+    np.testing.assert_allclose(rest.markers, expected.markers, rtol=0, atol=1e-12)  # rounding of metres
+
+
+def test_gears_leave_all_other_errors_as_they_were_and_low_orders_too(kr500):
+    off, on, more = (
+        disturbed(kr500, replace(TYPICAL, gear=gear)) for gear in (None, GearErrors(), GearErrors(orders=60))
+    )
+    for name in ("offset", "centre", "frames"):
+        assert getattr(off, name).tobytes() == getattr(on, name).tobytes()
+    assert off.plant.model.body_pos.tobytes() == on.plant.model.body_pos.tobytes()
+    assert on.gears.sine.tobytes() == more.gears.sine[:30].tobytes()
+
+
 def test_a_mass_error_scales_the_deflection_of_a_weightless_arm_under_a_small_load(kr500, rng):
     q = random_q(kr500, rng, 5)
     right = deflection(kr500, Disturbances(), q, mass=0.1)
@@ -431,6 +466,7 @@ def test_disturbances_live_in_a_scenario_as_data():
         (lambda: Disturbances(backlash=-1e-5), "backlash: expected a finite number of at least 0"),
         (lambda: Disturbances(mass_error=-1.5), "mass_error: expected a finite number of at least -1"),
         (lambda: GeometryErrors(position=1e-3, angle=-1.0), "angle: expected a finite number"),
+        (lambda: GearErrors(orders=-1), "orders: expected 0 to 1000, got -1"),
         (lambda: Compensator((0, 0, 0), (0, 0, 1), -1.0, 0.5), "rate of the compensator"),
         (lambda: Compensator((0, 0), (0, 0, 1), 1.0, 0.5), r"foot of the compensator.*shape \(3\)"),
     ],
