@@ -60,8 +60,7 @@ def build_tree(arm: Arm) -> pin.Model:
     above = {child: parent for parent in root.iter() for child in parent}
 
     def pose(body: ET.Element) -> pin.SE3:
-        position = numbers(arm.rigid, body, "pos", 3) if "pos" in body.attrib else [0.0, 0.0, 0.0]
-        return pin.SE3(_rotation(arm, body, unit), np.array(position))
+        return pin.SE3(body_pose(arm, body, unit))
 
     def add(name: str, joint: int, placement: pin.SE3) -> None:
         model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
@@ -85,6 +84,24 @@ def build_tree(arm: Arm) -> pin.Model:
     for name in {arm.load: None, **dict.fromkeys(arm.markers)}:
         add(name, last, tool * pose(find_body(arm.rigid, root, name)))
     return model
+
+
+def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
+    """Pose of a body in its parent, (4, 4) [1, m].
+
+    Args:
+        arm: For messages.
+        body: The element.
+        unit: Radians in one unit of the file's angles.
+
+    Raises:
+        InputError: When its orientation cannot be read.
+    """
+    pose = np.eye(4)
+    pose[:3, :3] = _rotation(arm, body, unit)
+    if "pos" in body.attrib:
+        pose[:3, 3] = numbers(arm.rigid, body, "pos", 3)
+    return pose
 
 
 def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:

@@ -1,0 +1,149 @@
+"""The arm's own weight on the virtual joints: masses and centres as rigid.xml says, by our own reading.
+
+Every body bends what lies before it in the chain. The load J^T m g of a virtual joint is linear in the mass
+of each body and in its first moments, mass times centre; so masses can be fitted as well as taken.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, numbers, read_mjcf
+from testbench.errors import Array, InputError, check_array
+from testbench.model.kinematics import body_pose
+from testbench.model.vjm import Vjm, body_poses, chain
+
+BATCH = 1000  #: Runs whose columns are in memory at a time: 12 MB of a six-joint arm.
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What the links from the base on and the tool weigh, with all that is fixed to them: n + 2 bodies."""
+
+    mass: Array  #: (bodies,) [kg].
+    centre: Array  #: Centre of mass in the body's own axes, (bodies, 3) [m].
+
+    @property
+    def parameters(self) -> Array:
+        """Mass and first moments of every body, (bodies, 4) [kg, kg m]."""
+        return np.column_stack([self.mass, self.mass[:, None] * self.centre])
+
+
+def read_weights(arm: Arm) -> Weights:
+    """Masses and centres of an arm's MJCF.
+
+    Raises:
+        InputError: When MuJoCo would take a mass from shapes, which only MuJoCo can weigh.
+    """
+    root = read_mjcf(arm.rigid)
+    from_shapes = [c.get("inertiafromgeom", "auto") for c in root.iter("compiler")][-1:] or ["auto"]
+    if from_shapes == ["true"]:
+        problem = "expected masses in <inertial>, got inertiafromgeom='true'"
+        raise InputError(arm.rigid, "<compiler>", problem)
+    names = [*(link.name for link in arm.links), arm.tool]
+    bodies = [find_body(arm.rigid, root, name) for name in names]
+    light = _light_shapes(arm, root) if from_shapes == ["auto"] else set(root.iter("geom"))
+    every = [
+        sum((_own(arm, part, light, T) for part, T in _fixed(arm, root, body, bodies)), np.zeros(4))
+        for body in bodies
+    ]
+    mass, moment = np.split(np.array(every), [1], axis=1)
+    return Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1))
+
+
+def _fixed(
+    arm: Arm, root: ET.Element, body: ET.Element, chain_bodies: list[ET.Element]
+) -> Iterator[tuple[ET.Element, Array]]:
+    """A body and all that is fixed to it, each with its pose in the body, (4, 4) [m]."""
+    pending = [(body, np.eye(4))]
+    while pending:
+        part, pose = pending.pop()
+        yield part, pose
+        children = [child for child in part.findall("body") if child not in chain_bodies]
+        pending += [(child, pose @ body_pose(arm, child, angle_unit(root))) for child in children]
+
+
+def _own(arm: Arm, body: ET.Element, light: set[ET.Element], pose: Array) -> Array:
+    """Mass and first moments of one body in the axes of the one it is fixed to, (4,) [kg, kg m]."""
+    inertial = body.find("inertial")
+    if inertial is not None:
+        [mass] = numbers(arm.rigid, inertial, "mass", 1)
+        centre = pose @ [*numbers(arm.rigid, inertial, "pos", 3), 1.0]
+        return mass * np.array([1.0, *centre[:3]])
+    if not light.issuperset(body.findall("geom")):
+        problem = "expected an <inertial>, or shapes of mass 0: MuJoCo would take the mass from its shapes"
+        raise InputError(arm.rigid, f"<body name={body.get('name')!r}>", problem)
+    return np.zeros(4)
+
+
+def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
+    """The shapes that weigh nothing by their own mass or by that of their class."""
+    above = {child: parent for parent in root.iter() for child in parent}
+    classes = {d.get("class", "main"): d for d in root.iter("default")}
+
+    def stated(geom: ET.Element) -> ET.Element | None:
+        """Where the mass of a shape stands."""
+        if "mass" in geom.attrib:
+            return geom
+        body = above[geom]
+        while "childclass" not in body.attrib and body in above:
+            body = above[body]
+        default = classes.get(geom.get("class", body.get("childclass", "main")))
+        while default is not None and default.tag == "default":
+            if (own := default.find("geom")) is not None and "mass" in own.attrib:
+                return own
+            default = above.get(default)
+        return None
+
+    where = {geom: stated(geom) for geom in root.iter("geom")}
+    return {geom for geom, e in where.items() if e is not None and numbers(arm.rigid, e, "mass", 1) == [0.0]}
+
+
+def weight_columns(vjm: Vjm, q: Array) -> Array:
+    """Load of every virtual joint per unit of mass and of each first moment of every body, theta zero.
+
+    Of joint t, where it carries body k with origin p and axes R: J_t(p)^T g, and (omega_t x R e_x,y,z)^T g.
+
+    Args:
+        vjm: The model.
+        q: Actuated joints, (runs, n) [rad, m].
+
+    Returns:
+        (n_theta, runs, bodies, 4) [N, N m per kg and per kg m]; their sum times `Weights.parameters` is
+        `own_weight`.
+    """
+    return _columns(vjm, q).transpose(2, 3, 0, 1)
+
+
+def _columns(vjm: Vjm, q: Array) -> Array:
+    """The same with runs last, (bodies, 4, n_theta, runs): every product is one long loop."""
+    where, bodies = chain(vjm, q), body_poses(vjm, q)
+    links = 6 * (vjm.arm.n_joints + 1)
+    columns = np.zeros((len(bodies), 4, vjm.arm.n_theta, len(q)))
+    for k, (p, R) in enumerate(bodies):
+        arm = p - where.position
+        # a link's virtual joint is at its end, a joint's before its own link
+        for some in (slice(0, 6 * k), slice(links, links + k)):
+            v_z = where.J_theta[2, some]
+            x, y = where.J_theta[3, some], where.J_theta[4, some]
+            columns[k, 0, some] = v_z + x * arm[:, 1] - y * arm[:, 0]
+            for axis in range(3):
+                columns[k, 1 + axis, some] = x * R[:, 1, axis] - y * R[:, 0, axis]
+    columns *= -GRAVITY
+    return columns
+
+
+def own_weight(vjm: Vjm, weights: Weights, q: Array) -> Array:
+    """Load of every virtual joint under the arm's own weight, theta zero, (n_theta, runs) [N, N m].
+
+    The base link lies before every virtual joint: its mass bends nothing.
+    """
+    q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
+    load = np.empty((vjm.arm.n_theta, len(q)))
+    for start in range(0, len(q), BATCH):
+        some = slice(start, start + BATCH)
+        load[:, some] = np.einsum("bkTr,bk->Tr", _columns(vjm, q[some]), weights.parameters, optimize=True)
+    return load

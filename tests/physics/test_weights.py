@@ -1,0 +1,96 @@
+"""The arm's own weight on the virtual joints, against MuJoCo's generalised force of gravity."""
+
+import mujoco
+import numpy as np
+import pytest
+from serial_arms import write_arm
+
+from testbench.arm.folder import load_arm
+from testbench.errors import InputError
+from testbench.model.weights import BATCH, own_weight, read_weights, weight_columns
+
+AGREE = 1e-12  # of the largest load; both sides are sums of a few products
+
+
+@pytest.fixture(params=["kr500", "arm_6r", "slides"])
+def cell(request):
+    return request.getfixturevalue(request.param)
+
+
+def of_mujoco(model, q, joints):
+    """Generalised force of gravity at theta = 0, (runs, nv)."""
+    data, found = mujoco.MjData(model), []
+    for pose in q:
+        data.qpos[joints] = pose
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
+        found.append(-data.qfrc_bias)
+    return np.array(found)
+
+
+def test_own_weight_is_mujocos_on_every_virtual_joint(cell, rng):
+    model = cell.plant.model.__copy__()
+    for link in cell.arm.links:
+        model.body(f"{link.name}_end").mass[:] = 0  # a carrier is not of the arm
+    q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
+    expected = of_mujoco(model, q, cell.plant.joints)
+    load = own_weight(cell.vjm, read_weights(cell.arm), q)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(load.T, expected[:, cell.plant.theta], rtol=0, atol=AGREE * scale)
+    # the last rows are the static torques of the joints
+    torques = of_mujoco(cell.room.model, q, cell.room.joints)[:, cell.room.joints]
+    np.testing.assert_allclose(load[-cell.arm.n_joints :].T, torques, rtol=0, atol=AGREE * scale)
+
+
+def test_columns_times_masses_and_first_moments_are_the_load(cell, rng):
+    q = rng.uniform(*cell.arm.limits, (BATCH + 7, cell.arm.n_joints))
+    weights = read_weights(cell.arm)
+    columns = weight_columns(cell.vjm, q)
+    load = own_weight(cell.vjm, weights, q)
+    summed = np.einsum("trbk,bk->tr", columns, weights.parameters)
+    np.testing.assert_allclose(summed, load, rtol=0, atol=1e-12 * np.abs(load).max())
+    assert not columns[:, :, 0].any()  # the base link bends nothing
+
+
+FIXED = """<body name="motor" pos="0.1 0.2 0.3" euler="20 30 40"><inertial pos="0.1 -0.1 0.2" mass="3"
+ diaginertia="0.1 0.1 0.1"/><body name="cover" pos="0 0.1 0" zaxis="1 2 3"><inertial pos="0.3 0 0.1"
+ mass="0.5" diaginertia="0.1 0.1 0.1"/><geom class="drawn" size="0.1"/></body></body>"""
+DRAWN = '<default><default class="drawn"><geom mass="0"/></default></default>'
+
+
+def rewritten(folder, change):
+    text = (folder / "rigid.xml").read_text(encoding="utf-8")
+    (folder / "rigid.xml").write_text(change(text), encoding="utf-8")
+    return load_arm(folder)
+
+
+def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
+    folder = write_arm(tmp_path / "arm", "zyx", degrees=True)
+    arm = rewritten(
+        folder,
+        lambda text: text.replace('<body name="link_3"', f'{FIXED}<body name="link_3"').replace(
+            "<worldbody>", f"{DRAWN}<worldbody>"
+        ),
+    )
+    model = mujoco.MjModel.from_xml_path(str(arm.rigid))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    weights, link = read_weights(arm), data.body("link_2")
+    parts = [data.body(name).id for name in ("link_2", "motor", "cover")]
+    mass = model.body_mass[parts]
+    centre = mass @ (data.xipos[parts] - link.xpos) @ link.xmat.reshape(3, 3) / mass.sum()
+    np.testing.assert_allclose(weights.mass[2], mass.sum(), rtol=1e-14)
+    np.testing.assert_allclose(weights.centre[2], centre, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("<compiler ", '<compiler inertiafromgeom="true" ', "expected masses in <inertial>"),
+        ('<body name="P1"', '<body name="box"><geom size="0.1"/></body><body name="P1"', "'box'.*shapes"),
+    ],
+)
+def test_masses_that_only_mujoco_could_weigh_are_refused(tmp_path, old, new, expected):
+    arm = rewritten(write_arm(tmp_path / "arm", "zyx"), lambda text: text.replace(old, new, 1))
+    with pytest.raises(InputError, match=expected):
+        read_weights(arm)
