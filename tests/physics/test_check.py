@@ -124,7 +124,7 @@ def test_what_is_wrong_with_an_arm_is_named_with_its_numbers(tmp_path, name, wor
     assert any(words in doubt.sentence for doubt in doubts), doubts
 
 
-@pytest.mark.parametrize("name", ["kr500_l480", "arm_6r", "single_link"])
+@pytest.mark.parametrize("name", ["kr500_l480", "arm_6r", "single_link", "ur10"])
 def test_our_arms_raise_no_doubt(name):
     assert check(name).doubts == []
 

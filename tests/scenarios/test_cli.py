@@ -349,4 +349,4 @@ def test_our_arms_are_known_by_name_from_any_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "joint_2: -130 to 20 deg" in run("check", "kr500_l480").stdout
     message = refused(run("check", "kr501"))
-    assert message.endswith("or one of arm_6r, kr500_l480, single_link\n")
+    assert message.endswith("or one of arm_6r, kr500_l480, single_link, ur10\n")

@@ -31,7 +31,7 @@ def refusal(file: Path) -> str:
     return message
 
 
-@pytest.mark.parametrize("name", ["arm_6r", "kr500_l480", "single_link"])
+@pytest.mark.parametrize("name", ["arm_6r", "kr500_l480", "single_link", "ur10"])
 def test_own_models_pass_the_allow_list(name: str) -> None:
     assert read_mjcf(MODELS / name / "rigid.xml").tag == "mujoco"
 
