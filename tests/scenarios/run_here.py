@@ -4,6 +4,7 @@ import contextlib
 import importlib.util
 import io
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +28,11 @@ def here(app, *args):
     with argv, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = command.run(app, err.write)
     return subprocess.CompletedProcess(args, code, out.getvalue(), err.getvalue())
+
+
+def heed_ctrl_c():
+    """Before a program starts: a background job of a shell without job control has Ctrl-C ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def app_of(script):

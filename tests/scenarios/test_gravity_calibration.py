@@ -12,7 +12,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from run_here import app_of, here
+from run_here import app_of, heed_ctrl_c, here
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
@@ -260,8 +260,7 @@ def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        # a background job of a shell without job control starts with SIGINT ignored
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=heed_ctrl_c,
     )
     for _ in range(1200):
         if any(p.name.startswith(".new-") for p in out.iterdir()):

@@ -1,9 +1,8 @@
 """A scenario of nothing but trials, as the tests of the engine run it.
 
-python tests/scenarios/trial_study.py --out runs/trials
+python tests/scenarios/trial_study.py runs/trials
 """
 
-import sys
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ import typer
 from rich.console import Console
 
 from testbench.output.run import whole_folder
-from testbench.shell import command
+from testbench.shell import command, interrupt
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
@@ -33,9 +32,9 @@ class Toy:
 
     where: Annotated[Path, typer.Argument()]
     trials: int = 30
-    pause: Annotated[float, typer.Option(help="Of every trial [s].")] = 0.0
     name: str = "toy"
     pids: Annotated[Path | None, typer.Option(help="Folder for a file named after every process.")] = None
+    endless: Annotated[bool, typer.Option(help="Late trials never end.")] = False
 
 
 @app.command()
@@ -45,7 +44,8 @@ def main(common: Common, toy: Toy) -> None:
     console = Console(highlight=False)
     roots = range(FIRST, FIRST + toy.trials)
     study = Experiment(toy.name, {"size": trial_work.SIZE}, roots)
-    work = partial(trial_work.trials, toy.pause, str(toy.pids) if toy.pids else "")
+    pids = str(toy.pids) if toy.pids else ""
+    work = partial(trial_work.endless_trials if toy.endless else trial_work.trials, 0.0, pids)
     chosen = choose_backend(common)
     with (
         open_store(toy.where, study, row=trial_work.Toy, resume=common.resume) as store,
@@ -57,4 +57,4 @@ def main(common: Common, toy: Toy) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(command.run(app))
+    interrupt.leave(command.run(app))

@@ -10,6 +10,7 @@ import numpy as np
 from testbench.errors import InputError
 
 SIZE = 60
+LATE = 20  # first seed with a long blob, and of those that may never end
 
 
 @dataclass(frozen=True)
@@ -29,10 +30,14 @@ class Cheap:
     number: float
 
 
-def trials(pause, pids, seeds):
-    """Random numbers and a little of what BLAS and LAPACK do; and a file for every process in folder pids."""
+def _touch(pids):
     if pids:
         (Path(pids) / str(os.getpid())).touch()
+
+
+def trials(pause, pids, seeds):
+    """Random numbers and a little of what BLAS and LAPACK do; and a file for every process in folder pids."""
+    _touch(pids)
     found = []
     for seed in seeds:
         time.sleep(pause)
@@ -40,7 +45,7 @@ def trials(pause, pids, seeds):
         a = rng.normal(size=(SIZE, SIZE))
         solved = np.linalg.solve(a @ a.T + np.eye(SIZE), a[0])
         values = np.linalg.svd(a, compute_uv=False)
-        blob = rng.bytes(200 * seed).hex() if seed >= 20 else ""
+        blob = rng.bytes(200 * seed).hex() if seed >= LATE else ""
         rank = np.int64(seed % 3)
         found.append(
             [
@@ -49,6 +54,14 @@ def trials(pause, pids, seeds):
             ]
         )
     return found
+
+
+def endless_trials(pause, pids, seeds):
+    """The same for early seeds; late ones never end, so that whoever is to be stopped still runs."""
+    _touch(pids)
+    while seeds[-1] >= LATE:
+        time.sleep(1)
+    return trials(pause, pids, seeds)
 
 
 def cheap_trials(seeds):
