@@ -1,6 +1,8 @@
 """Priors that are wrong on purpose, and models that are fitted with them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +20,14 @@ FAR, TURN = 10.0, np.deg2rad(20)
 
 Spoil = Callable[[Array, int, np.random.Generator], Array]
 """What is done to C_theta, (n_theta, n_theta), of so many links."""
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong with a prior."""
+
+    spoil: Spoil
+    far: Literal["link", "joints"] | None = None  #: What is FAR too soft or too stiff: a link, or all joints.
 
 
 def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
@@ -41,12 +51,12 @@ def prior_of(cell: Cell, name: str, seed: int) -> Prior:
     if name == RIGHT:
         return cad_prior(cell.arm)
     wrong = wrong_prior(cell, seed)
-    C = PRIORS[name](wrong.C_theta.copy(), len(cell.arm.links), stream(seed, 9))
+    C = PRIORS[name].spoil(wrong.C_theta.copy(), len(cell.arm.links), stream(seed, 9))
     return Prior(f"{wrong.name}; {name}", C)
 
 
 def wrong_link(cell: Cell, seed: int) -> int:
-    """Which link `prior_of` has FAR wrong in the prior "link", from 0."""
+    """Which link `prior_of` has FAR wrong in the prior that has one so, from 0."""
     return _drawn(len(cell.arm.links), stream(seed, 9))
 
 
@@ -98,12 +108,12 @@ def _far(rng: np.random.Generator) -> float:
 
 
 RIGHT = "right"
-PRIORS: Mapping[str, Spoil] = {
-    RIGHT: _as_it_is,
-    "scaled": _as_it_is,
-    "link": _one_link,
-    "joints": _joints,
-    "axes": _axes,
-    "uncoupled": _uncoupled,
+PRIORS: Mapping[str, Wrong] = {
+    RIGHT: Wrong(_as_it_is),
+    "scaled": Wrong(_as_it_is),
+    "link": Wrong(_one_link, far="link"),
+    "joints": Wrong(_joints, far="joints"),
+    "axes": Wrong(_axes),
+    "uncoupled": Wrong(_uncoupled),
 }
-"""By name what is done to a prior; all but the right one are SCALE and SHAPE wrong before."""
+"""By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
+from testbench.bench.wrong_prior import PRIORS
 from testbench.studies.which_model.methods import CHOSEN
-from testbench.studies.which_model.report import Advice, Bar, CoverAt, DoubtAt
+from testbench.studies.which_model.report import EVERY, Advice, Bar, CoverAt, DoubtAt
 
 OVER_BEST, LOSES = 1.1, 0.05
 """Largest median ratio to the best fixed method, and share of cases in which joints alone may be better."""
@@ -16,9 +17,10 @@ TOLD = 0.9  #: Share of priors ten times off that must raise a doubt.
 def bars(advice: Sequence[Advice], cover: Sequence[CoverAt], doubts: Sequence[DoubtAt]) -> list[Bar]:
     """All of them, in the order of the report."""
     own = [c for c in cover if c.method == CHOSEN]
-    [every] = [c for c in own if c.where == "all"]
-    far = [c for c in own if c.prior in ("link", "joints")]
-    wrong = [d for d in doubts if d.prior in ("link", "joints") and d.poses is None and d.what == "all"]
+    [every] = [c for c in own if c.every]
+    spoilt = {name for name, wrong in PRIORS.items() if wrong.far}
+    far = [c for c in own if c.prior in spoilt]
+    wrong = [d for d in doubts if d.prior in spoilt and d.poses is None and d.what == EVERY]
     return [
         *(
             Bar(

@@ -6,26 +6,28 @@ import numpy as np
 
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS, RIGHT
-from testbench.studies.which_model.report import DoubtAt
+from testbench.studies.which_model.report import EVERY, DoubtAt
 from testbench.studies.which_model.rows import Case, Doubted, FitRow
 from testbench.trials.spread import grouped
 
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
 Found = tuple[FitRow, Doubted]
+Kind = tuple[int, str]  #: Place in the table, and in words.
 
 
 def doubt_table(rows: Sequence[FitRow]) -> list[DoubtAt]:
     """By prior, the right one by truth too, a wrong link by its deflection and name; by poses, and all."""
     found = [(row, row.doubted) for row in rows if row.doubted is not None]
     otherwise = named_otherwise(found)
-    ways: list[Callable[[Case], str]] = [lambda _: "all", _true, _moving, _link]
+    ways: list[Callable[[Case], Kind | None]] = [lambda _: (0, EVERY), _true, _moving, _link]
+    by_prior = grouped(found, lambda own: own[0].case.prior)
     table = []
-    for way in ways:
-        groups = grouped(found, lambda own: (own[0].case.prior, way(own[0].case)))  # noqa: B023 - used at once
-        for (prior, what), own in groups.items():
-            if what:
-                table += _by_poses((prior, what), own, otherwise)
-    return sorted(table, key=_place)
+    for prior in sorted(by_prior, key=list(PRIORS).index):
+        for way in ways:
+            groups = grouped(by_prior[prior], lambda own: way(own[0].case))  # noqa: B023 - used at once
+            for kind in sorted(kind for kind in groups if kind):
+                table += _by_poses((prior, kind[1]), groups[kind], otherwise)
+    return table
 
 
 def named_otherwise(found: Sequence[Found]) -> dict[str, float]:
@@ -36,24 +38,19 @@ def named_otherwise(found: Sequence[Found]) -> dict[str, float]:
     return {link: float(np.mean(own)) for link, own in named.items() if own}
 
 
-def _true(case: Case) -> str:
-    return f"truth {case.truth}" if case.prior == RIGHT else ""
+def _true(case: Case) -> Kind | None:
+    return (list(TRUTHS).index(case.truth), f"truth {case.truth}") if case.prior == RIGHT else None
 
 
-def _moving(case: Case) -> str:
+def _moving(case: Case) -> Kind | None:
     if case.share is None:
-        return ""
-    return f"{'more' if case.share > MOVES else 'less'} than {100 * MOVES:.0f} % of the deflection"
+        return None
+    more = case.share > MOVES
+    return int(more), f"{'more' if more else 'less'} than {100 * MOVES:.0f} % of the deflection"
 
 
-def _link(case: Case) -> str:
-    return "" if case.share is None or case.wrong is None else case.wrong
-
-
-def _place(own: DoubtAt) -> tuple[int, bool, int, str]:
-    truths = [f"truth {name}" for name in TRUTHS]
-    truth = truths.index(own.what) if own.what in truths else -1
-    return list(PRIORS).index(own.prior), own.what.startswith("link_"), truth, own.what
+def _link(case: Case) -> Kind | None:
+    return None if case.share is None or case.wrong is None else (0, case.wrong)
 
 
 def _by_poses(names: tuple[str, str], own: Sequence[Found], otherwise: dict[str, float]) -> list[DoubtAt]:

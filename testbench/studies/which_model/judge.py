@@ -8,7 +8,7 @@ import numpy as np
 from testbench.bench.campaign import Campaign, Cell
 from testbench.bench.rows import MM
 from testbench.bench.truths import distance_from_tubes
-from testbench.bench.wrong_prior import wrong_link
+from testbench.bench.wrong_prior import PRIORS, wrong_link
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals
@@ -23,15 +23,15 @@ from testbench.studies.which_model.rows import Case, Cover, Doubted
 
 def case_of(cell: Cell, names: tuple[str, str], campaign: Campaign, estimate: Estimate) -> Case:
     """A truth and a prior by these names; any estimate lends its structure."""
-    truth = campaign.truth
+    truth, far = campaign.truth, PRIORS[names[1]].far
     as_it_is = replace(estimate, C_theta=cell.arm.C_theta)
-    link = wrong_link(cell, campaign.seed) if names[1] == "link" else None
+    link = wrong_link(cell, campaign.seed) if far == "link" else None
     wrong = cell.arm.links[link].name if link is not None else None
     return Case(
         *names,
         off_tubes=_off_tubes(cell),
         cad_mm=errors_mm(cell, [as_it_is], truth)[0],
-        wrong=KIND if names[1] == "joints" else wrong,
+        wrong=KIND if far == "joints" else wrong,
         share=None if link is None else _share(cell, link, truth, estimate),
     )
 

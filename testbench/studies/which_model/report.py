@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from testbench.identify import Constraint
 from testbench.trials.spread import Spread
 
+EVERY = "all"  #: All cases, in words.
+
 
 @dataclass(frozen=True)
 class MethodAt:
@@ -60,7 +62,7 @@ class DoubtAt:
     """What the default says of a prior, over the cases of one prior at one number of poses."""
 
     prior: str
-    what: str  #: Which of its cases.
+    what: str  #: Which of its cases; EVERY for all.
     poses: int | None  #: None for all.
     cases: int
     doubted: float  #: Share in which the readings contradict anything.
@@ -104,9 +106,14 @@ class CoverAt:
     over_ideal: Spread  #: Half width over that, case by case.
 
     @property
+    def every(self) -> bool:
+        """Whether these are all cases."""
+        return not self.truth and not self.prior and self.poses is None
+
+    @property
     def where(self) -> str:
         """The cases in words."""
-        poses = "all" if self.poses is None else f"{self.poses} poses"
+        poses = EVERY if self.poses is None else f"{self.poses} poses"
         return (self.truth and f"truth {self.truth}") or (self.prior and f"prior {self.prior}") or poses
 
 
