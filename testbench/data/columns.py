@@ -16,6 +16,9 @@ from testbench.errors import Array, InputError
 
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
+ROTATIONS: tuple[What, ...] = ("rotation", "quaternion", "matrix")
+READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
+"""Quantities whose cells are blank, or hold a word, where a target was lost."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
     )
-    readings = [c.index for c in found.values() if c.slot.what in ("reading", "covariance")]
+    readings = [c.index for c in found.values() if c.slot.what in READ]
     loads = [c.index for c in found.values() if c.slot.what in ("mass", "force", "moment")]
     mark = table.mark([c.index for c in found.values() if c.unit])
     table = table.worded(readings, names.lost)
@@ -126,7 +129,7 @@ def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
     """Every line of the map has a column in the file."""
     used = {own.mapped for own in named.values()}
     for own in names.theirs.values():
-        if own.mapped not in used:
+        if own.mapped not in used and not own.optional:
             problem = f"no such column in {table.path.name}; columns are {', '.join(map(repr, table.names))}"
             raise InputError(names.path or table.path, f"columns.{own.mapped}", problem)
 
@@ -151,6 +154,8 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
     allowed = SI.get(own.slot.what, ())
     if own.slot.what == "joint":
         allowed = (arm.joints[own.slot.index].unit,)
+    if own.slot.what == "torque":
+        allowed = ("N",) if arm.joints[own.slot.index].prismatic else ("Nm",)
     if not allowed:
         return None
     said = [unit for unit in (own.unit, own.header, table.units[k]) if unit]

@@ -35,14 +35,19 @@ class Conditions:
         return np.asarray(self.wrench.any(axis=1))
 
 
-def read_conditions(columns: Columns, arm: Arm) -> Conditions:
+def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> Conditions:
     """Run, pose, set-up, joints and load of every row.
+
+    Args:
+        columns: Which column says what.
+        arm: The arm that was measured.
+        needs_load: Whether a file without any load is refused, rather than of unloaded readings.
 
     Raises:
         InputError: Names line and column.
     """
     q = joint_coordinates(columns, arm)
-    wrench, load_notes = _wrench(columns)
+    wrench, load_notes = _wrench(columns, needed=needs_load or columns.get(Slot("state")) is not None)
     point, point_notes = _point(columns, arm)
     notes = [*load_notes, *point_notes]
     ids: dict[str, Ids | None] = {}
@@ -89,7 +94,7 @@ def number_rows(values: Array | Ids) -> Ids:
     return np.asarray(place[code.reshape(-1)])
 
 
-def _wrench(columns: Columns) -> tuple[Array, list[str]]:
+def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     """Load of every row, (rows, 6) [N, N m]; a blank cell of an unloaded reading is no load."""
     mass, constant = columns.get(Slot("mass")), columns.constant(Slot("mass"))
     vectors = [axes(columns, what) for what in ("force", "moment")]
@@ -98,6 +103,8 @@ def _wrench(columns: Columns) -> tuple[Array, list[str]]:
     has_mass = mass is not None or constant is not None
     table = columns.table
     if acts == has_mass:
+        if not acts and not needed:
+            return np.zeros((table.rows, 6)), ["no column says a load: the arm has its own weight alone"]
         if not acts:
             hint = "; one for the whole file stands in [values] of a map, as mass_kg = 150"
             raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)

@@ -45,9 +45,13 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
     """
     names = read_map(mapping, arm)
     table = read_table(path, lambda name: names.find(name) is not None, names.layout)
-    columns = find_columns(table, names, arm)
-    if not table.rows:
-        raise table.error(0, "", "expected at least one row")
+    return runs_of(find_columns(table, names, arm), arm, sigma)
+
+
+def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
+    """The same of columns that were found."""
+    if not columns.table.rows:
+        raise columns.table.error(0, "", "expected at least one row")
     columns, dropped = drop_other_points(columns)
     conditions = read_conditions(columns, arm)
     seen = read_sightings(columns, arm, conditions.loaded)
@@ -77,7 +81,7 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
     )
     notes = [*conditions.notes, *runs.notes, *sigma_note]
     notes += [f"{dropped} rows of points that the map calls no markers are left out"] * bool(dropped)
-    return Export(data, names.frame, columns, tuple(notes))
+    return Export(data, columns.names.frame, columns, tuple(notes))
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, seen: Sightings) -> None:
@@ -88,7 +92,7 @@ def _check_once(columns: Columns, conditions: Conditions, runs: Paired, seen: Si
         every |= {"mass": conditions.wrench[:, 2:3], "point": conditions.point}
         if conditions.station is not None:
             every["station"] = conditions.station[:, None]
-    turned = [(column, columns.full(column)) for column in columns.every("rotation")]
+    turned = [(column, columns.full(column)) for column in columns.every("rotation") if column.slot.when]
     for column, own in [(c, every[c.slot.what][:, c.slot.index]) for c in columns.every(*every)] + turned:
         slack = HELD if not seen.paired else 0.0
         differs = np.flatnonzero(np.abs(own - own[lead]) > slack)
@@ -129,7 +133,7 @@ def _sigma(columns: Columns, index: int, flag: float | None) -> tuple[float, lis
 
 def _rotations(columns: Columns, runs: Paired) -> tuple[Array, Array] | None:
     """Orientations of every run, unloaded and loaded, (runs, 3) [rad]; None where there are none."""
-    found = {(c.slot.when, c.slot.index): c for c in columns.every("rotation")}
+    found = {(c.slot.when, c.slot.index): c for c in columns.every("rotation") if c.slot.when}
     has_sigma = Slot("sigma", 1) in columns.found
     if not found and not has_sigma:
         return None

@@ -1,7 +1,7 @@
 """A map: how somebody's export names our quantities, as TOML of a few lines."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,6 +27,7 @@ MAX_BYTES = 20_000
 CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma")
 """Quantities that may be one number for the whole file."""
 IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
+NOTATION = r"^(vector|(intrinsic|extrinsic) [xyz]{3})$"  #: Of three angles.
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 Frame = Literal["base", "tracker"]
@@ -50,10 +51,23 @@ class Layout(Strict):
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
 
 
+class Absolute(Strict):
+    """What holds for the absolute readings of a file; the file's own name stands for what is not said."""
+
+    name: Text | None = None  #: Of the series.
+    frame: Text | None = None  #: Name of the tracker's frame; files that say the same share it.
+    target: Text | None = None  #: Name of the mount of the targets; the same.
+    markers: list[Text] = Field(default=[], max_length=100)  #: Targets where they are not the arm's.
+    #: What three angles are: a rotation vector, or Euler angles in their order.
+    rotation: Annotated[str, Field(pattern=NOTATION)] | None = None
+
+
 class _Map(Strict):
     frame: Frame | None = None
     file: Layout = Layout()
+    series: Absolute = Absolute()
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
+    optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
     words: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     values: dict[Text, float] = Field(default_factory=dict, max_length=50)
@@ -67,6 +81,7 @@ class Named:
     unit: Unit | None  #: Its unit by our name for it; None where that has none.
     sign: float = 1.0  #: -1 where the map has a minus before the name.
     mapped: str = ""  #: Key of the map that says so; empty for one of our own names.
+    optional: bool = False  #: Whether the file may lack the column.
     header: Unit | None = None  #: Its unit by what the file calls it, beside a map.
 
 
@@ -85,6 +100,8 @@ class Names:
     loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
     frame: Frame | None  #: What the readings are in; None where it is not said.
     layout: Layout  #: How the file is written.
+    series: Absolute  #: What the map says of absolute readings.
+    markers: tuple[str, ...]  #: Names of the targets that the file may have.
 
     def find(self, header: str) -> Named | None:
         """What a column is: the map before our own names; None for neither."""
@@ -107,14 +124,21 @@ class Names:
         return ours if ours in known else ""
 
 
-def read_map(path: Path | None, arm: Arm) -> Names:
+def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, Slot]] = our_names) -> Names:
     """Our names for an arm, and those of a map.
+
+    Args:
+        path: The map; None without one.
+        arm: The arm.
+        quantities: Our names: those of runs, or of absolute readings, whose targets the map may name.
 
     Raises:
         InputError: Names the key and what was expected.
     """
-    ours = our_names(arm)
     found = _Map() if path is None else _read(path)
+    if found.series.markers and quantities is not our_names:
+        arm = replace(arm, markers=tuple(found.series.markers))
+    ours = quantities(arm)
     where = path or Path()
     words, ignored, lost = _words(where, found, arm)
     return Names(
@@ -129,6 +153,8 @@ def read_map(path: Path | None, arm: Arm) -> Names:
         loads={word: key for key, own in words.items() if _is_number(key) for word in own},
         frame=found.frame,
         layout=found.file,
+        series=found.series,
+        markers=arm.markers,
     )
 
 
@@ -140,9 +166,13 @@ def _read(path: Path) -> _Map:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
-            keys = _Map.model_fields if len(first["loc"]) == 1 else Layout.model_fields
+            inner = Absolute if first["loc"][0] == "series" else Layout
+            keys = _Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
-        raise InputError(path, place, f"{first['msg']}, got {str(first['input'])[:80]!r}") from err
+        problem = first["msg"]
+        if first["loc"] == ("series", "rotation"):
+            problem = 'expected "vector", "intrinsic xyz" or "extrinsic xyz" with the axes in their order'
+        raise InputError(path, place, f"{problem}, got {str(first['input'])[:80]!r}") from err
 
 
 def _tuple(words: str | list[str]) -> tuple[str, ...]:
@@ -172,7 +202,9 @@ def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dic
     choices = placeholders(arm, words)
     named: dict[str, Named] = {}
     alone: set[Slot] = set()
-    for key, names in sorted(found.columns.items(), key=lambda item: "{" in item[0]):  # patterns say less
+    both = [(key, names, "columns") for key, names in found.columns.items()]
+    both += [(key, names, "optional") for key, names in found.optional.items()]
+    for key, names, section in sorted(both, key=lambda item: "{" in item[0]):  # patterns say less
         for name in _tuple(names):
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
@@ -181,14 +213,16 @@ def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dic
                     problem = (
                         f"expected one of our quantities and its own {{...}} in both names, got {name!r}"
                     )
-                    raise InputError(path, f"columns.{key}", problem)
+                    raise InputError(path, f"{section}.{key}", problem)
                 if "{" in key and known[0] in alone:
                     continue
-                new = Named(*known, sign, key)
+                new = Named(*known, sign, key, optional=section == "optional")
                 if "{" not in key:
                     alone.add(known[0])
                 if named.setdefault(squeeze(their), new) != new:
-                    raise InputError(path, f"columns.{key}", f"the name {their!r} stands for two quantities")
+                    raise InputError(
+                        path, f"{section}.{key}", f"the name {their!r} stands for two quantities"
+                    )
     return named
 
 

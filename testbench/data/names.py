@@ -37,6 +37,17 @@ What = Literal[
     "rotation",
     "covariance",
     "sigma",
+    "quaternion",
+    "matrix",
+    "deviation",
+    "turn_deviation",
+    "spread",
+    "torque",
+    "temperature",
+    "time",
+    "series",
+    "series_frame",
+    "series_target",
 ]
 SI: Mapping[What, tuple[str, ...]] = {
     "joint": ("rad", "m"),
@@ -48,6 +59,10 @@ SI: Mapping[What, tuple[str, ...]] = {
     "rotation": ("rad",),
     "covariance": ("m2",),
     "sigma": ("m", "rad"),
+    "deviation": ("m",),
+    "turn_deviation": ("rad",),
+    "spread": ("m2",),
+    "torque": ("Nm", "N"),
 }
 """Of every quantity with a unit what its unit may be a multiple of."""
 
@@ -81,8 +96,32 @@ def our_names(arm: Arm) -> dict[str, Slot]:
                 orders = (order for word in words for order in permutations((marker, word, axis)))
                 found |= {"_".join(order): Slot("reading", k, marker, when) for order in orders}
     found |= {f"deflection_cov_{entry}": Slot("covariance", k) for k, entry in enumerate(ENTRIES)}
+    if not any(joint.name.startswith("joint_") for joint in arm.joints):
+        found |= {f"joint_{k}": Slot("joint", k - 1) for k in range(1, arm.n_joints + 1)}
     found |= {joint.name: Slot("joint", k) for k, joint in enumerate(arm.joints)}
     return {squeeze(name): slot for name, slot in found.items()}
+
+
+def series_names(arm: Arm) -> dict[str, Slot]:
+    """The same with what absolute readings have beside: orientations, scatter by axis, torques, time."""
+    found = {"payload": Slot("mass"), "timestamp": Slot("time")}
+    found |= {name: Slot(name) for name in ("series", "series_frame", "series_target")}
+    for unit in ("", "_c", "_degc", "[c]", "[°c]", "[degc]", "(c)", "(°c)", "(degc)"):
+        found |= {f"temperature{unit}": Slot("temperature")}
+    for unit in ("", "_s", "[s]", "(s)"):
+        found |= {f"time{unit}": Slot("time", int(bool(unit)))}
+    for k, axis in enumerate(XYZ):
+        found |= {f"position_{axis}": Slot("reading", k), f"rotation_{axis}": Slot("rotation", k)}
+        found |= {f"rotation_{k + 1}": Slot("rotation", 3 + k)}
+        found |= {f"rotation_{k + 1}{j + 1}": Slot("matrix", 3 * k + j) for j in range(3)}
+        found |= {f"sigma_{axis}": Slot("deviation", k)}
+        found |= {f"sigma_rotation_{axis}": Slot("turn_deviation", k)}
+    for k, part in enumerate("wxyz"):
+        found |= {f"{name}_{part}": Slot("quaternion", k) for name in ("quaternion", "quat", "q")}
+    found |= {f"position_cov_{entry}": Slot("spread", k) for k, entry in enumerate(ENTRIES)}
+    found |= {f"torque_{k}": Slot("torque", k - 1) for k in range(1, arm.n_joints + 1)}
+    found |= {f"torque_{joint.name}": Slot("torque", k) for k, joint in enumerate(arm.joints)}
+    return {squeeze(name): slot for name, slot in found.items()} | our_names(arm)
 
 
 def recognise(name: str, known: Mapping[str, Slot]) -> tuple[Slot, Unit | None] | None:
@@ -118,9 +157,8 @@ def expand(
     """Every pair of names that two patterns stand for."""
     for key, values in choices.items():
         hole = f"{{{key}}}"
-        own = (
-            f"joint_{hole}" if key in ("n", "n0") else hole
-        )  # joint_{n} is the n-th joint, whatever its name
+        numbered = f"joint_{hole}"  # joint_{n} is the n-th joint, whatever its name
+        own = numbered if key in ("n", "n0") and numbered in ours else hole
         if own in ours:
             for our, words in values:
                 for word in words:

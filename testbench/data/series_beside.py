@@ -1,0 +1,74 @@
+"""What stands beside absolute readings: torques of the joints, temperature, time."""
+
+import re
+from datetime import UTC, datetime
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.columns import Columns
+from testbench.data.names import Slot
+from testbench.errors import Array
+
+STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
+
+
+def read_torques(columns: Columns, arm: Arm) -> Array | None:
+    """Torques of the joints, (rows, n) [N m, N]; None without such columns.
+
+    Raises:
+        InputError: When a joint has none.
+    """
+    if not columns.every("torque"):
+        return None
+    found = [columns.get(Slot("torque", k)) for k in range(arm.n_joints)]
+    missing = [
+        f"torque_{joint.name}_{'N' if joint.prismatic else 'Nm'}"
+        for joint, column in zip(arm.joints, found, strict=True)
+        if column is None
+    ]
+    if missing:
+        raise columns.lack(missing)
+    return np.column_stack([columns.full(column) for column in found if column is not None])
+
+
+def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
+    """Temperature, (rows,) [degree Celsius]; None where a cell is blank."""
+    column = columns.get(Slot("temperature"))
+    if column is None:
+        return None, []
+    values = columns.values(column)
+    if np.isnan(values).any():
+        return None, [f"{column.name}: blank in {int(np.isnan(values).sum())} rows, not read"]
+    return values, []
+
+
+def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
+    """Time since the first row, (rows,) [s]; None where the cells are no times."""
+    seconds, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
+    if seconds is not None:
+        return columns.full(seconds), []
+    if stamp is None:
+        return None, []
+    texts = columns.table.texts(stamp.index)
+    found = {text: _seconds(text) for text in dict.fromkeys(texts)}
+    wrong = next((text for text, value in found.items() if value is None), None)
+    if wrong is None and (len(found) > 1 or len(texts) == 1):
+        values = np.array([found[text] for text in texts], dtype=float)
+        return values - values[0], []
+    got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
+    return None, [f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}: no time is read"]
+
+
+def _seconds(text: str) -> float | None:
+    """Seconds of a date and time since 1970; None for anything else."""
+    stamp = STAMP.fullmatch(text)
+    try:
+        when = (
+            datetime.strptime("".join(stamp.groups()), "%Y%m%d%H%M%S")
+            if stamp
+            else datetime.fromisoformat(text)
+        )
+    except ValueError:
+        return None
+    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
