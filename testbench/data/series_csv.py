@@ -148,7 +148,9 @@ def _covariances(s: Series) -> tuple[Array, Mask]:
     """Covariance of every position, (rows * m, 3, 3) [m^2], NaN where lost, and which are there."""
     seen = s.seen.reshape(-1)
     C = np.full((len(seen), 3, 3), np.nan)
-    C[seen] = s.sigma**2 * np.eye(3) if s.precision is None else np.linalg.inv(s.precision.reshape(-1, 3, 3)[seen])
+    C[seen] = (
+        s.sigma**2 * np.eye(3) if s.precision is None else np.linalg.inv(s.precision.reshape(-1, 3, 3)[seen])
+    )
     return C, seen
 
 
@@ -158,7 +160,7 @@ def _scatter_columns(series: Sequence[Series]) -> list[str]:
     if np.allclose(C, np.eye(3), rtol=0, atol=1e-12):
         return []
     least = min((LEAST[0] / s.sigma) ** 2 for s in series)
-    diagonal = (C == C * np.eye(3)).all() and (np.diagonal(C, axis1=1, axis2=2) >= least).all()
+    diagonal = (C * np.eye(3) == C).all() and (np.diagonal(C, axis1=1, axis2=2) >= least).all()
     return DEVIATION if diagonal else COVARIANCE
 
 

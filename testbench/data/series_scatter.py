@@ -59,13 +59,13 @@ def _sigma(
         if len(bad):
             raise table.error(bad[0], column.name, f"expected {low:g} to {high:g}, got {values[bad[0]]:g}")
         return values, []
+    if deviations is not None and np.isfinite(deviations).any():
+        return np.full(table.rows, np.nanmedian(deviations)), []
     if said:
         if not low <= said[0] <= high:
             problem = f"expected {low:g} to {high:g}, got {said[0]:g}"
             raise InputError(columns.names.path or table.path, name, problem)
         return np.full(table.rows, said[0]), []
-    if deviations is not None and np.isfinite(deviations).any():
-        return np.full(table.rows, np.nanmedian(deviations)), []
     if index:
         words = (
             f"orientations: sigma {1e3 * assumed:g} mrad" if columns.every("rotation", "quaternion") else ""
