@@ -8,17 +8,17 @@ from checks import check_report, check_table, curves, unit_in
 from made_up import fill, filled
 
 from testbench.studies.solver_comparison.recording import race
-from testbench.studies.solver_comparison.study import STUDY
-from testbench.studies.solver_comparison.summary import (
+from testbench.studies.solver_comparison.report import (
     Convergence,
     End,
     LocalMinima,
     ModelReport,
     SolverComparisonReport,
     SolverReport,
-    targets,
 )
-from testbench.studies.solver_comparison.trial import SolverRow
+from testbench.studies.solver_comparison.rows import SolverRow
+from testbench.studies.solver_comparison.study import STUDY
+from testbench.studies.solver_comparison.theses import targets
 from testbench.studies.study import Run
 from testbench.trials.spread import Spread, middle
 

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.studies.solver_comparison.looks import COLOURS, MARKS
-from testbench.studies.solver_comparison.summary import SolverComparisonReport
+from testbench.studies.solver_comparison.report import SolverComparisonReport
 from testbench.views.colours import GREENS, ORANGES, hexadecimal
 from testbench.views.figure import SOFT, quiet
 

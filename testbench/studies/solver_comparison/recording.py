@@ -7,7 +7,8 @@ from testbench.bench.campaign import build_cell
 from testbench.bench.full_pose import simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.solver_comparison.looks import COLOURS
-from testbench.studies.solver_comparison.summary import COLUMNS, SolverComparisonReport
+from testbench.studies.solver_comparison.report import SolverComparisonReport
+from testbench.studies.solver_comparison.tables import COLUMNS
 from testbench.studies.solver_comparison.trial import ARM, Settings
 from testbench.studies.study import Run
 from testbench.views.markdown import grid

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
-from testbench.studies.solver_comparison import figure, recording, summary, trial
+from testbench.studies.solver_comparison import figure, recording, rows, summary, tables, trial
 from testbench.studies.study import Study
 
 STUDY = Study(
@@ -14,10 +14,10 @@ STUDY = Study(
     settings=trial.settings,
     seeds=(20, 2),
     arms=lambda _: [find_arm(trial.ARM)],
-    row=trial.TrialRow,
+    row=rows.TrialRow,
     trials=trial.trials,
     summary=summary.summary,
-    tables=summary.tables,
+    tables=tables.tables,
     printed=("short",),
     figures={"solver_comparison.png": figure.solver_comparison},
     write=recording.write,

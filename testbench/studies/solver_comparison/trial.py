@@ -5,7 +5,7 @@ convex, and the dual of one conic program tells how far any other solution can b
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Annotated
@@ -18,25 +18,23 @@ from testbench.bench.campaign import Campaign, Cell, build_cell, stream
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import judge
 from testbench.bench.models import Model, named_models
-from testbench.bench.rows import UM, ErrorRow, error_row
-from testbench.errors import Array, BenchError
+from testbench.bench.rows import UM, error_row
+from testbench.errors import BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
     CLOSE,
     LARGEST_ORDER,
     Factorised,
-    Observe,
     costs,
-    descend,
     descents,
     factorise,
     parameters,
-    random_start,
 )
 from testbench.identify.modelled import cvxpy, modelled
-from testbench.identify.search import Budget, explore
-from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
-from testbench.trials.spread import Number, Share
+from testbench.identify.search import Budget
+from testbench.studies.six_dof_arm.trial import judged, measured
+from testbench.studies.solver_comparison.over_b import OverB, differences, local_solves, search
+from testbench.studies.solver_comparison.rows import Data, Minima, SolverRow, TrialRow
 
 NAME = "solver_comparison"
 ARM = "arm_6r"
@@ -44,8 +42,6 @@ QUICK_GENERATIONS, QUICK_STARTS = 60, 5
 MINIMA_STARTS, MINIMA_SEEDS = 50, 3
 WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
 REPEATS = 5  #: Calls of a conic program, of which the median time counts; one more comes first, not timed.
-DIFFERENCE = math.sqrt(np.finfo(float).eps)
-"""Step of the finite differences, where the entries of b are of order one; as MATLAB and scipy take it."""
 ORDERS = (6, 4, 3)  #: Orders m of the vector space whose local minima are counted.
 CURVE_POINTS = 150  #: Points kept of a solver's way down.
 
@@ -87,64 +83,6 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class SolverNumbers:
-    """What one solver found, in one seed or over all."""
-
-    f_m: Number  #: Cost of Eq. (19).
-    excess_f_m: Number  #: Over that of the conic program.
-    relative_excess: Number  #: The same, relative.
-    f_m_excess_bound: Number  #: F_M over its certified lower bound.
-    relative_excess_bound: Number  #: The same, relative to the bound.
-    seconds: Number  #: Wall time of the whole call, reduction of the dataset included.
-    seconds_to_1_percent: Number  #: Until F_M was within 1 % of the conic program's; None where it never was.
-    ratio_to_conic: Number  #: The same over the conic program's whole time.
-    whole_ratio_to_conic: Number  #: Whole time over the conic program's.
-    evaluations: Number  #: Of F_M; None where nobody counts them.
-    local_solves: int | None  #: How many; None where there are none.
-    local_solves_elsewhere: int | None  #: Those that ended more than CLOSE above the conic program.
-    conservative: Share  #: Whether every block is positive semi-definite.
-    status: str  #: What the solver says.
-    check_true: ErrorRow  #: Errors of the check runs, without noise.
-
-
-@dataclass(frozen=True)
-class SolverRow(SolverNumbers):
-    """The same of one seed, with its way down."""
-
-    way_seconds: tuple[float, ...]  #: When it improved, thinned.
-    way_gap: tuple[float, ...]  #: Least F_M over the certified lower bound by then, minus 1.
-
-
-@dataclass(frozen=True)
-class Data:
-    """What every solver of a seed had: measurements, what the conic program made of them, time of one F_M."""
-
-    measured: Measured
-    model: Judged
-    microseconds_f_m: float
-
-
-@dataclass(frozen=True)
-class Minima:
-    """Local solves of one order m from random starts: F_M of each, and how many ran out of steps."""
-
-    m: int
-    f_m: tuple[float, ...]
-    conic_f_m: float
-    unfinished: int
-
-
-@dataclass(frozen=True)
-class TrialRow:
-    """One line of a seed: its data, a solver, or local minima of one order."""
-
-    key: str = ""  #: Letter of the solver, empty for the others.
-    data: Data | None = None  #: Of the seed, in its first line.
-    solver: SolverRow | None = None  #: What a solver found.
-    minima: Minima | None = None  #: Where local solves end.
-
-
-@dataclass(frozen=True)
 class Solved:
     """What one solver found."""
 
@@ -156,52 +94,8 @@ class Solved:
     solves: Sequence[float] | None = None  #: F_M of its local solves; None where there are none.
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a solver over b found."""
-
-    b: Array  #: The vectors, (size,).
-    evaluations: int  #: Of F_M.
-    solves: list[float]  #: F_M that its local solves ended with.
-
-
-OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
-"""A solver over b: problem, source of its starts, who is told of every least F_M."""
 Search = tuple[str, OverB, int]  #: Letter of a solver, itself, and the number of its stream of random starts.
 PAPERS = ("a", "a'")  #: Letters of the paper's optimiser.
-
-
-def search(budget: Budget) -> OverB:
-    """The paper's optimiser, run through its whole budget: no threshold stops it."""
-
-    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-        found = explore(problem, budget, rng, observe)
-        return Found(found.best, found.evaluations, found.descents)
-
-    return solver
-
-
-def local_solves(starts: int) -> OverB:
-    """Local solves on the analytic gradient, from random starts."""
-
-    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-        found = descents(problem, rng, starts=starts, observe=observe)
-        best = min(found, key=lambda descent: descent.f_m)
-        return Found(best.b, sum(d.evaluations for d in found), [d.f_m for d in found])
-
-    return solver
-
-
-def differences(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-    """One local solve that knows F_M alone and takes its gradient by finite differences."""
-    end = descend(problem, random_start(problem, rng), evaluate=forward_differences, observe=observe)
-    return Found(end.b, (problem.size + 1) * end.evaluations, [end.f_m])
-
-
-def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
-    """F_M(b) and its gradient by finite differences, all points at once, (size,)."""
-    values = costs(problem, np.hstack([b[:, None], b[:, None] + DIFFERENCE * np.eye(problem.size)]))
-    return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
 def gco_model(cell: Cell, name: str) -> Model:
