@@ -1,5 +1,6 @@
 """testbench simulate ARM [FILE] --out DATA: measured runs of the true arm."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ from testbench.bench.candidates import Conditions, build_checks, find
 from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import read_masses, read_payload
 from testbench.bench.tracker_runs import by_trackers, places
+from testbench.cli.absolute import Absolute, campaign, files, write_readings
 from testbench.cli.arguments import ArmName, Noise
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
@@ -25,7 +27,8 @@ from testbench.plant.disturbed import disturb
 from testbench.shell.options import Force, takes
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
-MOST_POSES = 1000  #: Random poses that are drawn at most.
+READINGS = Kind("a file of absolute readings", rb"run,")
+MOST_POSES = 10_000  #: Random poses that are drawn at most.
 
 
 @dataclass(frozen=True)
@@ -61,13 +64,47 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(Options, Absolute)
+def command(asked: Options, absolute: Absolute) -> None:
     """Settle the true arm, read the markers, write the dataset."""
     inputs = [find_arm(asked.arm), *([asked.file] if asked.file else [])]
-    check_file(asked.out, DATASET, inputs=inputs, force=asked.force)
+    for path in files(asked.out, absolute.series):
+        check_file(path, READINGS if absolute.absolute else DATASET, inputs=inputs, force=asked.force)
     cell = build_cell(asked.arm)
-    q = _poses(cell, asked)
+    if absolute.absolute:
+        _read_absolutely(cell, asked, absolute)
+    else:
+        _read_deflections(cell, asked)
+
+
+def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
+    console = Console(highlight=False)
+    q = _given_poses(cell, asked)
+    masses = _one_after_the_other(cell, asked)
+    _say_overload(console, cell, masses)
+    for path, own in write_readings(cell, campaign(cell, asked, absolute, masses), asked.seed, q, asked.out):
+        text = (
+            f"{path}: {own.rows} rows in {len(np.unique(own.pose))} poses, targets {', '.join(own.markers)}"
+        )
+        console.print(text, soft_wrap=True, markup=False)
+
+
+def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
+    """What hangs in every pose, nothing at first [kg]."""
+    stated = None if asked.file is None else read_payload(asked.file)
+    if stated is None and asked.loads is None and asked.payload_kg is None:
+        return (0.0,)
+    masses = _masses(cell, asked, 1)
+    if (masses != masses[0]).any():
+        problem = "expected the same in all runs with --absolute; leave the column out, and say --loads"
+        raise InputError(asked.file or Path(), "column load_kg", problem)
+    return (0.0, *masses[0].tolist())
+
+
+def _read_deflections(cell: Cell, asked: Options) -> None:
+    q = _given_poses(cell, asked)
+    if q is None:
+        q = find(build_checks(cell, Conditions()), asked.poses or 0, stream(asked.seed, 0)).q
     masses = _masses(cell, asked, len(q))
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()), sigma=asked.sigma_um / 1e6)
     if asked.geometry_mm:
@@ -79,19 +116,22 @@ def command(asked: Options) -> None:
         data = by_trackers(data, trackers, asked.seed)
     write_csv(data, cell.arm, asked.out)
     console, size = Console(highlight=False), 1e3 * np.linalg.norm(data.deflection, axis=-1)
-    if doubt := overloaded(cell.arm, masses.ravel().tolist()):
-        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
+    _say_overload(console, cell, masses.ravel().tolist())
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
     console.print(text, soft_wrap=True, markup=False)
 
 
-def _poses(cell: Cell, asked: Options) -> Array:
-    """Those of the file, or random ones that nothing refuses, (poses, n) [rad, m]."""
+def _say_overload(console: Console, cell: Cell, masses: Iterable[float]) -> None:
+    if doubt := overloaded(cell.arm, masses):
+        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
+
+
+def _given_poses(cell: Cell, asked: Options) -> Array | None:
+    """Those of the file, (poses, n) [rad, m]; None where random ones are asked for."""
     if (asked.file is None) == (asked.poses is None):
         raise BenchError("poses: expected either a file of poses or --poses NUMBER")
     if asked.file is None:
-        assert asked.poses is not None
-        return find(build_checks(cell, Conditions()), asked.poses, stream(asked.seed, 0)).q
+        return None
     q = read_poses(asked.file, cell.arm)
     check_poses(cell.room, q)
     return q
