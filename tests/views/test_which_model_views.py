@@ -10,10 +10,10 @@ from read_back import chunks_of, columns
 
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
+from testbench.studies.bar import Bar
 from testbench.studies.study import Run
 from testbench.studies.which_model import figure, recording
 from testbench.studies.which_model.methods import COVERED
-from testbench.studies.which_model.report import Bar
 from testbench.studies.which_model.rows import Case, Cover, Doubted, FitRow
 from testbench.studies.which_model.study import STUDY
 from testbench.studies.which_model.trial import POSES, Settings, pairs

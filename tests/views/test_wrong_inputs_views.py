@@ -12,10 +12,11 @@ from read_back import chunks_of, columns
 
 from testbench.bench.rows import DatasetRow
 from testbench.errors import BenchError
+from testbench.studies.bar import Bar
 from testbench.studies.study import Run
 from testbench.studies.wrong_inputs import figure, recording
 from testbench.studies.wrong_inputs.faults import FAULTS
-from testbench.studies.wrong_inputs.report import Bar, rate
+from testbench.studies.wrong_inputs.report import rate
 from testbench.studies.wrong_inputs.sound import LOADS, sound
 from testbench.studies.wrong_inputs.study import STUDY
 from testbench.studies.wrong_inputs.trial import SOUND, SetRow, Settings, cases

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from testbench.bench.wrong_prior import PRIORS
+from testbench.studies.bar import Bar
 from testbench.studies.which_model.methods import CHOSEN
-from testbench.studies.which_model.report import EVERY, Advice, Bar, CoverAt, DoubtAt
+from testbench.studies.which_model.report import EVERY, Advice, CoverAt, DoubtAt
 
 OVER_BEST, LOSES = 1.1, 0.05
 """Largest median ratio to the best fixed method, and share of cases in which joints alone may be better."""

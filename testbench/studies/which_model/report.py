@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.identify import Constraint
+from testbench.studies.bar import Bar
 from testbench.trials.spread import Spread
 
 EVERY = "all"  #: All cases, in words.
@@ -72,22 +73,6 @@ class DoubtAt:
     #: The same share of these links where the prior has another link wrong; None where that is never so.
     otherwise: float | None
     either: float | None  #: Share in which one of both is said; None but for a link.
-
-
-@dataclass(frozen=True)
-class Bar:
-    """What was asked for beforehand, and what was found."""
-
-    what: str
-    found: float  #: A ratio, or a share of cases or of components.
-    least: float | None  #: None for no limit.
-    most: float | None
-
-    @property
-    def met(self) -> bool:
-        """Whether it lies between both."""
-        above = self.least is None or self.found >= self.least
-        return above and (self.most is None or self.found <= self.most)
 
 
 @dataclass(frozen=True)

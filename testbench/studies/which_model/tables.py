@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from testbench.studies.bar import bar_table
 from testbench.studies.which_model.methods import CHOSEN
 from testbench.studies.which_model.report import MethodAt, WhichModelReport
 from testbench.views.schema import Column, Table, pivot
@@ -68,13 +69,6 @@ DOUBTS = (
     Column("otherwise", "where another one is wrong", form="yes"),
     Column("either", "contradicted or unchecked", form="yes"),
 )
-BARS = (
-    Column("what", "what"),
-    Column("found", "found", form=".3f"),
-    Column("least", "at least", form="g"),
-    Column("most", "at most", form="g"),
-    Column("met", "met", form="yes"),
-)
 TRUTHS = (
     TRUTH,
     Column("what", "what it is"),
@@ -94,7 +88,7 @@ def tables(report: WhichModelReport) -> dict[str, Table]:
         "worst": Table(WORST, report.worst),
         "chosen": Table(CHOICES, report.chosen),
         "doubts": Table(DOUBTS, [own for own in report.doubts if own.poses is None]),
-        "bars": Table(BARS, report.bars),
+        "bars": bar_table(report.bars, ".3f"),
         "cover": Table(COVER, [own for own in report.cover if own.method == CHOSEN]),
         "covered": pivot(
             Table((), report.cover), WHERE, METHOD, replace(COVERED, unit="", form=".3f", scale=1)

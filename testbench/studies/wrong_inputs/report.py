@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.rows import DatasetRow
+from testbench.studies.bar import Bar
 from testbench.trials.spread import Spread
 
 Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.
@@ -28,23 +29,6 @@ def rate(held: Sequence[bool]) -> Rate:
     middle = (share + Z**2 / (2 * n)) / (1 + Z**2 / n)
     half = Z / (1 + Z**2 / n) * np.sqrt(share * (1 - share) / n + Z**2 / (4 * n**2))
     return Rate(n, sum(held), share, max(0.0, float(middle - half)), min(1.0, float(middle + half)))
-
-
-@dataclass(frozen=True)
-class Bar:
-    """What was asked beforehand, and what was found."""
-
-    what: str
-    found: float
-    least: float | None
-    most: float | None
-
-    @property
-    def met(self) -> bool:
-        """Whether it is neither too small nor too large."""
-        return (self.least is None or self.found >= self.least) and (
-            self.most is None or self.found <= self.most
-        )
 
 
 @dataclass(frozen=True)

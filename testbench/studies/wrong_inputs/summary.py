@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from testbench.bench.truths import TRUTHS
 from testbench.errors import BenchError
+from testbench.studies.bar import Bar
 from testbench.studies.study import Trials
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.report import (
     Alarm,
-    Bar,
     Before,
     Example,
     FaultRow,

@@ -1,5 +1,6 @@
 """The columns of the study of wrong inputs, and its tables."""
 
+from testbench.studies.bar import bar_table
 from testbench.studies.wrong_inputs.report import WrongInputsReport
 from testbench.views.schema import Column, Table
 
@@ -42,13 +43,6 @@ ALARMS = (
     Column("evidence", "evidence, nats", form=".0f"),
     Column("said", "what was said"),
 )
-BARS = (
-    Column("what", "what"),
-    Column("found", "found", form=".4g"),
-    Column("least", "at least", form="g"),
-    Column("most", "at most", form="g"),
-    Column("met", "met", form="yes"),
-)
 EXAMPLES = (
     Column("words", "planted"),
     Column("first", "first doubt"),
@@ -63,6 +57,6 @@ def tables(report: WrongInputsReport) -> dict[str, Table]:
         "faults": Table(FAULTS, report.faults),
         "kinds": Table(KINDS, report.kinds, "sound data sets doubted, and faults named right first"),
         "alarms": Table(ALARMS, report.false_alarms),
-        "bars": Table(BARS, report.bars),
+        "bars": bar_table(report.bars, ".4g"),
         "examples": Table(EXAMPLES, report.examples),
     }
