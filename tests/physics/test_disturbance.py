@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import mujoco
 import numpy as np
 import pytest
+from loads import GRAVITY, hung, random_q
 from pydantic import BaseModel, ConfigDict
 
 from testbench.errors import BenchError
@@ -28,18 +29,7 @@ from testbench.plant.disturbance import FOUNDATION
 from testbench.plant.joint_law import STIFFENING_ANGLE, JointLaw, slope, spring_torque, turn
 from testbench.plant.state import evaluate, open_row
 
-GRAVITY = 9.81
 CLEAN = Disturbances(own_weight=True)
-
-
-def random_q(cell, rng, runs):
-    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
-
-
-def hung(cell, runs, mass=460.3):
-    wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -GRAVITY * mass
-    return wrench, np.tile(cell.plant.load, (runs, 1))
 
 
 def disturbed(cell, disturbances, seed=1):

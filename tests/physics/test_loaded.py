@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from loads import random_q
 
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.model import loaded
@@ -39,10 +40,6 @@ HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 @pytest.fixture(params=["kr500", "arm_6r", "slides"])
 def cell(request):
     return request.getfixturevalue(request.param)
-
-
-def random_q(cell, rng, runs):
-    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
 
 
 def bent(cell, rng, runs):

@@ -8,24 +8,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from loads import hung, random_q
 
 from testbench.arm.folder import load_arm
 from testbench.arm.stiffness import Tube, tube_compliance
 from testbench.errors import InputError, NoEquilibrium
 from testbench.plant import build_plant, elastic_mjcf, settle, settle_linear, weightless, write_elastic
 from testbench.plant.build import plant_of
-
-GRAVITY = 9.81
-
-
-def random_q(cell, rng, runs):
-    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
-
-
-def hung(cell, runs, mass=460.3):
-    wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -GRAVITY * mass
-    return wrench, np.tile(cell.plant.load, (runs, 1))
 
 
 def at_pose(plant, q, theta=0.0):

@@ -5,6 +5,7 @@ import shutil
 import mujoco
 import numpy as np
 import pytest
+from loads import random_q
 
 from testbench.arm.folder import load_arm
 from testbench.errors import BenchError
@@ -25,10 +26,6 @@ from testbench.plant.site import HEAD_RADIUS, KINDS, TARGET_RADIUS
 STATION = (4.5, -2.5, 1.6)
 READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
 """A pose of the KR 500 in which 460.3 kg hang clear, and STATION sees all markers."""
-
-
-def random_q(cell, rng, poses):
-    return rng.uniform(*cell.arm.limits, (poses, cell.arm.n_joints))
 
 
 def in_world(cell, q, points):

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from loads import random_q
 
 from testbench.errors import BenchError
 from testbench.identify.reduction import non_redundant
@@ -22,10 +23,6 @@ def jacobian(vjm, q, point=(0.0, 0.0, 0.0)):
 
 def cartesian_compliance(J, C_theta):
     return J @ C_theta @ J.swapaxes(1, 2)
-
-
-def random_q(cell, rng, runs):
-    return rng.uniform(*cell.arm.limits, (runs, cell.arm.n_joints))
 
 
 def random_load(rng, runs):
