@@ -47,9 +47,9 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> C
         InputError: Names line and column.
     """
     q = joint_coordinates(columns, arm)
-    wrench, load_notes = _wrench(columns, needed=needs_load or columns.get(Slot("state")) is not None)
+    wrench, load_notes = _wrench(columns, needed=needs_load)
     point, point_notes = _point(columns, arm)
-    notes = [*load_notes, *point_notes]
+    notes = [*load_notes, *(point_notes if wrench.any() else [])]
     ids: dict[str, Ids | None] = {}
     for what in (Slot("run"), Slot("pose"), Slot("station")):
         column = columns.get(what)

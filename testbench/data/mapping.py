@@ -54,7 +54,6 @@ class Layout(Strict):
 class Absolute(Strict):
     """What holds for the absolute readings of a file; the file's own name stands for what is not said."""
 
-    name: Text | None = None  #: Of the series.
     frame: Text | None = None  #: Name of the tracker's frame; files that say the same share it.
     target: Text | None = None  #: Name of the mount of the targets; the same.
     markers: list[Text] = Field(default=[], max_length=100)  #: Targets where they are not the arm's.

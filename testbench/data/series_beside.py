@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import Columns
+from testbench.data.columns import Column, Columns
 from testbench.data.names import Slot
-from testbench.errors import Array
+from testbench.errors import Array, InputError
 
 STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
 
@@ -33,21 +33,18 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
 
 
 def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
-    """Temperature, (rows,) [degree Celsius]; None where a cell is blank."""
+    """Temperature, (rows,) [degree Celsius]; None where a cell holds no number."""
     column = columns.get(Slot("temperature"))
     if column is None:
         return None, []
-    values = columns.values(column)
-    if np.isnan(values).any():
-        return None, [f"{column.name}: blank in {int(np.isnan(values).sum())} rows, not read"]
-    return values, []
+    return _if_full(columns, column)
 
 
 def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
     """Time since the first row, (rows,) [s]; None where the cells are no times."""
     seconds, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
     if seconds is not None:
-        return columns.full(seconds), []
+        return _if_full(columns, seconds)
     if stamp is None:
         return None, []
     texts = columns.table.texts(stamp.index)
@@ -58,6 +55,14 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
         return values - values[0], []
     got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
     return None, [f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}: no time is read"]
+
+
+def _if_full(columns: Columns, column: Column) -> tuple[Array | None, list[str]]:
+    """A column of numbers, (rows,), or why it is not read: no reading is refused for what stands beside."""
+    try:
+        return columns.full(column), []
+    except InputError:
+        return None, [f"{column.name}: blank or no number in a row, not read"]
 
 
 def _seconds(text: str) -> float | None:

@@ -11,7 +11,7 @@ from testbench.data.conditions import Conditions, read_conditions
 from testbench.data.dataset import Ids
 from testbench.data.export import runs_of
 from testbench.data.mapping import read_map
-from testbench.data.names import Slot, What, series_names
+from testbench.data.names import WHEN, Slot, What, series_names
 from testbench.data.series import Series, select_rows, series_of
 from testbench.data.series_rows import assemble
 from testbench.data.series_scatter import Scatter, read_scatter
@@ -62,7 +62,7 @@ def read_series(
         raise table.error(0, "", "expected at least one row")
     columns, dropped = drop_other_points(columns)
     notes = [f"{dropped} rows of points that the map calls no markers are left out"] * bool(dropped)
-    conditions = read_conditions(columns, arm, needs_load=False)
+    conditions = read_conditions(columns, arm, needs_load=_says_loaded(columns))
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.every("reading"))
     if alone:
@@ -83,10 +83,17 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """Both readings of a run stand in a row."""
     export = runs_of(columns, arm, sigma)
     said, stem = columns.names.series, columns.table.path.stem
-    series = series_of(export.data, said.name or stem, said.target or stem)
+    series = series_of(export.data, stem, said.target or stem)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
     return SeriesExport(series, columns, (*export.notes, "a run is two readings, unloaded and loaded"))
+
+
+def _says_loaded(columns: Columns) -> bool:
+    """Whether a row says that it is loaded."""
+    state = columns.get(Slot("state"))
+    words = set() if state is None else set(columns.table.texts(state.index))
+    return any(columns.names.word(word, WHEN) == "after" for word in words)
 
 
 def _check_alone(columns: Columns, conditions: Conditions, seen: Sightings) -> None:
@@ -124,8 +131,8 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
         found.append(
             replace(
                 part,
-                name=" ".join(filter(None, (said.name or stem, place))),
-                frame=frame or " ".join(filter(None, (said.frame or said.name or stem, place))),
+                name=f"{stem} {place}".strip(),
+                frame=frame or f"{said.frame or stem} {place}".strip(),
                 target=target or said.target or stem,
                 sigma=float(np.median(own)),
                 rotation=part.rotation if part.turned.any() else None,

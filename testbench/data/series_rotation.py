@@ -95,7 +95,7 @@ def _unsaid(columns: Columns, found: list[Column]) -> str:
 def _from_quaternions(columns: Columns, column: Column | None, values: Array, rows: Ids) -> Array:
     from scipy.spatial.transform import Rotation  # here: the same
 
-    norm = np.linalg.norm(values, axis=1)
+    norm = np.linalg.norm(np.clip(values, -MOST, MOST), axis=1)
     bad = np.flatnonzero(np.abs(norm - 1) > UNIT_NORM)
     if len(bad):
         problem = f"expected a unit quaternion, got one of norm {norm[bad[0]]:.4g}"
@@ -104,7 +104,7 @@ def _from_quaternions(columns: Columns, column: Column | None, values: Array, ro
 
 
 def _from_matrices(columns: Columns, column: Column | None, values: Array, rows: Ids) -> Array:
-    R = values.reshape(-1, 3, 3)
+    R = np.clip(values.reshape(-1, 3, 3), -MOST, MOST)
     off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
     bad = np.flatnonzero((off > UNIT_NORM) | (np.linalg.det(R) < 0))
     if len(bad):

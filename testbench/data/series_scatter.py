@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.columns import Columns
+from testbench.data.columns import ROTATIONS, Columns
 from testbench.data.export import SIGMA, SIGMA_RANGE
 from testbench.data.names import ENTRIES, XYZ, Slot, What
 from testbench.errors import Array, InputError
 
 SIGMA_ROTATION = 2e-4  #: Standard deviation of an orientation about an axis where nobody says it [rad].
+MOST = 1.0  #: Largest standard deviation of a row [m, rad]: beyond it nothing was measured.
 LEAST = (1e-6, 1e-7)
 """Least standard deviations of a row that are believed [m, rad]: no target stands stiller."""
 
@@ -67,9 +68,7 @@ def _sigma(
             raise InputError(columns.names.path or table.path, name, problem)
         return np.full(table.rows, said[0]), []
     if index:
-        words = (
-            f"orientations: sigma {1e3 * assumed:g} mrad" if columns.every("rotation", "quaternion") else ""
-        )
+        words = f"orientations: sigma {1e3 * assumed:g} mrad" if columns.every(*ROTATIONS) else ""
     else:
         words = f"sigma {1e6 * assumed:g} um"
     notes = [f"no column says how far readings scatter: {words} is assumed"] if words else []
@@ -86,10 +85,11 @@ def _deviations(columns: Columns, what: What, least: float) -> tuple[Array | Non
     if missing:
         raise columns.lack(missing)
     values = np.column_stack([columns.values(found[k]) for k in range(3)])
-    negative = np.argwhere(values < 0)
-    if len(negative):
-        row, k = negative[0]
-        raise columns.table.error(row, found[k].name, f"expected at least 0, got {values[row, k]:g} {unit}")
+    wrong = np.argwhere((values < 0) | (values > MOST))
+    if len(wrong):
+        row, k = wrong[0]
+        problem = f"expected 0 to {MOST:g} {unit}, got {values[row, k]:g} {unit}"
+        raise columns.table.error(row, found[k].name, problem)
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else least
     if middle > SIGMA_RANGE[1]:
         problem = f"expected at most {SIGMA_RANGE[1]:g} {unit}, got {middle:g} in most rows; another unit?"
@@ -110,9 +110,12 @@ def _covariance(columns: Columns) -> Array | None:
     C = np.empty((columns.table.rows, 3, 3))
     for k, (a, b) in enumerate(ENTRIES.values()):
         C[:, a, b] = C[:, b, a] = columns.values(found[k])
-    whole = ~np.isnan(C).any(axis=(1, 2))
-    bad = np.flatnonzero(whole)[~(np.linalg.eigvalsh(C[whole])[:, 0] > 0)]
+    whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
+    most = np.abs(np.where(whole[:, None, None], C, np.eye(3))).max(axis=(1, 2), initial=0.0)
+    sound = np.asarray(most <= MOST**2)
+    sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
+    bad = np.flatnonzero(~sound)
     if len(bad):
-        problem = f"expected a positive definite covariance, got {C[bad[0]].tolist()} m^2"
+        problem = f"expected a positive definite covariance below 1 m^2, got {C[bad[0]].tolist()} m^2"
         raise columns.table.error(bad[0], "", problem)
     return C

@@ -11,7 +11,7 @@ from testbench.arm.folder import load_arm
 from testbench.data.series import Series
 from testbench.data.series_csv import write_series
 from testbench.data.series_export import SeriesExport, read_series
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 
 ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "arm_6r")
@@ -136,3 +136,162 @@ def test_what_we_write_is_read_back(tmp_path):
     check_alike(one, replace(read_series(tmp_path / "one.csv", ARM).series[0]), tolerance=6e-8)
     with pytest.raises(BenchError, match="markers"):
         write_series(path, ARM, replace(one, markers=("unknown",)))
+
+
+HEAD_A = "Timestamp;Goal x;" + ";".join(f"{x}_joint" for x in ("shoulder_pan", "shoulder_lift", "elbow"))
+HEAD_A += ";wrist_1_joint;wrist_2_joint;wrist_3_joint;measurement_temperature"
+DEVIATED = ";".join(f"measurement_{x};measurement_std_{x}" for x in ("x", "y", "z", "rx", "ry", "rz"))
+EXPORTS = {
+    "A": f"""{HEAD_A};measurement_x;measurement_y;measurement_z;measurement_rx;measurement_ry;measurement_rz
+20200714163904;0,365141;-1,5708;-1,5708;0,0;-1,5708;0,0;0,0;23,68;2361,9831;-1368,5474;119,39713;-90,5;-60;-91
+20200714164037;0,8;-2,18771;-1,9683;-1,18616;0,01;0,79;-0,002;23,68;1689,1702;-1659,388;-515,2;-91;-69,7;-92
+""",
+    "C": f"""{HEAD_A};{DEVIATED}
+2,02011E+13;0;-3,1;-1,5;0;-1,5;0;0;21,6;383,97123;0,04;-3240,7562;0;201,72621;0,005;-90;0,002;-20;0,006;-90;0,004
+2,02011E+13;0;-3,0;-1,5;0;-1,5;0;0;21,6;383,97123;0,04;-3240,7562;0,02;201,72;0,005;-90;0,002;-20;0,006;-90;0,004
+""",
+}
+
+
+def test_one_map_serves_readings_of_the_ur10_with_and_without_standard_deviations(tmp_path):
+    arm = load_arm(ROOT / "models" / "ur10")
+    found = {}
+    for name, text in EXPORTS.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+        found[name] = read_series(tmp_path / f"{name}.csv", arm, ROOT / "docs" / "maps" / "ur10.toml")
+    [a], [c] = found["A"].series, found["C"].series
+    angles = np.deg2rad([-90.5, -60, -91])
+    turns = [Rotation.from_rotvec(x * e).as_matrix() for x, e in zip(angles, np.eye(3), strict=True)]
+    np.testing.assert_allclose(a.rotation[0], turns[0] @ turns[1] @ turns[2], atol=1e-12)
+    np.testing.assert_allclose(a.position[0, 0], [2.3619831, -1.3685474, 0.11939713], atol=SAME_PLACE)
+    assert (a.sigma, a.precision, a.frame, a.target) == (pytest.approx(30e-6), None, "A", "A")
+    assert (a.time[1], c.time, *c.temperature) == (93, None, 21.6, 21.6)
+    deviations = np.diagonal(c.precision[:, 0], axis1=1, axis2=2) ** -0.5
+    np.testing.assert_allclose(deviations, [[40e-6, 1e-6, 5e-6], [40e-6, 20e-6, 5e-6]], rtol=1e-9)
+    assert c.sigma_rotation == pytest.approx(np.deg2rad(0.004))
+    for words in ("below 1 um", "no time is read", "own weight alone"):
+        assert any(words in note for note in found["C"].notes)
+
+
+def test_masses_hang_and_torques_times_and_poses_stand_beside(tmp_path):
+    own = table([f"A{k}" for k in range(1, 7)], np.rad2deg(Q))
+    own |= table(["X [m]", "Y [m]", "Z [m]"], P) | {"load": [0, 1.25, 2.5, 0, 0, 1.25, ""]}
+    own |= table([f"tau{k}" for k in range(6)], RNG.normal(size=(N, 6)))
+    own |= {"when": [f"2026-09-14 09:0{k}:30" for k in range(N)], "temperature [°C]": ["n/a"] * N}
+    toml = '[columns]\n"joint_{n}_deg" = "A{n}"\npayload_kg = "load"\n"torque_joint_{n0}_Nm" = "tau{n0}"\n'
+    toml += 'time = "when"\n[series]\nframe = "cell"\ntarget = "mount"\n'
+    export = read(tmp_path, own, toml)
+    [s] = export.series
+    np.testing.assert_allclose(s.q, Q, atol=1e-12)
+    np.testing.assert_allclose(s.wrench[:, 2], -9.81 * np.array([0, 1.25, 2.5, 0, 0, 1.25, 0]))
+    np.testing.assert_allclose(s.torque[:, 5], own["tau5"])
+    np.testing.assert_allclose(s.time, 60.0 * np.arange(N))
+    assert (s.frame, s.target, s.temperature) == ("cell", "mount", None)
+    assert any("temperature" in note for note in export.notes)
+
+
+def test_equal_joints_or_a_column_make_a_pose(tmp_path):
+    q = Q[[0, 0, 1, 1, 2, 0, 3]]
+    own = table(JOINTS, q) | table(XYZ, 1e3 * P) | {"mass_kg": [0, 2, 0, 2, 0, 3, 0]}
+    assert read(tmp_path, own).series[0].pose.tolist() == [1, 1, 2, 2, 3, 1, 4]
+    own["pose"] = [1, 1, 2, 2, 3, 4, 5]
+    assert read(tmp_path, own).series[0].pose.tolist() == own["pose"]
+
+
+def test_a_station_has_a_frame_of_its_own_and_shares_the_mount(tmp_path):
+    a, b = read(tmp_path, PLAIN | {"station": [1, 1, 1, 2, 2, 2, 2]}).series
+    assert (a.rows, b.rows, a.frame, b.frame, a.target, b.target) == (3, 4, "one 1", "one 2", "one", "one")
+    names = ["north", "north", "south", "south", "south", "north", "north"]
+    a, b = read(tmp_path, PLAIN | {"series": names}, '[series]\nframe = "cell"\n').series
+    assert (a.name, a.row.tolist(), b.frame) == ("one north", [2, 3, 7, 8], "cell south")
+
+
+def test_several_targets_wide_or_long_are_the_same_with_those_lost(tmp_path):
+    """Targets of the laboratory's own names; one lost, one without a row, one row without any."""
+    places = RNG.uniform(-3, 3, (N, 2, 3)).round(6)
+    places[1, 0] = places[3] = np.nan
+    blank = np.where(np.isnan(places), "", places.astype(object))
+    toml = '[series]\nmarkers = ["T1", "T2"]\n'
+    named = {
+        f"{m} {x} [m]": blank[:, k, i].tolist()
+        for k, m in enumerate(("T1", "T2"))
+        for i, x in enumerate("XYZ")
+    }
+    wide = read(tmp_path, table(JOINTS, Q) | named, toml)
+    rows = [(k, m) for m in (1, 0) for k in range(N) if (k, m) != (1, 0)]  # sorted by target
+    k, m = np.array(rows).T
+    long = table(JOINTS, Q[k]) | {"marker": [f"T{x + 1}" for x in m]}
+    long |= {f"{x}_m": blank[k, m, i].tolist() for i, x in enumerate("xyz")}
+    [a], [b] = wide.series, read(tmp_path, long, toml).series
+    assert a.seen.tolist() == [[True, True], [False, True], *[[True, True]] * 4]
+    np.testing.assert_allclose(b.position[:, ::-1], a.position, atol=SAME_PLACE)
+    np.testing.assert_allclose(b.precision[:, ::-1], a.precision)
+    np.testing.assert_allclose(a.q, b.q)
+    assert "1 rows without a reading are left out, of line 5" in wide.notes
+
+
+def test_a_deflection_pair_is_two_readings(tmp_path):
+    own = table(JOINTS, Q) | table([f"before_{x}" for x in XYZ], 1e3 * P) | {"mass_kg": [5] * N}
+    own |= table([f"after_{x}" for x in XYZ], 1e3 * P - 1)
+    [s] = read(tmp_path, own, '[series]\ntarget = "mount"\n').series
+    assert (s.rows, s.target, s.wrench[:, 2].tolist()) == (2 * N, "mount", [0.0] * N + [5 * -9.81] * N)
+    np.testing.assert_allclose(s.position[N:] - s.position[:N], -1e-3, atol=1e-9)
+
+
+def changed(column: str, value: object, row: int = 2) -> dict[str, list]:
+    return PLAIN | {column: [value if k == row else x for k, x in enumerate((PLAIN | TURNED)[column])]}
+
+
+TURNED = table(["qx", "qy", "qz", "qw"], R.as_quat())
+ANGLES = table(["rx", "ry", "rz"], np.rad2deg(R.as_euler("xyz")))
+DEVIATIONS = {f"sigma_{x}_mm": [0.02] * N for x in "xyz"}
+NAMED = '[columns]\n"rotation_{axis}_deg" = "r{axis}"\n'
+FAULTS = {
+    "a joint is missing": ({k: v for k, v in PLAIN.items() if k != "joint_3_rad"}, "", "missing columns"),
+    "an axis is missing": ({k: v for k, v in PLAIN.items() if k != "z_mm"}, "", "missing columns .'z_m'"),
+    "joints in degrees": (PLAIN | table(JOINTS, np.rad2deg(Q)), "", "line 2.*are these degrees"),
+    "no unit": (table(JOINTS, Q) | table(["x", "y", "z"], P), "", "column x: expected a unit"),
+    "nan": (changed("y_mm", "nan"), "", "line 4, column y_mm: expected a finite number, got 'nan'"),
+    "text": (changed("joint_2_rad", "broken"), "", "line 4, column joint_2_rad: expected a finite number"),
+    "part of a place": (changed("y_mm", ""), "", "line 4, column y_mm: expected a finite number, got ''"),
+    "no row": ({k: [] for k in PLAIN}, "", "expected at least one row"),
+    "no reading": (PLAIN | {x: [""] * N for x in XYZ}, "", "expected at least one reading"),
+    "9999": (PLAIN | {x: [*PLAIN[x][:2], 9999, *PLAIN[x][3:]] for x in XYZ}, "", "line 4.*for a lost target"),
+    "no unit quaternion": (TURNED | changed("qw", 3), "", "line 4, column .*unit quaternion"),
+    "part of a quaternion": (PLAIN | {k: TURNED[k] for k in ("qx", "qy", "qz")}, "", "'quaternion_w'"),
+    "angles without notation": (PLAIN | ANGLES, NAMED, 'series.rotation: expected "intrinsic xyz"'),
+    "angles of no notation": (PLAIN | ANGLES, '[series]\nrotation = "XYZ"', 'rotation: expected "vector"'),
+    "angles about one axis": (PLAIN | ANGLES, NAMED + '[series]\nrotation = "intrinsic xxy"', "no Euler"),
+    "degrees as radians": (
+        PLAIN | {f"rotation_{x}_rad": [90] * N for x in "xyz"}, "", "line 2, .*are these degrees"
+    ),
+    "two notations": (PLAIN | TURNED | {f"rotation_{x}_rad": [1] * N for x in "xyz"}, "", "in one notation"),
+    "no rotation": (
+        PLAIN | table([f"rotation_{i}{j}" for i in "123" for j in "123"], -R.as_matrix().reshape(N, 9)),
+        "", "expected a rotation matrix",
+    ),
+    "negative deviation": (PLAIN | DEVIATIONS | {"sigma_y_mm": [-1] * N}, "", "line 2, column sigma_y_mm"),
+    "deviations in another unit": (PLAIN | {f"sigma_{x}_m": [0.02] * N for x in "xyz"}, "", "another unit"),
+    "sigma twice": (PLAIN | {"sigma_um": [30] * N}, "[values]\nsigma_um = 30", "sigma"),
+    "loaded with nothing": (PLAIN | {"state": ["loaded"] * N}, "", "missing columns .'mass_kg"),
+    "a torque is missing": (PLAIN | {"torque_joint_1_Nm": [1] * N}, "", "'torque_joint_2_Nm'"),
+    "unknown key": (PLAIN, '[series]\nmount = "a"', "series.mount: unknown key; keys are frame, target"),
+    "a column that is not there": (PLAIN, '[columns]\ntime = "t"', "columns.time: no such column"),
+    "a set-up without a name": (PLAIN | {"series": ["a"] * 6 + [""]}, "", "line 8, column series"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_one_line_that_says_where(tmp_path, fault):
+    columns, toml, words = FAULTS[fault]
+    with pytest.raises(InputError, match=words) as err:
+        read(tmp_path, columns, toml)
+    assert len(str(err.value).splitlines()) == 1
+
+
+def test_several_places_in_one_pose_want_a_column_of_markers(tmp_path):
+    own = table(JOINTS, np.repeat(Q[:1], N, axis=0)) | table(XYZ, 1e3 * P)
+    with pytest.raises(InputError, match="line 3: expected a column 'marker'"):
+        read(tmp_path, own, arm=KR500)
+    [s] = read(tmp_path, own | {"joint_1_rad": Q[:, 0].tolist()}, arm=KR500).series
+    assert s.markers == ("target",)
