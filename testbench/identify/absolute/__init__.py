@@ -1,0 +1,1 @@
+"""Absolute readings explained: geometry, springs, joint errors, frames and mounts in one fit."""

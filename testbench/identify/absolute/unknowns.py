@@ -1,0 +1,89 @@
+"""The unknowns of a calibration, and the columns that they have in its linear equations.
+
+In order: a frame a tracker, a mount a set of targets, errors of geometry, joint errors, compliances. Frames
+and mounts are steps from where they are; all else is absolute, so that a Gramian stays one in every step.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.absolute.state import State
+from testbench.model.joint_errors import JointErrors
+from testbench.model.structure import Ids, Structure
+from testbench.model.vjm import Vjm
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """What is to be found."""
+
+    vjm: Vjm  #: The arm.
+    frames: tuple[str, ...]  #: Names of the tracker frames.
+    mounts: Mapping[str, tuple[int, bool]]  #: Targets of every mount, and whether one has an orientation.
+    errors: JointErrors  #: Errors of the joints.
+    structure: Structure  #: Compliances.
+
+    @cached_property
+    def inner(self) -> slice:
+        """Virtual joints whose constants are errors of geometry: those of all links but first and last."""
+        return slice(6, 6 * self.vjm.arm.n_joints)
+
+    @cached_property
+    def starts(self) -> dict[str, int]:
+        """First column of every frame, of every mount, of geometry, errors, compliances, and the end."""
+        sizes = {f"frame {name}": 6 for name in self.frames}
+        sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
+        sizes |= {"geometry": 6 * (self.vjm.arm.n_joints - 1)}
+        sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
+        ends = np.cumsum(list(sizes.values()))
+        return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.starts["end"]
+
+    def columns(self, name: str) -> slice:
+        """Columns of "frame NAME", "mount NAME", "geometry", "errors" or "elastic"."""
+        keys = list(self.starts)
+        return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
+
+    @property
+    def held(self) -> slice:
+        """Columns of what belongs to the arm, not to a series."""
+        return slice(self.starts["geometry"], self.size)
+
+    @cached_property
+    def groups(self) -> tuple[tuple[str, Ids], ...]:
+        """Columns that share a prior: their kind, and which they are."""
+        geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
+        found = [("geometry shift", geometry[:, :3].ravel()), ("geometry turn", geometry[:, 3:].ravel())]
+        first = self.starts["errors"]
+        of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(-1, self.errors.size)
+        kinds, bands = np.array(self.errors.kinds), self.errors.bands
+        for band in np.unique(bands[bands >= 0]):
+            found += [("harmonics", joint[bands == band]) for joint in of]
+        found += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
+        return tuple(found)
+
+    def current(self, state: State) -> Array:
+        """What a state has for every unknown, (size,); zero for frames and mounts."""
+        x = np.zeros(self.size)
+        x[self.columns("geometry")] = state.theta_0[self.inner]
+        x[self.columns("errors")] = state.n.ravel()
+        x[self.columns("elastic")] = self.structure.entries(state.C_theta)
+        return x
+
+
+def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, structure: Structure) -> Unknowns:
+    """The unknowns of some series."""
+    mounts: dict[str, tuple[int, bool]] = {}
+    for one in series:
+        turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
+        mounts[one.target] = len(one.markers), turned
+    return Unknowns(vjm, tuple(dict.fromkeys(one.frame for one in series)), mounts, errors, structure)
