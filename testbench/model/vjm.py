@@ -74,6 +74,8 @@ class Chain:
     J_theta: Array
     position: Array  #: Tool position, (runs, 3) [m].
     rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
+    #: Of the links' bodies from the base on and of the tool: origin, (3, runs) [m], and axes, (3, 3, runs).
+    bodies: tuple[tuple[Array, Array], ...]
 
 
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
@@ -95,7 +97,9 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     origins = np.empty((3, vjm.arm.n_theta, runs))
     R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
     p = np.tile(vjm.base[:3, 3:], runs)
+    bodies = []
     for i, (link, arm) in enumerate(vjm.links):
+        bodies.append((p, R))
         p = p + arm @ R
         of = link @ R
         slides = hinges = of[:, :3]
@@ -116,7 +120,7 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
             J[3:, links + i] = of[:, 6]
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
     J[:3] += cross(J[3:], p[:, None] - origins)
-    return Chain(J, p.T, R.transpose(2, 0, 1))
+    return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)))
 
 
 def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:

@@ -12,11 +12,9 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, angle_unit, find_body, numbers, read_mjcf
-from testbench.errors import Array, InputError, check_array
+from testbench.errors import Array, InputError
 from testbench.model.kinematics import body_pose
-from testbench.model.vjm import Vjm, body_poses, chain
-
-BATCH = 1000  #: Runs whose columns are in memory at a time: 12 MB of a six-joint arm.
+from testbench.model.vjm import Chain
 
 
 @dataclass(frozen=True)
@@ -102,48 +100,48 @@ def _light_shapes(arm: Arm, root: ET.Element) -> set[ET.Element]:
     return {geom for geom, e in where.items() if e is not None and numbers(arm.rigid, e, "mass", 1) == [0.0]}
 
 
-def weight_columns(vjm: Vjm, q: Array) -> Array:
-    """Load of every virtual joint per unit of mass and of each first moment of every body, theta zero.
+def weight_columns(where: Chain) -> Array:
+    """Load of every virtual joint per unit of mass and of each first moment of every body.
 
     Of joint t, where it carries body k with origin p and axes R: J_t(p)^T g, and (omega_t x R e_x,y,z)^T g.
-
-    Args:
-        vjm: The model.
-        q: Actuated joints, (runs, n) [rad, m].
 
     Returns:
         (n_theta, runs, bodies, 4) [N, N m per kg and per kg m]; their sum times `Weights.parameters` is
         `own_weight`.
     """
-    return _columns(vjm, q).transpose(2, 3, 0, 1)
-
-
-def _columns(vjm: Vjm, q: Array) -> Array:
-    """The same with runs last, (bodies, 4, n_theta, runs): every product is one long loop."""
-    where, bodies = chain(vjm, q), body_poses(vjm, q)
-    links = 6 * (vjm.arm.n_joints + 1)
-    columns = np.zeros((len(bodies), 4, vjm.arm.n_theta, len(q)))
-    for k, (p, R) in enumerate(bodies):
-        arm = p - where.position
-        # a link's virtual joint is at its end, a joint's before its own link
-        for some in (slice(0, 6 * k), slice(links, links + k)):
-            v_z = where.J_theta[2, some]
-            x, y = where.J_theta[3, some], where.J_theta[4, some]
-            columns[k, 0, some] = v_z + x * arm[:, 1] - y * arm[:, 0]
+    _, n_theta, runs = where.J_theta.shape
+    columns = np.zeros((len(where.bodies), 4, n_theta, runs))  # runs last: every product is one long loop
+    for k, (p, R) in enumerate(where.bodies):
+        arm = p - where.position.T
+        for some in _before(k, where):
+            v_z, (x, y) = where.J_theta[2, some], where.J_theta[3:5, some]
+            columns[k, 0, some] = v_z + x * arm[1] - y * arm[0]
             for axis in range(3):
-                columns[k, 1 + axis, some] = x * R[:, 1, axis] - y * R[:, 0, axis]
+                columns[k, 1 + axis, some] = x * R[1, axis] - y * R[0, axis]
     columns *= -GRAVITY
-    return columns
+    return columns.transpose(2, 3, 0, 1)
 
 
-def own_weight(vjm: Vjm, weights: Weights, q: Array) -> Array:
-    """Load of every virtual joint under the arm's own weight, theta zero, (n_theta, runs) [N, N m].
+def _before(body: int, where: Chain) -> tuple[slice, slice]:
+    """Virtual joints that carry a body, of links and of joints: a link's at its end, a joint's before it."""
+    links = 6 * (len(where.bodies) - 1)
+    return slice(0, 6 * body), slice(links, links + body)
 
-    The base link lies before every virtual joint: its mass bends nothing.
+
+def own_weight(where: Chain, weights: Weights) -> Array:
+    """Load of every virtual joint under the arm's own weight, (n_theta, runs) [N, N m].
+
+    What lies behind a virtual joint pulls as one: summed up from the tool on. The base link lies before every
+    virtual joint: its mass bends nothing.
     """
-    q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
-    load = np.empty((vjm.arm.n_theta, len(q)))
-    for start in range(0, len(q), BATCH):
-        some = slice(start, start + BATCH)
-        load[:, some] = np.einsum("bkTr,bk->Tr", _columns(vjm, q[some]), weights.parameters, optimize=True)
+    _, n_theta, runs = where.J_theta.shape
+    load, mass, moment = np.empty((n_theta, runs)), 0.0, np.zeros((3, runs))
+    for k in range(len(where.bodies) - 1, 0, -1):
+        p, R = where.bodies[k]
+        mass += weights.mass[k]
+        moment += weights.mass[k] * (p - where.position.T + weights.centre[k] @ R)
+        links, joints = _before(k, where)
+        for some in (slice(links.stop - 6, links.stop), slice(joints.stop - 1, joints.stop)):
+            v_z, (x, y) = where.J_theta[2, some], where.J_theta[3:5, some]
+            load[some] = -GRAVITY * (mass * v_z + x * moment[1] - y * moment[0])
     return load

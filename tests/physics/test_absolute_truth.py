@@ -7,12 +7,10 @@ import pytest
 
 from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
 from testbench.bench.absolute_truth import simulate_series, true_poses
-from testbench.bench.campaign import Cell
 from testbench.bench.set_ups import Frame
 from testbench.errors import BenchError
-from testbench.model.vjm import chain, generalised_load
-from testbench.model.weights import own_weight, read_weights
-from testbench.plant import Disturbances, GeometryErrors, build_plant, settle
+from testbench.model.vjm import chain
+from testbench.plant import Disturbances, GeometryErrors, settle
 
 STILL = GeometryErrors(position=0.0, angle=0.0)
 EXACT = AbsoluteCampaign(
@@ -46,13 +44,6 @@ def same(one, other):
     )
 
 
-def with_compliance(cell, scale):
-    """An arm whose links and joints give way so many times as much, in truth."""
-    links = tuple(replace(link, compliance=scale * link.compliance) for link in cell.arm.links)
-    joints = tuple(replace(joint, compliance=scale * joint.compliance) for joint in cell.arm.joints)
-    return Cell(cell.arm, cell.vjm, build_plant(replace(cell.arm, links=links, joints=joints)))
-
-
 @pytest.mark.parametrize("name", ["kr500", "slides"])
 def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
     """Errors of 5 mm and 10 mrad, of joints that slide too: not to first order, but exactly."""
@@ -65,30 +56,6 @@ def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
         np.testing.assert_allclose(series.position, position, rtol=0, atol=1e-12)  # rounding of 10 m
         np.testing.assert_allclose(series.rotation, rotation, rtol=0, atol=1e-12)
     assert np.abs(truth.theta_0).max() > 5e-3
-
-
-@pytest.mark.parametrize("name", ["kr500", "slides"])
-def test_sag_is_the_chain_at_the_load_of_its_weights_up_to_second_order(name, request):
-    """Half the compliance leaves a quarter of what the model does not have."""
-    cell = request.getfixturevalue(name)
-    asked = EXACT.model_copy(update={"masses": (0.0, 20.0)})
-
-    def error(scale):
-        soft = with_compliance(cell, scale)
-        both, truth = simulate_series(soft, asked, 3)
-        found = []
-        for k, series in enumerate(both):
-            straight = chain(cell.vjm, series.q)
-            u = own_weight(cell.vjm, read_weights(cell.arm), series.q)
-            u += generalised_load(straight, series.wrench, series.point)
-            bent = chain(cell.vjm, series.q, (truth.C_theta @ u).T)
-            found.append([rms(series.position - seen(truth, k, x)[0]) for x in (bent, straight)])
-        return np.array(found).mean(axis=0)
-
-    whole, half = error(1.0), error(0.5)
-    assert whole[1] / half[1] == pytest.approx(2, rel=2e-3)
-    assert whole[0] / half[0] == pytest.approx(4, rel=5e-3)
-    assert whole[0] < 0.01 * whole[1]
 
 
 def test_gears_command_the_arm_to_other_angles(kr500):

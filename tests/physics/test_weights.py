@@ -7,7 +7,8 @@ from serial_arms import write_arm
 
 from testbench.arm.folder import load_arm
 from testbench.errors import InputError
-from testbench.model.weights import BATCH, own_weight, read_weights, weight_columns
+from testbench.model.vjm import chain
+from testbench.model.weights import own_weight, read_weights, weight_columns
 
 AGREE = 1e-12  # of the largest load; both sides are sums of a few products
 
@@ -17,36 +18,47 @@ def cell(request):
     return request.getfixturevalue(request.param)
 
 
-def of_mujoco(model, q, joints):
-    """Generalised force of gravity at theta = 0, (runs, nv)."""
+def of_mujoco(model, q, joints, theta=None, bent=()):
+    """Generalised force of gravity, (runs, nv); some joints bent by theta, (runs, n)."""
     data, found = mujoco.MjData(model), []
-    for pose in q:
+    for run, pose in enumerate(q):
+        data.qpos[:] = 0
         data.qpos[joints] = pose
+        if theta is not None:
+            data.qpos[bent] += theta[run]
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_rne(model, data, 0, data.qfrc_bias)
         found.append(-data.qfrc_bias)
     return np.array(found)
 
 
-def test_own_weight_is_mujocos_on_every_virtual_joint(cell, rng):
+@pytest.mark.parametrize("size", [0.0, 0.3])
+def test_own_weight_is_mujocos_on_every_virtual_joint(cell, size, rng):
+    """Virtual joints bent by 0.3 m and 0.3 rad too."""
     model = cell.plant.model.__copy__()
     for link in cell.arm.links:
         model.body(f"{link.name}_end").mass[:] = 0  # a carrier is not of the arm
     q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
-    expected = of_mujoco(model, q, cell.plant.joints)
-    load = own_weight(cell.vjm, read_weights(cell.arm), q)
+    theta = size * rng.uniform(-1, 1, (20, cell.arm.n_theta))
+    expected = of_mujoco(model, q, cell.plant.joints, theta, cell.plant.theta)
+    load = own_weight(chain(cell.vjm, q, theta), read_weights(cell.arm))
     scale = np.abs(expected).max()
     np.testing.assert_allclose(load.T, expected[:, cell.plant.theta], rtol=0, atol=AGREE * scale)
-    # the last rows are the static torques of the joints
+
+
+def test_own_weight_of_the_joints_is_their_static_torque(cell, rng):
+    q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
     torques = of_mujoco(cell.room.model, q, cell.room.joints)[:, cell.room.joints]
-    np.testing.assert_allclose(load[-cell.arm.n_joints :].T, torques, rtol=0, atol=AGREE * scale)
+    load = own_weight(chain(cell.vjm, q), read_weights(cell.arm))[-cell.arm.n_joints :]
+    np.testing.assert_allclose(load.T, torques, rtol=0, atol=AGREE * np.abs(torques).max())
 
 
 def test_columns_times_masses_and_first_moments_are_the_load(cell, rng):
-    q = rng.uniform(*cell.arm.limits, (BATCH + 7, cell.arm.n_joints))
+    q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
+    where = chain(cell.vjm, q, 0.1 * rng.uniform(-1, 1, (20, cell.arm.n_theta)))
     weights = read_weights(cell.arm)
-    columns = weight_columns(cell.vjm, q)
-    load = own_weight(cell.vjm, weights, q)
+    columns = weight_columns(where)
+    load = own_weight(where, weights)
     summed = np.einsum("trbk,bk->tr", columns, weights.parameters)
     np.testing.assert_allclose(summed, load, rtol=0, atol=1e-12 * np.abs(load).max())
     assert not columns[:, :, 0].any()  # the base link bends nothing

@@ -1,6 +1,6 @@
 """What a calibration knows of an arm: geometry, springs, joint errors, frames and mounts; and what it tells.
 
-    theta = theta_0 + C_theta u(q, loads) + Phi(q) n
+    theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n
 
 Everything is a virtual joint. Constants of the inner links' are the errors of geometry; those of the first
 and of the last link are the base in the tracker's frame and the targets in the tool's, each series' own.
@@ -16,6 +16,9 @@ from testbench.errors import Array, BenchError
 from testbench.model.joint_errors import JointErrors, basis
 from testbench.model.vjm import Chain, Vjm, chain, generalised_load
 from testbench.model.weights import Weights, own_weight
+
+LOAD_STEPS = 2
+"""Times the loads are taken again where they bend the arm to; each leaves a hundredth of an error or less."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +71,10 @@ def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
     return State(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
 
 
-def loads(vjm: Vjm, weights: Weights, q: Array, wrench: Array, point: Array) -> Array:
-    """Load u of every virtual joint, own weight and wrench, theta zero, (n_theta, runs) [N, N m]."""
-    u = own_weight(vjm, weights, q)
-    return u + generalised_load(chain(vjm, q), wrench, point) if wrench.any() else u
+def loads(where: Chain, weights: Weights, wrench: Array, point: Array) -> Array:
+    """Load u of every virtual joint, own weight and wrench, (n_theta, runs) [N, N m]."""
+    u = own_weight(where, weights)
+    return u + generalised_load(where, wrench, point) if wrench.any() else u
 
 
 @dataclass(frozen=True)
@@ -79,19 +82,22 @@ class Told:
     """Where a state has the tool in some poses, and what that follows from."""
 
     where: Chain  #: The tool, and how virtual joints move it.
-    u: Array  #: Load of every virtual joint, (n_theta, runs) [N, N m].
+    u: Array  #: Load of every virtual joint that bends it there, (n_theta, runs) [N, N m].
     phi: Array  #: Functions of the joint errors, (n joints, k, runs).
 
 
 def tell(state: State, q: Array, wrench: Array, point: Array) -> Told:
-    """Where the tool is, in base axes: exact in theta, loads at theta zero."""
+    """Where the tool is, in base axes: the equilibrium under its loads, by fixed-point steps."""
     arm = state.vjm.arm
-    u = loads(state.vjm, state.weights, q, wrench, point)
     first = arm.n_theta - arm.n_joints
+    rest = np.tile(state.theta_0, (len(q), 1))
+    u = loads(chain(state.vjm, q, rest), state.weights, wrench, point)
     phi = basis(state.errors, arm, q, u[first:], state.torque_scale)
-    theta = state.theta_0 + (state.C_theta @ u).T
-    theta[:, first:] += np.einsum("jkr,jk->rj", phi, state.n)
-    return Told(chain(state.vjm, q, theta), u, phi)
+    rest[:, first:] += np.einsum("jkr,jk->rj", phi, state.n)
+    for _ in range(LOAD_STEPS):
+        bent = chain(state.vjm, q, rest + (state.C_theta @ u).T)
+        u = loads(bent, state.weights, wrench, point)
+    return Told(chain(state.vjm, q, rest + (state.C_theta @ u).T), u, phi)
 
 
 def targets(told: Told, mount: Mount) -> Array:
@@ -105,7 +111,7 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
     """Root mean square torque of every joint over all rows, (n,) [N m, N]."""
     total, rows = np.zeros(vjm.arm.n_joints), 0
     for one in series:
-        u = loads(vjm, weights, one.q, one.wrench, one.point)[-vjm.arm.n_joints :]
+        u = loads(chain(vjm, one.q), weights, one.wrench, one.point)[-vjm.arm.n_joints :]
         total, rows = total + (u**2).sum(axis=1), rows + one.rows
     scale = np.sqrt(total / rows)
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)
