@@ -57,6 +57,16 @@ def run(*args, **options):
     return subprocess.run(script(*args), capture_output=True, text=True, check=False, timeout=60, **options)
 
 
+@contextlib.contextmanager
+def endless(*args, **options):
+    """A run that never ends by itself; killed with the block, however that ends."""
+    with subprocess.Popen(script(*args, "--endless"), **options) as run_:
+        try:
+            yield run_
+        finally:
+            run_.kill()
+
+
 def until(happened):
     """Wait for something, as long as a busy machine may take."""
     for _ in range(3000):
@@ -143,12 +153,9 @@ def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp
 def test_the_whole_run_killed_in_mid_study_loses_nothing_that_was_stored(tmp_path, alone):
     out, pids = tmp_path / "out", tmp_path / "pids"
     pids.mkdir()
-    with subprocess.Popen(
-        script(out, "--endless", "--workers", 2, "--pids", pids), stdout=subprocess.DEVNULL
-    ) as run_:
+    with endless(out, "--workers", 2, "--pids", pids, stdout=subprocess.DEVNULL):
         kept = until(lambda: stored(out))
         until(lambda: len(list(pids.iterdir())) == 2)
-        run_.kill()
     workers = [path.name for path in pids.iterdir()]
     assert len(workers) == 2
     assert until(lambda: not any(map(runs, workers)))  # no process outlives it
@@ -167,8 +174,10 @@ def runs(pid):
 
 def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, alone):
     out = tmp_path / "out"
-    with subprocess.Popen(
-        script(out, "--endless", "--workers", 2),
+    with endless(
+        out,
+        "--workers",
+        2,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
