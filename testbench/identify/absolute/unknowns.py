@@ -64,7 +64,9 @@ class Unknowns:
         geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
         found = [("geometry shift", geometry[:, :3].ravel()), ("geometry turn", geometry[:, 3:].ravel())]
         first = self.starts["errors"]
-        of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(-1, self.errors.size)
+        of = first + np.arange(self.vjm.arm.n_joints * self.errors.size).reshape(
+            self.vjm.arm.n_joints, self.errors.size
+        )
         kinds, bands = np.array(self.errors.kinds), self.errors.bands
         for band in np.unique(bands[bands >= 0]):
             found += [("harmonics", joint[bands == band]) for joint in of]

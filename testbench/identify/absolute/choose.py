@@ -1,0 +1,176 @@
+"""Which errors an arm has: those that foretell readings that were held out, blocks of joint space and series.
+
+A kind of error is tried after the others, and kept where blocks that were held out are foretold better by
+more than the standard error of the difference, and whole series are not foretold worse.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
+from testbench.identify.absolute.reduced import Part, Reduced
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.metric import Metric
+from testbench.model.structure import Ids
+
+GEOMETRY = frozenset({"geometry shift", "geometry turn"})
+POSITIONS = (0, 2)  #: Kinds of equations that are positions.
+BLOCKS = 16  #: Blocks of joint space over all series.
+LEAST_ROWS = 6  #: Rows below which a block would be too small.
+PAYS = 0.02  #: Share of the mean square by which an error must foretell better to be kept.
+HURTS = 0.01  #: The same by which it may foretell whole series worse.
+
+
+@dataclass(frozen=True)
+class Step:
+    """One kind of error that was tried."""
+
+    name: str  #: What was tried, beside all that was kept before.
+    kept: bool
+    before: float  #: RMS error of held-out positions along an axis without it [m].
+    after: float  #: With it [m].
+    deviation: float  #: Standard error of the difference of their mean squares, over that before [1].
+    series_before: float  #: RMS error of series that were held out, realigned [m]; NaN of a single one.
+    series_after: float  #: [m]
+
+    @property
+    def gain(self) -> float:
+        """Share of the mean square that it takes away [1]."""
+        return 1 - (self.after / self.before) ** 2
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was kept, and what is known of its size."""
+
+    own: Choice
+    learnt: Learnt
+    kinds: frozenset[str]  #: Kinds of errors that are on.
+    steps: tuple[Step, ...]  #: What was tried, in order.
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One kind of error that may be added."""
+
+    name: str  #: For people, and for `--without`.
+    kinds: frozenset[str] = frozenset()  #: Groups of columns that it puts on.
+    elastic: Metric | None = None  #: Compliances that it puts on, in place of those before.
+
+
+def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
+    """Block of joint space of every row, by k-means on sine and cosine; rows of a pose share theirs."""
+    from scipy.cluster.vq import kmeans2  # here: it takes long to import, and few runs need it
+
+    rows = sum(one.rows for one in series)
+    found = []
+    for one in series:
+        share = round(BLOCKS * one.rows / rows)
+        k = max(1, min(max(2, share), one.rows // LEAST_ROWS))
+        place = np.hstack([np.sin(one.q), np.cos(one.q)])
+        label = np.zeros(one.rows, dtype=int)
+        if k > 1:
+            label = kmeans2(place, k, minit="++", seed=seed)[1].astype(int)
+        _, first, pose = np.unique(one.pose, return_index=True, return_inverse=True)
+        found.append(label[first[pose]])
+    return found
+
+
+def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], unit: float) -> Chosen:
+    """Try candidates one after the other.
+
+    Args:
+        unknowns: All that there might be.
+        reduced: The readings, in blocks.
+        candidates: What to try, in order; geometry is always on.
+        unit: Standard deviation of a whitened position [m].
+    """
+    kinds, elastic = GEOMETRY, None
+    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns))
+    steps = []
+    for one in candidates:
+        more = kinds | one.kinds, one.elastic or elastic
+        other = _tried(choice(unknowns, *more), reduced, tried.learnt)
+        step = _step(one.name, tried, other, unit)
+        steps.append(step)
+        if step.kept:
+            tried, (kinds, elastic) = other, more
+    return Chosen(tried.own, tried.learnt, kinds, tuple(steps))
+
+
+@dataclass(frozen=True)
+class _Tried:
+    own: Choice
+    learnt: Learnt
+    blocks: Array  #: Sum of squares of every block that was held out, and its equations, (blocks, 2).
+    series: Array  #: The same of every series, (series, 2).
+
+
+def _tried(own: Choice, reduced: Reduced, start: Learnt) -> _Tried:
+    S = squares(own, reduced.gram)
+    learnt = learn(own, S, reduced.counts, start)
+    blocks = [_held_out(own, S, part, learnt) for part in _foldable(reduced.parts)]
+    places = sorted({part.series for part in reduced.parts})
+    series = []
+    for place in places if len(places) > 1 else []:
+        some = [part for part in reduced.parts if part.series == place]
+        series.append(_realigned(own, S, some, learnt))
+    return _Tried(own, learnt, np.array(blocks).reshape(-1, 2), np.array(series).reshape(-1, 2))
+
+
+def _foldable(parts: Sequence[Part]) -> list[Part]:
+    """Blocks whose series has others: without these its frame would not be known."""
+    places = [part.series for part in parts]
+    return [part for part in parts if places.count(part.series) > 1]
+
+
+def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt) -> tuple[float, float]:
+    T = squares(own, part.gram)
+    v = np.r_[solve(own, S - T, learnt, LOOSE).x, -1.0]
+    return float(sum(v @ T[k] @ v for k in POSITIONS)), float(part.counts[list(POSITIONS)].sum())
+
+
+def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> tuple[float, float]:
+    """Of a series: its frame and mount are fitted anew where nothing else tells them."""
+    T = squares(own, np.asarray(sum(part.gram for part in parts)))
+    alone = np.flatnonzero(np.abs((S - T)[:, : own.rigid, : own.rigid]).sum(axis=(0, 1)) == 0)
+    alone = alone[alone < own.unknowns.starts["geometry"]]
+    rest = np.setdiff1d(np.arange(len(own.columns)), alone)
+    some = Choice(own.unknowns, own.columns[rest], own.elastic)
+    at = np.r_[rest, -1]
+    x = solve(some, (S - T)[np.ix_(range(len(S)), at, at)], learnt, LOOSE).x
+    v = np.zeros(len(own.columns) + 1)
+    v[rest], v[-1] = x, -1.0
+    H = np.tensordot(learnt.factor**-2.0, T, 1)
+    if len(alone):
+        v[alone] = -np.linalg.lstsq(H[np.ix_(alone, alone)], H[alone] @ v, rcond=None)[0]
+    equations = sum(part.counts[list(POSITIONS)].sum() for part in parts)
+    return float(sum(v @ T[k] @ v for k in POSITIONS)), float(equations)
+
+
+def _step(name: str, before: _Tried, after: _Tried, unit: float) -> Step:
+    count = max(before.blocks[:, 1].sum(), 1.0)
+    saved = (before.blocks[:, 0] - after.blocks[:, 0]) / count
+    folds = len(saved)
+    deviation = float(np.sqrt(folds * saved.var(ddof=1))) if folds > 1 else np.inf
+    old, new = (max(x.blocks[:, 0].sum(), 1e-300) / count for x in (before, after))
+    whole = [_rms(x.series) for x in (before, after)]
+    worse = len(before.series) > 0 and whole[1] ** 2 > (1 + HURTS) * whole[0] ** 2
+    kept = old - new > max(deviation, PAYS * old) and not worse
+    return Step(
+        name=name,
+        kept=bool(kept),
+        before=unit * float(np.sqrt(old)),
+        after=unit * float(np.sqrt(new)),
+        deviation=deviation / old,
+        series_before=unit * whole[0],
+        series_after=unit * whole[1],
+    )
+
+
+def _rms(sums: Array) -> float:
+    return float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum())) if len(sums) else float("nan")

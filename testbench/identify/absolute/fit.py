@@ -1,0 +1,334 @@
+"""Calibration by absolute readings: Gauss-Newton outside, the cone inside.
+
+Geometry and joint springs first, which tells wild readings; then all errors that there might be, which tells
+the scatter; then again, where cross-validation chooses among them. Compliances are absolute in each: what is
+left of the equations when all other unknowns are eliminated is a `Regression`, which least squares and GCO
+solve as any other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from testbench.data.series import Series
+from testbench.errors import Array, BenchError
+from testbench.identify import hierarchy
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
+from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, squares, usual
+from testbench.identify.absolute.noise import KINDS, Noise, lengths, plan_of, pull, roots, spread
+from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
+from testbench.identify.absolute.rows import left_over
+from testbench.identify.absolute.state import Frame, Mount, State, nominal, tell, torque_scale
+from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.estimate import Constraint, Estimate
+from testbench.identify.metric import Belief, Metric, metric, precision_root, rescaled
+from testbench.identify.prior import Prior
+from testbench.identify.regression import Regression, Term, regression_of
+from testbench.identify.regularised import fit_reduced
+from testbench.model.joint_errors import JointErrors
+from testbench.model.structure import Structure, all153, joints_only
+from testbench.model.vjm import Vjm
+from testbench.model.weights import Weights, read_weights
+
+ORDERS = 60  #: Periodic errors that are tried, times a turn.
+OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
+MANY = 0.6  #: Share of the readings that periodic errors may have as unknowns at most.
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a calibration tries, and how."""
+
+    constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
+    orders: int = ORDERS  #: Highest order of periodic errors.
+    without: frozenset[str] = frozenset()  #: Names of errors that are not tried.
+    only: frozenset[str] | None = None  #: Names of errors that are on, untried; None to choose.
+
+
+NAMES = ("joint springs", "joint errors", "links", "ratio", "play", "stiffening")
+"""Errors beside those of geometry, in the order in which they are tried."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated arm, and what there is to say of it."""
+
+    state: State  #: The arm.
+    own: Choice  #: Its unknowns.
+    #: Upper triangular root of the posterior's precision, R^T R, compliances in the metric, (c, c).
+    root: Array
+    noise: Noise  #: How far readings scatter about it.
+    chosen: Chosen  #: What was tried and kept.
+    estimate: Estimate | None  #: Compliances, with a certificate; None of a rigid arm.
+    pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
+    step: float  #: How far the last linearisation moved targets, root mean square [m].
+
+
+def calibrate(
+    vjm: Vjm,
+    series: Sequence[Series],
+    prior: Prior,
+    options: Options | None = None,
+    weights: Weights | None = None,
+) -> Calibration:
+    """Calibrate an arm.
+
+    Args:
+        vjm: Its nominal kinematics.
+        series: Absolute readings, all of it.
+        prior: Expected compliances.
+        options: What to try.
+        weights: What its links weigh; None for what rigid.xml says.
+
+    Raises:
+        BenchError: When a series does not fit the arm, or leaves its frame or target open.
+    """
+    series, options = tuple(series), options or Options()
+    weights = weights or read_weights(vjm.arm)
+    state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, series)), series)
+    joints = metric(prior, vjm, joints_only(vjm.arm))
+    first = unknowns_of(vjm, series, JointErrors(), joints.structure)
+    own, seen = choice(first, GEOMETRY, joints), _seen(state, series, 1.0)
+    for _ in range(2):
+        state, share = _stepped(own, series, state, seen)
+        seen = _seen(state, series, share)
+    errors = JointErrors(_orders(series, options), ratio=True, play=True, stiffening=True)
+    unknowns = unknowns_of(vjm, series, errors, _most(vjm, options))
+    state = replace(state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    own = choice(unknowns, GEOMETRY | {"harmonics"}, joints)
+    state, share = _stepped(own, series, state, seen)
+    seen = _seen(state, series, share)
+    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks_of(series), strict=True)]
+    reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
+    chosen = _choose(unknowns, reduced, _candidates(vjm, prior, options), options, _unit(series, seen.noise))
+    solved = _solve(chosen.own, reduced, chosen.learnt, options.constraint)
+    after = moved(state, chosen.own, solved.x)
+    noise = replace(seen.noise, factor=chosen.learnt.factor)
+    step = _distance(state, after, series)
+    pulls = tuple(_pulls(after, one, noise) for one in series)
+    return Calibration(after, chosen.own, solved.root, noise, chosen, solved.estimate, pulls, step)
+
+
+def _orders(series: Sequence[Series], options: Options) -> tuple[int, ...]:
+    """Orders of periodic errors that so many readings may tell."""
+    readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
+    joints = series[0].q.shape[1]
+    most = int(MANY * readings / (2 * joints))
+    return tuple(range(1, max(1, min(options.orders, most)) + 1))
+
+
+def _most(vjm: Vjm, options: Options) -> Structure:
+    rigid = "links" in options.without or (options.only is not None and "links" not in options.only)
+    return joints_only(vjm.arm) if rigid else all153(vjm.arm)
+
+
+def _candidates(vjm: Vjm, prior: Prior, options: Options) -> list[Candidate]:
+    """What may be tried, in order; links bring their own joints with them."""
+    unknown = (options.without | (options.only or frozenset())) - set(NAMES)
+    if unknown:
+        raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
+    every = {
+        "joint springs": Candidate("joint springs", elastic=metric(prior, vjm, joints_only(vjm.arm))),
+        "joint errors": Candidate("joint errors", frozenset({"harmonics"})),
+        "links": Candidate("links", elastic=metric(prior, vjm, all153(vjm.arm))),
+    } | {name: Candidate(name, frozenset({name})) for name in NAMES[3:]}
+    return [every[name] for name in NAMES if name not in options.without]
+
+
+def _choose(
+    unknowns: Unknowns, reduced: Reduced, candidates: list[Candidate], options: Options, unit: float
+) -> Chosen:
+    if options.only is None:
+        return choose(unknowns, reduced, candidates, unit)
+    on = [one for one in candidates if one.name in options.only]
+    kinds = GEOMETRY.union(*(one.kinds for one in on))
+    elastic = [one.elastic for one in on if one.elastic is not None]
+    own = choice(unknowns, kinds, elastic[-1] if elastic else None)
+    learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns))
+    return Chosen(own, learnt, kinds, ())
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """How readings scatter about a state."""
+
+    noise: Noise
+    pulls: tuple[Array, ...]  #: How much each counts, of every series (s, rows).
+
+
+def _seen(state: State, series: tuple[Series, ...], share: float) -> _Seen:
+    noise = scatter(state, series, share)
+    return _Seen(noise, tuple(_pulls(state, one, noise) for one in series))
+
+
+def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen) -> tuple[State, float]:
+    """One Gauss-Newton step, and the share of equations that no unknown spends."""
+    whole = [Weighting(p, np.zeros(one.rows, dtype=int)) for p, one in zip(seen.pulls, series, strict=True)]
+    reduced = reduce(Point(own.unknowns, state, seen.noise), series, whole)
+    S, counts = squares(own, reduced.gram), reduced.counts
+    solved = _solve(own, reduced, learn(own, S, counts, usual(own.unknowns)), "psd")
+    return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())
+
+
+@dataclass(frozen=True)
+class _Solved:
+    x: Array  #: Of the choice, compliances in m/N and so on, (c,).
+    root: Array  #: Of the posterior's precision, compliances in the metric, (c, c).
+    estimate: Estimate | None
+    spent: float  #: Equations that the unknowns spend.
+
+
+def _solve(own: Choice, reduced: Reduced, learnt: Learnt, constraint: Constraint) -> _Solved:
+    """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others."""
+    T = _factor(own, reduced, learnt)
+    r, c = own.rigid, len(own.columns)
+    R, z = T[:r, :r], T[:r, c]
+    if own.elastic is None:
+        x, root, estimate = solve_triangular(R, z), R, None
+    else:
+        estimate, belief = _compliances(own.elastic, T[r:, r:], constraint, int(reduced.counts.sum()))
+        x = np.r_[solve_triangular(R, z - T[:r, r:c] @ estimate.pi), estimate.pi]
+        L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
+        B = B @ np.linalg.solve(belief.metric.L, L)
+        below = np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r")
+        root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
+    inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[own.columns[:r]]
+    held = np.isfinite(deviation)
+    known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
+    spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
+    return _Solved(x, root, estimate, spent)
+
+
+def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
+    """Triangular factor of all equations and of the priors but compliances', readings last."""
+    some = np.r_[own.columns, own.unknowns.size]
+    deviation = learnt.deviation[own.columns[: own.rigid]]
+    held = np.flatnonzero(np.isfinite(deviation))
+    rows = np.zeros((len(held), len(some)))
+    rows[np.arange(len(held)), held] = 1 / deviation[held]
+    lines = [R[:, some] / learnt.factor[kind] for kind, R in reduced.factors.items()]
+    T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(some), len(some)))]), mode="r"))
+    free = np.abs(np.diag(T))[: own.rigid]
+    if not (free > OPEN * np.linalg.norm(T[:, : own.rigid], axis=0)).all():
+        raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
+    return T
+
+
+def _compliances(
+    elastic: Metric, T: Array, constraint: Constraint, equations: int
+) -> tuple[Estimate, Belief]:
+    """Least squares or GCO with a prior learnt from what the readings leave when all else is eliminated."""
+    n, share = elastic.structure.n, np.sqrt(equations / 3)
+    R, z, rest = T[:n, :n] / share, T[:n, n] / share, float((T[n:, n] ** 2).sum()) / share**2
+    regression = regression_of(elastic.structure, (Term(R, z, rest, equations),))
+    belief = _believed(regression, elastic)
+    return fit_reduced(regression, constraint, belief), belief
+
+
+def _believed(regression: Regression, elastic: Metric) -> Belief:
+    """The prior in the scale of the readings; in its own where they want none above zero."""
+    try:
+        rescaled(elastic, regression)
+    except BenchError:
+        return Belief(elastic, LOOSE)
+    return hierarchy.learn(regression, elastic)
+
+
+def moved(state: State, own: Choice, x: Array) -> State:
+    """The state with the unknowns of a choice, (c,); what is off is zero."""
+    unknowns = own.unknowns
+    every = np.zeros(unknowns.size)
+    every[own.columns] = x
+    theta_0 = state.theta_0.copy()
+    theta_0[unknowns.inner] = every[unknowns.columns("geometry")]
+    frames = {**state.frames}
+    for name in unknowns.frames:
+        frames[name] = _moved_frame(frames[name], every[unknowns.columns(f"frame {name}")])
+    mounts = {**state.mounts}
+    for name, (m, turned) in unknowns.mounts.items():
+        mounts[name] = _moved_mount(mounts[name], every[unknowns.columns(f"mount {name}")], m, turned)
+    return replace(
+        state,
+        theta_0=theta_0,
+        C_theta=unknowns.structure.matrix(every[unknowns.columns("elastic")]),
+        errors=unknowns.errors,
+        n=every[unknowns.columns("errors")].reshape(state.vjm.arm.n_joints, unknowns.errors.size),
+        frames=frames,
+        mounts=mounts,
+    )
+
+
+def _moved_frame(frame: Frame, step: Array) -> Frame:
+    """A frame after the base moved by a step, base axes: x + move + turn x x."""
+    turn = _rotation(step[3:])
+    return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
+
+
+def _moved_mount(mount: Mount, step: Array, m: int, turned: bool) -> Mount:
+    points = mount.points + step[: 3 * m].reshape(m, 3)
+    return Mount(points, _rotation(step[3 * m :]) @ mount.rotation if turned else mount.rotation)
+
+
+def _rotation(vector: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+
+
+def residuals(state: State, series: Series) -> Array:
+    """Readings minus model in base axes, (s, 3, rows) [m, rad]; zero where nothing was read."""
+    return left_over(state, series, tell(state, series.q, series.wrench, series.point))
+
+
+def _pulls(state: State, series: Series, noise: Noise) -> Array:
+    """How much every reading counts, by its own residual, (s, rows)."""
+    alone = replace(series, pose=np.arange(series.rows))
+    W, _ = roots(alone, noise, plan_of(alone), state.frame(series).rotation)
+    return pull(lengths(np.einsum("srxy,syr->sxr", W, residuals(state, series))))
+
+
+def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
+    """What a state leaves open beside the scatter of the readings.
+
+    Args:
+        state: The arm.
+        series: The readings.
+        share: Equations less what unknowns spend, over all equations [1].
+    """
+    position, rotation = [], []
+    for one in series:
+        left = residuals(state, one)
+        m = len(one.markers)
+        variance = np.full((one.rows, m), one.sigma**2)
+        if one.precision is not None:
+            own = np.linalg.inv(np.where(one.seen[..., None, None], one.precision, np.eye(3)))
+            variance = np.trace(own, axis1=2, axis2=3) / 3
+        seen = one.seen
+        position.append((np.linalg.norm(left[:m], axis=1).T[seen], variance[seen]))
+        if one.sigma_rotation is not None:
+            turned = np.linalg.norm(left[m], axis=0)[one.turned]
+            rotation.append((turned, np.full(len(turned), one.sigma_rotation**2)))
+    found = []
+    for kind in (position, rotation):
+        length, own = (np.concatenate([part[k] for part in kind]) if kind else np.zeros(0) for k in (0, 1))
+        found.append(spread(length, own, share))
+    return Noise(found[0], found[1], np.ones(len(KINDS)))
+
+
+def _unit(series: Sequence[Series], noise: Noise) -> float:
+    """Standard deviation of a whitened position [m]."""
+    sigma = np.sqrt(np.mean([one.sigma**2 for one in series]))
+    return float(np.hypot(sigma, noise.open_position))
+
+
+def _distance(before: State, after: State, series: Sequence[Series]) -> float:
+    """How far targets are from where they were, root mean square [m]."""
+    total, count = 0.0, 0
+    for one in series:
+        m = len(one.markers)
+        d = residuals(before, one)[:m] - residuals(after, one)[:m]
+        total, count = total + float((d**2).sum()), count + int(one.seen.sum())
+    return float(np.sqrt(total / max(count, 1)))

@@ -1,0 +1,140 @@
+"""How far readings scatter about a model: by themselves, and by what the model leaves open.
+
+What it leaves open is common to the readings of one pose. k of them are taken as one mean, of variance
+sigma^2 + k s^2, and k - 1 differences, of variance sigma^2 alone (Helmert's transformation).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import helmert
+
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.model.structure import Ids
+
+MEAN_SQUARE = 2.986  #: Mean of min(|z|, BEND)^2 of normal 3-vectors z.
+BISECTIONS = 60
+KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
+"""Kinds of equations, each with a scatter of its own."""
+BEND = 3.5
+"""Length of a reading's residual, in standard deviations, beyond which it pulls less: 0.7 % of sound ones."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations along an axis."""
+
+    open_position: float = 0.0  #: s of positions: what the model leaves open [m].
+    open_rotation: float = 0.0  #: s of orientations [rad].
+    #: Scatter over what is expected, of every kind [1].
+    factor: Array = field(default_factory=lambda: np.ones(len(KINDS)))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the rows of a series combine: groups of readings of one pose, of one size each."""
+
+    groups: tuple[Ids, ...]  #: Of every size k > 1 the rows, (groups, k).
+
+
+def plan_of(series: Series) -> Plan:
+    """Rows of a pose whose readings are all there."""
+    whole = series.seen.all(axis=1)
+    if series.rotation is not None:
+        whole &= series.turned
+    order = np.flatnonzero(whole)
+    order = order[np.argsort(series.pose[order], kind="stable")]
+    _, first, count = np.unique(series.pose[order], return_index=True, return_counts=True)
+    sizes = [k for k in np.unique(count) if k > 1]
+    return Plan(tuple(np.array([order[f : f + k] for f in first[count == k]]) for k in sizes))
+
+
+def combine(plan: Plan, rows: Array) -> Array:
+    """Rows of readings, (..., runs), poses read more than once as their mean and differences."""
+    if not plan.groups:
+        return rows
+    rows = rows.copy()
+    for group in plan.groups:
+        H = helmert(group.shape[1], full=True)
+        rows[..., group] = rows[..., group] @ H.T
+    return rows
+
+
+def multiplicity(plan: Plan, runs: int) -> Ids:
+    """Readings behind the mean that a row stands for, (runs,); 0 of a difference."""
+    found = np.ones(runs, dtype=int)
+    for group in plan.groups:
+        found[group[:, 0]], found[group[:, 1:]] = group.shape[1], 0
+    return found
+
+
+def roots(series: Series, noise: Noise, plan: Plan, rotation: Array) -> tuple[Array, npt.NDArray[np.int_]]:
+    """Inverse roots of the covariances of combined rows, and their kinds.
+
+    Args:
+        series: The readings.
+        noise: Their scatter.
+        plan: How they combine.
+        rotation: Tracker from base, (3, 3).
+
+    Returns:
+        W with W left of variance 1, (s, runs, 3, 3) [1/m, 1/rad], base axes; kinds, (s, runs).
+    """
+    m, times = len(series.markers), multiplicity(plan, series.rows)
+    s = m + (series.rotation is not None)
+    W = np.zeros((s, series.rows, 3, 3))
+    kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
+    kinds[m:] += 1
+    opened = times * noise.open_position**2
+    if series.precision is None:
+        deviation = np.sqrt(series.sigma**2 + opened)
+        W[:m] = np.eye(3) / deviation[:, None, None]
+    else:
+        lost = ~series.seen[..., None, None]
+        own = np.linalg.inv(np.where(lost, np.eye(3), series.precision))
+        own = rotation.T @ own @ rotation
+        for group in plan.groups:
+            own[group] = own[group].mean(axis=1, keepdims=True)
+        own = own + opened[:, None, None, None] * np.eye(3)
+        W[:m] = np.linalg.inv(np.linalg.cholesky(own)).swapaxes(0, 1)
+    if series.sigma_rotation is not None:
+        deviation = np.sqrt(series.sigma_rotation**2 + times * noise.open_rotation**2)
+        W[m:] = np.eye(3) / deviation[:, None, None]
+    return W / noise.factor[kinds][..., None, None], kinds
+
+
+def lengths(white: Array) -> Array:
+    """Lengths of whitened readings, (s, 3, runs) -> (s, runs) [1]."""
+    return np.asarray(np.linalg.norm(white, axis=1))
+
+
+def pull(length: Array) -> Array:
+    """By how much a reading pulls less than a sound one, by the length of its whitened residual [1]."""
+    return np.minimum(1.0, BEND / np.maximum(length, BEND))
+
+
+def spread(length: Array, variance: Array, share: float) -> float:
+    """S such that residuals have the length that their variances promise, 0 where they are shorter.
+
+    Args:
+        length: Of the residuals of three numbers each, (n,) [m, rad].
+        variance: Of the readings themselves along an axis, (n,) [m^2, rad^2].
+        share: Equations less unknowns over equations [1].
+
+    Returns:
+        Standard deviation along an axis beside that of the readings [m, rad].
+    """
+    low, high = 0.0, float(length.max(initial=0.0)) ** 2
+
+    def excess(s2: float) -> float:
+        d = length / np.sqrt(variance + s2)
+        return float(np.mean(np.minimum(d, BEND) ** 2)) - MEAN_SQUARE * share
+
+    if len(length) == 0 or excess(0.0) <= 0:
+        return 0.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return float(np.sqrt(high))
