@@ -1,7 +1,7 @@
 """Which errors an arm has: those that foretell readings that were held out, blocks of joint space and series.
 
-A kind of error is tried after the others, and kept where blocks that were held out are foretold better by
-more than the standard error of the difference, and whole series are not foretold worse.
+A kind of error is tried after the others, and kept where it pays: where blocks that were held out, or whole
+series, are foretold better by a share that is worth its unknowns, and neither is foretold worse.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,11 @@ GEOMETRY = frozenset({"geometry shift", "geometry turn"})
 POSITIONS = (0, 2)  #: Kinds of equations that are positions.
 BLOCKS = 16  #: Blocks of joint space over all series.
 LEAST_ROWS = 6  #: Rows below which a block would be too small.
-PAYS = 0.02  #: Share of the mean square by which an error must foretell better to be kept.
-HURTS = 0.01  #: The same by which it may foretell whole series worse.
+PAYS = 0.1  #: Share of the mean square by which an error must foretell better to be kept: 5 % of the error.
+HURTS = 0.01  #: The same by which it may foretell the others worse.
+LOAD = 2.0
+"""Distance of the largest load from none, where sine and cosine of a joint are at most 2 apart: loads that
+differ much are blocks of their own."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class Candidate:
     name: str  #: For people, and for `--without`.
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it puts on.
     elastic: Metric | None = None  #: Compliances that it puts on, in place of those before.
+    sure: bool = False  #: Whether it is kept whatever it foretells: every arm has it.
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
@@ -71,7 +75,8 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
     for one in series:
         share = round(BLOCKS * one.rows / rows)
         k = max(1, min(max(2, share), one.rows // LEAST_ROWS))
-        place = np.hstack([np.sin(one.q), np.cos(one.q)])
+        load = np.linalg.norm(one.wrench[:, :3], axis=1)
+        place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD * load / (load.max() or 1.0)])
         label = np.zeros(one.rows, dtype=int)
         if k > 1:
             label = kmeans2(place, k, minit="++", seed=seed)[1].astype(int)
@@ -95,7 +100,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     for one in candidates:
         more = kinds | one.kinds, one.elastic or elastic
         other = _tried(choice(unknowns, *more), reduced, tried.learnt)
-        step = _step(one.name, tried, other, unit)
+        step = _step(one, tried, other, unit)
         steps.append(step)
         if step.kept:
             tried, (kinds, elastic) = other, more
@@ -152,18 +157,19 @@ def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> 
     return float(sum(v @ T[k] @ v for k in POSITIONS)), float(equations)
 
 
-def _step(name: str, before: _Tried, after: _Tried, unit: float) -> Step:
+def _step(tried: Candidate, before: _Tried, after: _Tried, unit: float) -> Step:
     count = max(before.blocks[:, 1].sum(), 1.0)
     saved = (before.blocks[:, 0] - after.blocks[:, 0]) / count
     folds = len(saved)
     deviation = float(np.sqrt(folds * saved.var(ddof=1))) if folds > 1 else np.inf
     old, new = (max(x.blocks[:, 0].sum(), 1e-300) / count for x in (before, after))
     whole = [_rms(x.series) for x in (before, after)]
-    worse = len(before.series) > 0 and whole[1] ** 2 > (1 + HURTS) * whole[0] ** 2
-    kept = old - new > max(deviation, PAYS * old) and not worse
+    gain = 1 - (whole[1] / whole[0]) ** 2 if len(before.series) else 0.0
+    blocks = 1 - new / old
+    pays = (blocks > max(PAYS, deviation / old) or gain > PAYS) and min(blocks, gain) > -HURTS
     return Step(
-        name=name,
-        kept=bool(kept),
+        name=tried.name,
+        kept=bool(pays or tried.sure),
         before=unit * float(np.sqrt(old)),
         after=unit * float(np.sqrt(new)),
         deviation=deviation / old,

@@ -1,6 +1,6 @@
 """How large errors of every kind are, learnt from the readings: type-II maximum likelihood.
 
-Every group of unknowns, such as a band of one joint's harmonics, has a Gaussian prior of one standard
+Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior of one standard
 deviation. It is the one of greatest evidence (MacKay 1992), held by a few imagined unknowns of the size that
 is usual; so is the scatter of every kind of equations. A kind of error that is not there is drawn to nothing.
 """

@@ -108,7 +108,7 @@ def calibrate(
     after = moved(state, chosen.own, solved.x)
     noise = replace(seen.noise, factor=chosen.learnt.factor)
     step = _distance(state, after, series)
-    pulls = tuple(_pulls(after, one, noise) for one in series)
+    pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(after, chosen.own, solved.root, noise, chosen, solved.estimate, pulls, step)
 
 
@@ -131,7 +131,9 @@ def _candidates(vjm: Vjm, prior: Prior, options: Options) -> list[Candidate]:
     if unknown:
         raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     every = {
-        "joint springs": Candidate("joint springs", elastic=metric(prior, vjm, joints_only(vjm.arm))),
+        "joint springs": Candidate(
+            "joint springs", elastic=metric(prior, vjm, joints_only(vjm.arm)), sure=True
+        ),
         "joint errors": Candidate("joint errors", frozenset({"harmonics"})),
         "links": Candidate("links", elastic=metric(prior, vjm, all153(vjm.arm))),
     } | {name: Candidate(name, frozenset({name})) for name in NAMES[3:]}
@@ -161,7 +163,7 @@ class _Seen:
 
 def _seen(state: State, series: tuple[Series, ...], share: float) -> _Seen:
     noise = scatter(state, series, share)
-    return _Seen(noise, tuple(_pulls(state, one, noise) for one in series))
+    return _Seen(noise, tuple(pulls_of(state, one, noise) for one in series))
 
 
 def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen) -> tuple[State, float]:
@@ -246,10 +248,10 @@ def moved(state: State, own: Choice, x: Array) -> State:
     theta_0[unknowns.inner] = every[unknowns.columns("geometry")]
     frames = {**state.frames}
     for name in unknowns.frames:
-        frames[name] = _moved_frame(frames[name], every[unknowns.columns(f"frame {name}")])
+        frames[name] = moved_frame(frames[name], every[unknowns.columns(f"frame {name}")])
     mounts = {**state.mounts}
-    for name, (m, turned) in unknowns.mounts.items():
-        mounts[name] = _moved_mount(mounts[name], every[unknowns.columns(f"mount {name}")], m, turned)
+    for name in unknowns.mounts:
+        mounts[name] = moved_mount(mounts[name], every[unknowns.columns(f"mount {name}")])
     return replace(
         state,
         theta_0=theta_0,
@@ -261,15 +263,17 @@ def moved(state: State, own: Choice, x: Array) -> State:
     )
 
 
-def _moved_frame(frame: Frame, step: Array) -> Frame:
+def moved_frame(frame: Frame, step: Array) -> Frame:
     """A frame after the base moved by a step, base axes: x + move + turn x x."""
     turn = _rotation(step[3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
 
 
-def _moved_mount(mount: Mount, step: Array, m: int, turned: bool) -> Mount:
+def moved_mount(mount: Mount, step: Array) -> Mount:
+    """A mount whose targets moved, tool axes, and whose target with an orientation turned."""
+    m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
-    return Mount(points, _rotation(step[3 * m :]) @ mount.rotation if turned else mount.rotation)
+    return Mount(points, _rotation(step[3 * m :]) @ mount.rotation if len(step) > 3 * m else mount.rotation)
 
 
 def _rotation(vector: Array) -> Array:
@@ -283,7 +287,7 @@ def residuals(state: State, series: Series) -> Array:
     return left_over(state, series, tell(state, series.q, series.wrench, series.point))
 
 
-def _pulls(state: State, series: Series, noise: Noise) -> Array:
+def pulls_of(state: State, series: Series, noise: Noise) -> Array:
     """How much every reading counts, by its own residual, (s, rows)."""
     alone = replace(series, pose=np.arange(series.rows))
     W, _ = roots(alone, noise, plan_of(alone), state.frame(series).rotation)

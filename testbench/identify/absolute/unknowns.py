@@ -60,7 +60,11 @@ class Unknowns:
 
     @cached_property
     def groups(self) -> tuple[tuple[str, Ids], ...]:
-        """Columns that share a prior: their kind, and which they are."""
+        """Columns that share a prior: their kind, and which they are.
+
+        A band of orders is one of all joints: where a joint has turned through a part of its range only, the
+        others tell how far the rest may be off.
+        """
         geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
         found = [("geometry shift", geometry[:, :3].ravel()), ("geometry turn", geometry[:, 3:].ravel())]
         first = self.starts["errors"]
@@ -69,7 +73,7 @@ class Unknowns:
         )
         kinds, bands = np.array(self.errors.kinds), self.errors.bands
         for band in np.unique(bands[bands >= 0]):
-            found += [("harmonics", joint[bands == band]) for joint in of]
+            found.append(("harmonics", of[:, bands == band].ravel()))
         found += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
         return tuple(found)
 
