@@ -48,14 +48,14 @@ class PlanSettings:
         if not self.loads_kg or len(set(self.loads_kg)) < len(self.loads_kg):
             raise BenchError(f"--load: expected at least one, each once, got {list(self.loads_kg)}")
         for load in self.loads_kg:
-            _check_range("--load [kg]", load, *LOAD_RANGE)
-        _check_range("--poses", self.poses, 1, MOST_POSES)
-        _check_range("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
-        _check_range("--sigma-um", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
+            check_range("--load [kg]", load, *LOAD_RANGE)
+        check_range("--poses", self.poses, 1, MOST_POSES)
+        check_range("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
+        check_range("--sigma-um", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
         if self.uncertainty_percent is not None:  # doubled for doubters
-            _check_range("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1])
+            check_range("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1])
         if self.floor_z_m is not None:
-            _check_range("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST)
+            check_range("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST)
         if self.acceptance_deg is not None and self.tracker_m is None:
             raise BenchError("--acceptance-deg: expected --tracker with it")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
@@ -80,7 +80,8 @@ class PlanSettings:
         return None if self.box_m is None else WorkArea(*self.box_m)
 
 
-def _check_range(what: str, value: float, low: float, high: float) -> None:
+def check_range(what: str, value: float, low: float, high: float) -> None:
+    """Refuse by BenchError what is out of range."""
     if not low <= value <= high:  # false for NaN
         raise BenchError(f"{what}: expected {low:g} to {high:g}, got {value:g}")
 

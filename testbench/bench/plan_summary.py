@@ -56,7 +56,7 @@ def summary(
         base_m=cell.vjm.base[:3, 3].tolist(),
         joints=[joint.name for joint in cell.arm.joints],
         units=[joint.shown_unit for joint in cell.arm.joints],
-        margins=_margins(cell.arm, plan.q),
+        margins=margins(cell.arm, plan.q),
         surrounded=has_surroundings(cell.room),
         prior=None if spec.uncertainty is None else spec.experiment.metric.prior,
         within_percent=100 * within(spec),
@@ -83,11 +83,19 @@ def summary(
     )
 
 
-def _margins(arm: Arm, q: Array) -> list[float]:
+def margins(arm: Arm, q: Array) -> list[float]:
     """Least distance of every joint from its limits over the poses (poses, n), [deg, mm]."""
     lower, upper = arm.limits
     nearest = np.minimum(q - lower, upper - q).min(axis=0)
     return [float(distance) for distance in arm.shown * nearest]
+
+
+def travel(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """Of the hinge [deg] and the slide [mm] that move farthest from the run before, (poses,) each."""
+    slides = np.array([joint.prismatic for joint in arm.joints], dtype=bool)
+    moved = np.abs(np.diff(q, axis=0, prepend=q[:1]))
+    turned, slid = (moved[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
+    return np.rad2deg(turned), MM * slid
 
 
 def _doubted(cell: Cell, plan: Plan) -> r.Expected | None:
@@ -127,9 +135,7 @@ def _poses(settings: PlanSettings, plan: Plan, fit: Fitted) -> list[r.PoseRow]:
     own = deflection_rows(spec.experiment, plan.q, load)
     deflection = _rms(own @ spec.experiment.metric.expected)
     ways: list[r.Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
-    slides = np.array([joint.prismatic for joint in spec.experiment.vjm.arm.joints], dtype=bool)
-    moved = np.abs(np.diff(plan.q, axis=0, prepend=plan.q[:1]))
-    turned, slid = (moved[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
+    turned, slid = travel(spec.experiment.vjm.arm, plan.q)
     expected = _expected(spec.experiment.vjm, plan.q, deflection, widened(promise_on(fit, plan.q, load)))
     return [
         r.PoseRow(
@@ -137,8 +143,8 @@ def _poses(settings: PlanSettings, plan: Plan, fit: Fitted) -> list[r.PoseRow]:
             run=k + 1,
             q=plan.q[k].tolist(),
             load_kg=float(settings.loads_kg[plan.load[k]]),
-            travel_deg=float(np.rad2deg(turned[k])),
-            travel_mm=float(MM * slid[k]),
+            travel_deg=float(turned[k]),
+            travel_mm=float(slid[k]),
             way=way,
         )
         for k, (row, way) in enumerate(zip(expected, ways, strict=True))

@@ -31,11 +31,10 @@ class CandidateSet:
     problem: Problem  #: What they tell.
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
     """Poses to measure, in the order of measuring."""
 
-    specification: Specification  #: What it is for.
     criterion: Criterion  #: What was asked for.
     q: Array  #: Joint angles, (poses, n) [rad, m].
     load: Ids  #: Index into the specification's loads, (poses,).
@@ -58,6 +57,13 @@ class Plan:
         return information(self.examined.problem, self.chosen)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Plan(Chosen):
+    """Poses under loads that are hung and taken off, and what they are for."""
+
+    specification: Specification  #: What it is for.
+
+
 CRITERIA: dict[str, Callable[[Specification, Problem], Criterion]] = {
     "D": lambda _spec, _problem: Determinant(),
     "A": lambda _spec, problem: Linear("A", np.eye(problem.r) / problem.r),
@@ -67,6 +73,20 @@ CRITERIA: dict[str, Callable[[Specification, Problem], Criterion]] = {
     "test": lambda spec, problem: Linear("test", mean_square(task_rows(spec) @ problem.lift)),
 }
 """Criteria by name."""
+
+Measured = Callable[[Array, Ids], Array]
+"""Whitened rows (poses, k, n) of poses (poses, n joints) [rad, m], each under its own load (poses,)."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """How poses are looked for, whatever they are measured for."""
+
+    measured: Measured  #: What a pose tells.
+    poses: int  #: How many may be measured.
+    limits: Array  #: Lower and upper joint limits, (2, n joints) [rad, m].
+    reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.
+    rng: np.random.Generator  #: Source of starts and steps.
 
 
 def check_criterion(name: str) -> None:
@@ -116,53 +136,69 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
         rng: Source of starts and steps.
     """
     check_criterion(name)
-    near = Neighbourhood(reach.feasible, spec.experiment.vjm.arm.limits, rng)
     examined = candidate_set(spec, q)
-    criterion = CRITERIA[name](spec, examined.problem)
-    relaxed = relax(examined.problem, criterion, spec.poses)
+    search = Search(
+        measured=lambda q, load: measured_rows(spec, q, load),
+        poses=spec.poses,
+        limits=spec.experiment.vjm.arm.limits,
+        reach=reach,
+        rng=rng,
+    )
+    chosen = choose(search, CRITERIA[name](spec, examined.problem), examined)
+    return Plan(specification=spec, **vars(chosen))
+
+
+def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
+    """The best poses by a criterion, certified against all poses examined."""
+    near = Neighbourhood(search.reach.feasible, search.limits, search.rng)
+    relaxed = relax(examined.problem, criterion, search.poses)
     for _ in range(ASCENTS):
-        examined = _climb(spec, examined, relaxed, near)
-        relaxed = relax(examined.problem, criterion, spec.poses, relaxed)
-    chosen = select(examined.problem, criterion, spec.poses, relaxed, rng)
-    q, load = _refined(spec, examined, chosen, criterion, near)
-    order = _order(q, load, reach)
+        examined = _climb(search.measured, examined, relaxed, near)
+        relaxed = relax(examined.problem, criterion, search.poses, relaxed)
+    chosen = select(examined.problem, criterion, search.poses, relaxed, search.rng)
+    q, load = _refined(search.measured, examined, chosen, criterion, near)
+    order = _order(q, load, search.reach)
     q, load = q[order], load[order]
-    examined = _add(spec, examined, q, load)
-    chosen = np.arange(len(examined.q) - spec.poses, len(examined.q))
-    value = criterion.information(information(examined.problem, chosen))
-    relaxed = relax(examined.problem, criterion, spec.poses, relaxed)
-    clear = tuple(reach.clear(start, end) for start, end in pairwise(q))
-    return Plan(spec, criterion, q, load, clear, examined, chosen, value, relaxed)
+    examined = _add(search.measured, examined, q, load)
+    chosen = np.arange(len(examined.q) - search.poses, len(examined.q))
+    return Chosen(
+        criterion=criterion,
+        q=q,
+        load=load,
+        clear=tuple(search.reach.clear(start, end) for start, end in pairwise(q)),
+        examined=examined,
+        chosen=chosen,
+        value=criterion.information(information(examined.problem, chosen)),
+        relaxed=relax(examined.problem, criterion, search.poses, relaxed),
+    )
 
 
 def _refined(
-    spec: Specification, examined: CandidateSet, chosen: Ids, criterion: Criterion, near: Neighbourhood
+    measured: Measured, examined: CandidateSet, chosen: Ids, criterion: Criterion, near: Neighbourhood
 ) -> tuple[Array, Ids]:
     """Better angles for the chosen candidates, (poses, n) [rad, m], and their loads, (poses,)."""
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:
-        return measured_rows(spec, trial, load[places]) @ examined.problem.lift
+        return measured(trial, load[places]) @ examined.problem.lift
 
     return refine(examined.q[chosen], examined.problem.prior, criterion, rows, near), load
 
 
-def _climb(
-    spec: Specification, examined: CandidateSet, relaxed: Relaxed, near: Neighbourhood
-) -> CandidateSet:
+def _climb(measured: Measured, examined: CandidateSet, relaxed: Relaxed, near: Neighbourhood) -> CandidateSet:
     """The poses that carry the relaxed optimum, improved, as further candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:CLIMBERS]]
     load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
-        rows = measured_rows(spec, q, np.resize(load, len(q))) @ examined.problem.lift
+        rows = measured(q, np.resize(load, len(q))) @ examined.problem.lift
         return sensitivity(rows, relaxed.dual)
 
-    return _add(spec, examined, ascend(examined.q[top], usefulness, near), load)
+    return _add(measured, examined, ascend(examined.q[top], usefulness, near), load)
 
 
-def _add(spec: Specification, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
-    problem = more(examined.problem, measured_rows(spec, q, load))
+def _add(measured: Measured, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
+    problem = more(examined.problem, measured(q, load))
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 
@@ -179,6 +215,6 @@ def _order(q: Array, load: Ids, reach: Reach) -> Ids:
     return np.array(found)
 
 
-def promise(plan: Plan, rows: Array) -> Forecast:
+def promise(plan: Chosen, rows: Array) -> Forecast:
     """Errors to expect after the plan was measured and identified, of predictions such as `task_rows`."""
     return forecast(plan.examined.problem, plan.information, rows)

@@ -1,0 +1,192 @@
+"""Absolute readings as a plan sees them: frame, mount, geometry, joint errors and compliances, all unknown.
+
+Unknowns are in units of what is expected of them, x ~ N(e, 1). A pose is read under every load without a move
+in between. What its joints do beyond the model is one more noise, common to the readings of a pose: their
+covariance is that of the tracker and J diag(rest^2) J^T.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from testbench.data.series import Series
+from testbench.design.criteria import Criterion, Determinant, Linear, criterion_e, criterion_g, mean_square
+from testbench.design.forecast import Forecast, forecast
+from testbench.design.planning import CandidateSet, Chosen
+from testbench.design.rows import SCALE_UNCERTAINTY, Problem
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.rows import rows_of
+from testbench.identify.absolute.state import State, targets, tell
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.metric import Metric, precision_root
+from testbench.identify.prior import Strength
+from testbench.model.vjm import translation_rows
+
+BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
+LITTLE = 1e-3  #: Information of a plan of average poses, over the prior's, below which nothing is seen [1].
+CRITERIA = ("I", "G", "A", "D", "E")  #: Criteria by name, as those of `planning.CRITERIA`.
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Standard deviations that are expected of what is unknown beside compliances."""
+
+    loose: float = 0.01  #: Of frames and mounts, which any plan finds [m, rad].
+    shift: float = 1e-3  #: Of an error of geometry along an axis [m].
+    turn: float = 1e-3  #: About an axis [rad].
+    error: float = 30e-6  #: Of a coefficient of the joints' errors [rad, m].
+
+
+@dataclass(frozen=True)
+class Union:
+    """What is unknown, and how every pose is read."""
+
+    unknowns: Unknowns
+    state: State  #: Where the unknowns are expected.
+    L: Array  #: Unknowns per unit of what is expected of them, (size, size).
+    #: One pose: a row a load, in the order of reading; its targets and its noise.
+    pose: Series
+    rest: Array  #: What each joint does beyond the model, standard deviation, (n,) [rad, m].
+
+    @property
+    def loads(self) -> int:
+        """Readings of a pose."""
+        return self.pose.rows
+
+
+def expected_root(unknowns: Unknowns, sizes: Sizes, metric: Metric, uncertainty: float) -> Array:
+    """Unknowns per unit of what is expected of them, (size, size): a root of the prior's covariance.
+
+    Args:
+        unknowns: What is unknown.
+        sizes: Of all but compliances.
+        metric: Of the compliances' prior.
+        uncertainty: Of it, relative [1].
+    """
+    d = np.full(unknowns.starts["elastic"], sizes.loose)
+    geometry = d[unknowns.columns("geometry")].reshape(-1, 6)  # a view
+    geometry[:, :3], geometry[:, 3:] = sizes.shift, sizes.turn
+    d[unknowns.columns("errors")] = sizes.error
+    B, _ = precision_root(metric, Strength(uncertainty, SCALE_UNCERTAINTY))
+    return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, metric.L.T).T))
+
+
+def at(union: Union, q: Array) -> Series:
+    """The readings of poses, (poses, n) [rad, m], none of them taken yet: a row a pose and load."""
+    one, loads = union.pose, union.loads
+    rows = len(q) * loads
+    return replace(
+        one,
+        row=np.arange(rows),
+        pose=np.arange(rows) // loads,
+        q=np.repeat(q, loads, axis=0),
+        wrench=np.tile(one.wrench, (len(q), 1)),
+        point=np.tile(one.point, (len(q), 1)),
+        position=np.zeros((rows, len(one.markers), 3)),
+        rotation=None if one.rotation is None else np.tile(np.eye(3), (rows, 1, 1)),
+    )
+
+
+def measured_rows(union: Union, q: Array) -> Array:
+    """Whitened rows of poses (poses, n) [rad, m] per unit of x, (poses, k, size) [1]."""
+    return np.concatenate([_whitened(union, some) for some in _batches(q)])
+
+
+def position_rows(union: Union, q: Array) -> Array:
+    """Positions under one load after the other per unit of x, (poses, 3 loads m, size) [m]."""
+    m = len(union.pose.markers)
+
+    def rows(some: Array) -> Array:
+        A = rows_of(union.unknowns, union.state, at(union, some)).A[:m]
+        return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(some), -1, A.shape[2]) @ union.L)
+
+    return np.concatenate([rows(some) for some in _batches(q)])
+
+
+def joint_rest(union: Union, q: Array) -> Array:
+    """RMS distance that targets are off by what joints do beyond the model, (poses,) [m]."""
+    G, targets = _joint_rows(union, q), union.loads * len(union.pose.markers)
+    positions = G[:, : 3 * len(union.pose.markers)].reshape(len(q), -1)
+    return np.asarray(np.sqrt(np.square(positions).sum(axis=1) / targets))
+
+
+def sag(union: Union, q: Array) -> Array:
+    """RMS distance that own weight and the last load are expected to move targets, (poses,) [m]."""
+    series, state = at(union, q), union.state
+    rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
+    bent, straight = (
+        targets(tell(one, series.q, series.wrench, series.point), one.mount(series)) for one in (state, rigid)
+    )
+    moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
+    return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
+
+
+def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
+    """Poses (candidates, n) [rad, m] to choose so many from, in the directions that such a plan can see."""
+    mean = np.zeros((union.unknowns.size,) * 2)
+    for some in _batches(q):
+        A = _whitened(union, some).reshape(-1, len(mean))
+        mean += A.T @ A / len(q)
+    values, V = np.linalg.eigh(mean)
+    seen = poses * values > LITTLE
+    if not seen.any():
+        raise BenchError("candidates: expected poses that move a target")
+    lift, rest = V[:, seen], V[:, ~seen]
+    rows = np.concatenate([_whitened(union, some) @ lift for some in _batches(q)])
+    problem = Problem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
+    return CandidateSet(q, np.zeros(len(q), dtype=int), problem)
+
+
+def criterion_of(name: str, problem: Problem, wanted: Array) -> Criterion:
+    """A criterion by its name in `CRITERIA`; I and G are of predictions such as `position_rows` [m]."""
+    rows = wanted @ problem.lift
+    if name == "I":
+        return Linear("I", mean_square(rows))
+    if name == "G":
+        return criterion_g(rows)
+    if name == "A":
+        return Linear("A", np.eye(problem.r) / problem.r)
+    if name == "D":
+        return Determinant()
+    if name == "E":
+        return criterion_e()
+    raise BenchError(f"no criterion {name!r} of absolute readings; criteria are {', '.join(CRITERIA)}")
+
+
+def promise(chosen: Chosen, wanted: Array) -> Forecast:
+    """Errors of predictions (poses, 3 m, size) [m] after the plan was read and the arm calibrated."""
+    return forecast(chosen.examined.problem, chosen.information, wanted)
+
+
+def information_of(union: Union, q: Array) -> Array:
+    """What readings in poses (poses, n) [rad, m] tell of the unknowns, no prior, (size, size)."""
+    M = sum(A.T @ A for A in (_whitened(union, some).reshape(-1, len(union.L)) for some in _batches(q)))
+    return np.asarray(np.linalg.solve(union.L.T, np.linalg.solve(union.L.T, M).T))
+
+
+def _batches(q: Array) -> Iterator[Array]:
+    yield from np.array_split(q, max(1, -(-len(q) // BATCH)))
+
+
+def _whitened(union: Union, q: Array) -> Array:
+    """Rows over the root of their covariance, (poses, k, size)."""
+    one = union.pose
+    A = rows_of(union.unknowns, union.state, at(union, q)).A
+    A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
+    sigma = np.full((union.loads, A.shape[1] // union.loads), one.sigma)
+    sigma[:, 3 * len(one.markers) :] = one.sigma_rotation or one.sigma
+    G = _joint_rows(union, q).reshape(len(q), A.shape[1], -1)
+    root = np.linalg.cholesky(G @ G.swapaxes(1, 2) + np.diag(sigma.ravel() ** 2))
+    return np.asarray(np.linalg.solve(root, A) @ union.L)
+
+
+def _joint_rows(union: Union, q: Array) -> Array:
+    """Readings per unit of what joints do beyond the model, (poses loads, 3 s, n) [m, rad]."""
+    series, n = at(union, q), union.unknowns.vjm.arm.n_joints
+    where = tell(union.state, series.q, series.wrench, series.point).where
+    J = translation_rows(where, union.state.mount(series).points)[:, -n:]
+    if series.rotation is not None:
+        J = np.concatenate([J, where.J_theta[3:, -n:]])
+    return np.asarray(J.transpose(2, 0, 1) * union.rest)

@@ -1,0 +1,147 @@
+"""Plans of absolute readings: what a pose tells, what stays hidden and is named, planned against random."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.bench.absolute_plan import around, choose_poses, union_of
+from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
+from testbench.bench.absolute_plan_summary import left_open
+from testbench.bench.campaign import build_cell, stream
+from testbench.bench.candidates import Conditions, build_checks, feasible, find
+from testbench.design import absolute
+from testbench.design.criteria import mean_square
+from testbench.design.exchange import exchange, greedy
+from testbench.design.rows import information
+from testbench.identify.absolute.quantities import quantities
+from testbench.identify.absolute.seen import hidden
+from testbench.identify.absolute.state import targets, tell
+
+KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
+POSES = 12
+ASKED = AbsolutePlanSettings(model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return build_cell(KR500)
+
+
+@pytest.fixture(scope="module")
+def union(cell):
+    return union_of(cell, ASKED)
+
+
+@pytest.fixture(scope="module")
+def poses(cell):
+    return find(build_checks(cell, Conditions()), 120, stream(11)).q
+
+
+def selected(union, q, wanted):
+    """Candidates exchanged for better ones by criterion I, none of them moved: criterion, problem, places."""
+    problem = absolute.candidate_set(union, q, POSES).problem
+    criterion = absolute.criterion_of("I", problem, wanted)
+    start = greedy(problem, criterion, problem.rows, POSES)
+    return criterion, problem, exchange(problem, criterion, problem.rows, start)
+
+
+def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, poses):
+    """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
+    q, rng = poses[:1], np.random.default_rng(0)
+    series, state = absolute.at(union, q), union.state
+    draws = rng.normal(0, union.rest, (4000, len(union.rest)))
+
+    def places(moved):
+        told = tell(state, series.q + moved, series.wrench, series.point)
+        return targets(told, state.mount(series)).ravel()
+
+    still = places(0 * draws[0])
+    J = np.stack([(places(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.rest))], axis=1)
+    V = np.cov((draws @ J.T).T) + series.sigma**2 * np.eye(len(still))
+    A = np.linalg.solve(np.linalg.cholesky(V), absolute.position_rows(union, q)[0])
+    ours, drawn = (rows.T @ rows for rows in (absolute.measured_rows(union, q)[0], A))
+    # 4000 draws: 2 % of a variance, and some more over many entries
+    assert np.linalg.norm(ours - drawn) < 0.1 * np.linalg.norm(ours)
+    rms = np.sqrt(np.square(draws @ J.T).sum(axis=1).mean() / (2 * len(series.markers)))
+    assert absolute.joint_rest(union, q) == pytest.approx(rms, rel=0.03)
+
+
+def test_the_promise_is_the_error_that_bayes_leaves(union, poses):
+    """Unknowns drawn from the prior and noisy readings: the posterior mean errs as the plan says."""
+    q, rng = poses[:POSES], np.random.default_rng(1)
+    wanted = absolute.position_rows(union, poses[-20:])
+    examined = absolute.candidate_set(union, poses, POSES)
+    M = information(examined.problem, np.arange(POSES))
+    W = mean_square(wanted)
+    said = np.trace(mean_square(wanted @ examined.problem.lift) @ np.linalg.inv(M))
+    said += np.trace(W @ examined.problem.hidden)
+    A = absolute.measured_rows(union, q).reshape(-1, union.unknowns.size)
+    x = rng.standard_normal((union.unknowns.size, 400))
+    y = A @ x + rng.standard_normal((len(A), 400))
+    off = x - np.linalg.solve(A.T @ A + np.eye(len(x)), A.T @ y)
+    assert np.einsum("ik,ij,jk->k", off, W, off).mean() == pytest.approx(said, rel=0.05)  # 400 draws
+
+
+def test_planned_poses_beat_random_ones_on_every_seed(cell, union):
+    ratios = []
+    for seed in range(20):
+        q = find(build_checks(cell, ASKED.conditions), 60, stream(seed)).q
+        wanted = absolute.position_rows(union, around(cell, replace(ASKED, seed=seed))[:40])
+        criterion, problem, plan = selected(union, q, wanted)
+        rng = stream(seed, 1)
+        random = [rng.choice(60, POSES, replace=False) for _ in range(10)]
+        others = [criterion.information(information(problem, some)) for some in random]
+        ratios.append(np.sqrt(max(others) / criterion.information(information(problem, plan))))
+    assert max(ratios) < 1  # the error of the plan over that of the best of ten
+    assert np.median(ratios) < 0.95
+
+
+def test_a_plan_is_certified_and_moves_its_poses_to_better_ones(cell, poses):
+    asked = replace(ASKED, orders=0, loads_kg=())
+    union, checks = union_of(cell, asked), build_checks(cell, asked.conditions)
+    wanted = absolute.position_rows(union, poses[-20:])
+    plan = choose_poses(cell, asked, union, poses[:60], wanted)
+    assert 0.7 < plan.efficiency < 1.001
+    assert feasible(checks, plan.q).all()
+    drawn = plan.examined.problem.rows[:60]
+    before = greedy(plan.examined.problem, plan.criterion, drawn, POSES)
+    assert plan.value > plan.criterion.information(information(plan.examined.problem, before))
+
+
+def test_a_joint_that_never_turns_hides_what_its_turning_would_show_and_a_plan_shows_it(union, poses):
+    stuck = poses[:POSES].copy()
+    stuck[:, 4] = 0.3
+    said = [words for words in left_open(union, stuck) if words.startswith("joint_4's offset hides behind")]
+    assert len(said) == 1
+    assert "link_4's turn" in said[0]
+    assert said[0].endswith("turn joint_5 more")
+    *_, plan = selected(union, poses, absolute.position_rows(union, poses[-20:]))
+    assert not [words for words in left_open(union, poses[plan]) if "offset" in words]
+
+
+def test_structural_directions_are_as_many_as_theory_says(union, poses):
+    """Of an arm of n hinges with m free targets 4 n + 3 m are found of 6 n + 3 m numbers (Everett 1987)."""
+    first, *_ = left_open(union, poses[:POSES])
+    joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
+    assert first.startswith("12 directions of geometry, frames and mounts are structural")
+    assert first.endswith(joints)
+
+
+def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other(union):
+    """Information k of the sum of two unit normals: each keeps (1 + k) / (1 + 2 k) of its variance."""
+    unknowns, k = union.unknowns, 50.0
+    one, other = (
+        next(i for i in quantities(unknowns) if i.name == name)
+        for name in ("joint_3's offset", "joint_6's compliance")
+    )
+    root = union.L
+    scale = [1 / np.linalg.norm(i.H @ root) for i in (one, other)]
+    both = scale[0] * one.H[0] + scale[1] * other.H[0]
+    found = hidden(unknowns, k * np.outer(both, both), np.diag(np.diag(root @ root.T)))
+    behind = [i for i in found if i.kind == "behind"]
+    assert [(i.what, i.behind) for i in behind] in (
+        [("joint_3's offset", ("joint_6's compliance",))],
+        [("joint_6's compliance", ("joint_3's offset",))],
+    )
