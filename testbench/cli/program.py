@@ -18,6 +18,8 @@ COMMANDS = {
     "data": "Read a file of measured runs; say what was understood.",
     "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
+    "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
+    "score": "Say how far a calibrated arm is from readings.",
     "demo": "Calibrate a heavy arm in simulation.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
     "shot": "Render the newest recording of a run without a screen.",

@@ -89,16 +89,21 @@ def place(state: State, belief: Belief, series: Series, rows: Ids) -> Placed:
         )
         if np.abs(step).max() < STEP:
             break
-    inverse: Array = solve_triangular(root, np.eye(f))
+    return _placed(state, rows, root, F.T @ M)
+
+
+def _placed(state: State, rows: Ids, root: Array, with_arm: Array) -> Placed:
+    inverse: Array = solve_triangular(root, np.eye(len(root)))
     spread = np.asarray(inverse @ inverse.T)
-    return Placed(state, rows, spread @ (F.T @ M), spread)
+    return Placed(state, rows, spread @ with_arm, spread)
 
 
 def known(state: State, belief: Belief, series: Series) -> Placed:
-    """A series whose frame and mount the calibration found: they count as exact."""
-    state.frame(series), state.mount(series)
-    f, a = _unknowns(belief, series).starts["geometry"], len(belief.columns)
-    return Placed(state, np.zeros(0, dtype=int), np.zeros((f, a)), np.zeros((f, f)))
+    """A series whose frame and mount the calibration found, by rows such as it has."""
+    seen = np.flatnonzero(series.seen.any(axis=1))
+    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(BATCH, len(seen))).astype(int)])
+    F, M, _ = _weighed(_unknowns(belief, some), belief, state, some)
+    return _placed(state, np.zeros(0, dtype=int), _root(F, some), F.T @ M)
 
 
 def without(state: State, series: Series) -> State:

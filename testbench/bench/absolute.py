@@ -1,0 +1,109 @@
+"""Absolute readings in, a calibrated arm out; and how far it is from readings that it never saw."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.series import Series, select_rows
+from testbench.data.series_export import read_series
+from testbench.errors import BenchError, InputError
+from testbench.identify.absolute.fit import Calibration, Options, calibrate
+from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
+from testbench.identify.absolute.state import State
+from testbench.identify.absolute.torques import fit_weights
+from testbench.identify.prior import cad_prior
+from testbench.model.vjm import Vjm
+from testbench.model.weights import read_weights
+
+FRAME_POSES = 50  #: Rows that tell frame and mount of a series that the calibration has not seen.
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration and what it was made from."""
+
+    calibration: Calibration
+    series: tuple[Series, ...]
+    notes: tuple[str, ...]  #: What was understood and assumed.
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far readings are from a model that never saw them; distances of positions."""
+
+    n: int  #: Positions.
+    mean_mm: float
+    rms_mm: float
+    p95_mm: float
+    max_mm: float
+    coverage_95: float  #: Share of the positions inside their 95 % ellipsoid [1].
+
+
+def read_all(
+    paths: Sequence[Path], arm: Arm, mapping: Path | None, sigma: float | None
+) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+    """Absolute readings of several files, and what was understood.
+
+    Raises:
+        InputError: When a file cannot be read, or two would share frame and target by their names alone.
+    """
+    series: list[Series] = []
+    notes: list[str] = []
+    for k, path in enumerate(paths):
+        if path.stem in [other.stem for other in paths[:k]]:
+            raise InputError(path, "", f"expected another name: a file called {path.stem} was read already")
+        found = read_series(path, arm, mapping, sigma)
+        series += found.series
+        notes += [f"{path.name}: {note}" for note in found.notes]
+    return tuple(series), tuple(notes)
+
+
+def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:
+    """Calibrate an arm, its masses by joint torques where these were read.
+
+    Raises:
+        BenchError: When the readings do not fit the arm, or leave a frame or target open.
+    """
+    weights, said = read_weights(vjm.arm), list(notes)
+    if any(one.torque is not None for one in series):
+        weights, note = fit_weights(vjm, weights, tuple(series))
+        said.append(note)
+    found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
+    return Calibrated(found, tuple(series), tuple(said))
+
+
+def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: int | None) -> Score:
+    """How far readings are from a model.
+
+    Args:
+        state: The calibrated arm.
+        belief: How sure it is.
+        series: Readings, of one arm.
+        frame_poses: Rows of each series that tell its frame and mount, not counted; None for those of the
+            calibration where it has them, else FRAME_POSES.
+    """
+    far, within = [], []
+    for one in series:
+        seen_before = one.frame in state.frames and one.target in state.mounts
+        if frame_poses is None and seen_before:
+            placed = known(state, belief, one)
+        else:
+            placed = place(state, belief, one, evenly(one, frame_poses or FRAME_POSES))
+        rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
+        if not rest.rows:
+            raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
+        found = predict(placed, belief, rest)
+        far.append(1e3 * np.linalg.norm(found.left, axis=2)[rest.seen])
+        within.append(inside(found)[rest.seen])
+    error = np.concatenate(far)
+    return Score(
+        n=len(error),
+        mean_mm=float(error.mean()),
+        rms_mm=float(np.sqrt((error**2).mean())),
+        p95_mm=float(np.percentile(error, 95)),
+        max_mm=float(error.max()),
+        coverage_95=float(np.concatenate(within).mean()),
+    )

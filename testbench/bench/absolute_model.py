@@ -1,0 +1,228 @@
+"""A calibrated arm as a folder: model.json and posterior.npz beside the arm's rigid.xml and elastic.toml."""
+
+import shutil
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from testbench import files
+from testbench.arm.document import Strict
+from testbench.arm.folder import Arm, load_arm
+from testbench.errors import Array, InputError, check_array, read_text
+from testbench.identify.absolute.evidence import Choice
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.noise import KINDS, Noise
+from testbench.identify.absolute.posterior import Belief
+from testbench.identify.absolute.state import Frame, Mount, State
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import build_vjm
+from testbench.model.structure import all153, joints_only
+from testbench.model.weights import Weights
+
+DOCUMENT, POSTERIOR = "model.json", "posterior.npz"
+ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.
+MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
+STRUCTURES = {"joints": joints_only, "links": all153}
+"""Compliances that a model may have."""
+
+Numbers = list[float]
+Rows = list[Numbers]
+Few = Annotated[int, Field(ge=0, le=10_000)]
+
+
+class _Frame(Strict):
+    rotation: Rows
+    translation_m: Numbers
+
+
+class _Mount(Strict):
+    points_m: Rows
+    rotation: Rows
+
+
+class _Errors(Strict):
+    orders: list[Few]
+    ratio: bool
+    play: bool
+    stiffening: bool
+    coefficients: Rows
+    torque_scale: Numbers
+
+
+class _Noise(Strict):
+    open_position_m: float
+    open_rotation_rad: float
+    factor: Numbers
+
+
+class _Weights(Strict):
+    mass_kg: Numbers
+    centre_m: Rows
+
+
+class Document(Strict):
+    """model.json."""
+
+    format: Literal[1]
+    kind: Literal["absolute calibration"]
+    arm: str
+    digests: dict[str, str]
+    compliances: Literal["none", "joints", "links"]
+    theta_0: Numbers
+    C_theta: Rows
+    errors: _Errors
+    weights: _Weights
+    noise: _Noise
+    columns: list[Few]
+    frames: dict[str, _Frame]
+    mounts: dict[str, _Mount]
+
+
+def write_model(calibration: Calibration, arm: Path, folder: Path) -> None:
+    """Write a calibrated arm into a folder that exists."""
+    for name in ARM:
+        shutil.copyfile(arm / name, folder / name)
+    belief = belief_of(calibration)
+    files.write_json(_document(calibration, belief, folder).model_dump(), folder / DOCUMENT)
+    np.savez_compressed(folder / POSTERIOR, root=belief.root)
+
+
+def belief_of(calibration: Calibration) -> Belief:
+    """What a calibration knows of the arm, whatever series it was learnt from."""
+    own, errors = calibration.own, calibration.state.errors
+    first = own.unknowns.starts["geometry"]
+    frames = int((own.columns < first).sum())
+    structure = joints_only(own.unknowns.vjm.arm) if own.elastic is None else own.elastic.structure
+    unknowns = Unknowns(own.unknowns.vjm, (), {}, errors, structure)
+    rigid = own.columns[frames : own.rigid] - first
+    elastic = unknowns.starts["elastic"] + np.arange(len(own.columns) - own.rigid)
+    columns = np.concatenate([rigid, elastic])
+    return Belief(
+        Choice(unknowns, columns, own.elastic), calibration.root[frames:, frames:], calibration.noise
+    )
+
+
+def _document(calibration: Calibration, belief: Belief, folder: Path) -> Document:
+    state, own = calibration.state, calibration.own
+    rigid: Literal["none"] = "none"
+    kind = rigid if own.elastic is None else _kind(own.elastic.structure.n == state.vjm.arm.n_joints)
+    return Document(
+        format=1,
+        kind="absolute calibration",
+        arm=state.vjm.arm.name,
+        digests={name: files.digest(folder / name) for name in ARM},
+        compliances=kind,
+        theta_0=state.theta_0.tolist(),
+        C_theta=state.C_theta.tolist(),
+        errors=_Errors(
+            orders=list(state.errors.orders),
+            ratio=state.errors.ratio,
+            play=state.errors.play,
+            stiffening=state.errors.stiffening,
+            coefficients=state.n.tolist(),
+            torque_scale=state.torque_scale.tolist(),
+        ),
+        weights=_Weights(mass_kg=state.weights.mass.tolist(), centre_m=state.weights.centre.tolist()),
+        noise=_Noise(
+            open_position_m=float(calibration.noise.open_position),
+            open_rotation_rad=float(calibration.noise.open_rotation),
+            factor=calibration.noise.factor.tolist(),
+        ),
+        columns=belief.columns.tolist(),
+        frames={
+            name: _Frame(rotation=one.rotation.tolist(), translation_m=one.translation.tolist())
+            for name, one in state.frames.items()
+        },
+        mounts={
+            name: _Mount(points_m=one.points.tolist(), rotation=one.rotation.tolist())
+            for name, one in state.mounts.items()
+        },
+    )
+
+
+def _kind(joints: bool) -> Literal["joints", "links"]:
+    return "joints" if joints else "links"
+
+
+def read_model(folder: Path) -> tuple[State, Belief]:
+    """A calibrated arm from its folder.
+
+    Raises:
+        InputError: When the folder is not one, or what it holds does not belong together.
+    """
+    path = folder / DOCUMENT
+    if not folder.is_dir() or not path.is_file():
+        raise InputError(folder, "", f"expected the folder of a calibrated arm, with {DOCUMENT}")
+    try:
+        found = Document.model_validate_json(read_text(path, MAX_BYTES))
+    except ValidationError as err:
+        first = err.errors(include_url=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise InputError(path, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}") from err
+    for name in ARM:
+        if not (folder / name).is_file() or files.digest(folder / name) != found.digests.get(name):
+            raise InputError(folder / name, "", "is not the arm that was calibrated; it has changed")
+    arm = replace(load_arm(folder), name=found.arm)
+    try:
+        return _state(found, arm, _root(folder / POSTERIOR))
+    except (ValueError, IndexError) as err:
+        raise InputError(path, "", f"numbers of unlike sizes: {err}") from err
+
+
+def _root(path: Path) -> Array:
+    try:
+        if path.stat().st_size > MAX_ROOT:
+            raise InputError(path, "", f"expected at most {MAX_ROOT} bytes")
+        with np.load(path, allow_pickle=False) as data:
+            return check_array(data["root"], (None, None), "root")
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as err:
+        raise InputError(path, "", f"expected the posterior of a calibration: {err}") from err
+
+
+def _state(found: Document, arm: Arm, root: Array) -> tuple[State, Belief]:
+    vjm, n, joints = build_vjm(arm), arm.n_theta, arm.n_joints
+    own = found.errors
+    errors = JointErrors(tuple(own.orders), own.ratio, own.play, own.stiffening)
+    C = check_array(np.array(found.C_theta), (n, n), "C_theta [m/N, rad/(N m)]")
+    state = State(
+        vjm=vjm,
+        weights=Weights(
+            check_array(np.array(found.weights.mass_kg), (joints + 2,), "mass [kg]"),
+            check_array(np.array(found.weights.centre_m), (joints + 2, 3), "centre [m]"),
+        ),
+        theta_0=check_array(np.array(found.theta_0), (n,), "theta_0 [m, rad]"),
+        C_theta=C,
+        errors=errors,
+        n=check_array(np.array(own.coefficients).reshape(joints, -1), (joints, errors.size), "errors"),
+        torque_scale=check_array(np.array(own.torque_scale), (joints,), "torque_scale [N m, N]"),
+        frames={
+            name: Frame(
+                check_array(np.array(one.rotation), (3, 3), f"frame {name}"),
+                check_array(np.array(one.translation_m), (3,), f"frame {name} [m]"),
+            )
+            for name, one in found.frames.items()
+        },
+        mounts={
+            name: Mount(
+                check_array(np.array(one.points_m), (None, 3), f"mount {name} [m]"),
+                check_array(np.array(one.rotation), (3, 3), f"mount {name}"),
+            )
+            for name, one in found.mounts.items()
+        },
+    )
+    structure = STRUCTURES[found.compliances if found.compliances != "none" else "joints"](arm)
+    unknowns = Unknowns(vjm, (), {}, errors, structure)
+    elastic = None if found.compliances == "none" else metric(cad_prior(arm), vjm, structure)
+    columns = np.array(found.columns, dtype=int)
+    if len(columns) != len(root) or root.shape[0] != root.shape[1] or columns.max(initial=0) >= unknowns.size:
+        raise ValueError(f"{len(columns)} unknowns, posterior of {root.shape}")
+    check_array(np.array(found.noise.factor), (len(KINDS),), "factor")
+    noise = Noise(found.noise.open_position_m, found.noise.open_rotation_rad, np.array(found.noise.factor))
+    return state, Belief(Choice(unknowns, columns, elastic), root, noise)

@@ -1,0 +1,71 @@
+"""testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench import files
+from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import load_arm
+from testbench.bench.absolute import calibrated, read_all
+from testbench.bench.absolute_model import write_model
+from testbench.cli.arguments import ArmName, MapFile, SigmaUm
+from testbench.identify.absolute.fit import NAMES, ORDERS
+from testbench.identify.absolute.fit import Options as Tried
+from testbench.model.kinematics import build_vjm
+from testbench.output.run import check_folder, whole_folder
+from testbench.shell.options import Force, of_flag, takes
+
+COMMAND = "testbench calibrate"  #: As manifest.json names it.
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    arm: ArmName
+    readings: Annotated[list[Path], typer.Argument(help="Absolute readings, CSV or any other text table.")]
+    out: Annotated[Path, typer.Option(help="Folder of the calibrated arm.")] = Path("runs/calibrate")
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    without: Annotated[
+        list[str] | None, typer.Option(help=f"Errors not to try: {', '.join(NAMES)}; again for more.")
+    ] = None
+    orders: Annotated[int, typer.Option(min=1, max=400, help="Highest order of periodic errors.")] = ORDERS
+    force: Force = False
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Calibrate an arm by where a tracker saw its tool; write the model."""
+    arm = find_arm(asked.arm)
+    given = [*asked.readings, *([asked.mapping] if asked.mapping else [])]
+    check_folder(asked.out, COMMAND, own=frozenset(), inputs=[arm, *given], force=asked.force)
+    vjm = build_vjm(load_arm(arm))
+    sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
+    series, notes = read_all(asked.readings, vjm.arm, asked.mapping, sigma)
+    with of_flag("--without"):
+        tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
+    found = calibrated(vjm, series, tried, notes)
+    with whole_folder(asked.out) as folder:
+        write_model(found.calibration, arm, folder)
+        files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])
+    console = Console(highlight=False)
+    for note in found.notes:
+        console.print(note, soft_wrap=True, markup=False)
+    for step in found.calibration.chosen.steps:
+        kept = "kept" if step.kept else "declined"
+        rms = f"{1e3 * step.before:.3f} -> {1e3 * step.after:.3f} mm RMS an axis held out"
+        console.print(f"{step.name:14s} {kept:9s} {rms}", soft_wrap=True, markup=False)
+    console.print(f"model      {asked.out / 'model.json'}", soft_wrap=True, markup=False)
+
+
+def _plain(asked: Options) -> dict[str, object]:
+    """What was asked for, but for the place of the results, and which files were read."""
+    flags = {k: v for k, v in asdict(asked).items() if k not in ("arm", "out", "force", "readings")}
+    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
+    readings = {path.name: files.digest(path) for path in asked.readings}
+    return {**flags, "readings": readings, "mapping": mapping}

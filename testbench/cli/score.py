@@ -1,0 +1,52 @@
+"""testbench score MODEL READINGS.csv: how far a calibrated arm is from readings that it never saw."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.bench.absolute import read_all, score
+from testbench.bench.absolute_model import read_model
+from testbench.cli.arguments import MapFile, SigmaUm
+from testbench.identify.absolute.align import LEAST
+from testbench.shell.options import takes
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    model: Annotated[Path, typer.Argument(help="Folder of a calibrated arm.")]
+    readings: Annotated[Path, typer.Argument(help="Absolute readings, CSV or any other text table.")]
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    frame_poses: Annotated[
+        int | None,
+        typer.Option(
+            min=LEAST, help="Evenly spaced rows that tell frame and target of a new series; not scored."
+        ),
+    ] = None
+    json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, nothing else.")] = False
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Compare positions with those of a calibrated arm; of a new series fit frame and target only."""
+    state, belief = read_model(asked.model)
+    sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
+    series, notes = read_all([asked.readings], state.vjm.arm, asked.mapping, sigma)
+    found = score(state, belief, series, asked.frame_poses)
+    if asked.json:
+        typer.echo(json.dumps(asdict(found)))
+        return
+    console = Console(highlight=False)
+    lines = [
+        *notes,
+        f"{found.n} positions: {found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} RMS, "
+        f"{found.p95_mm:.3f} for 95 %, {found.max_mm:.3f} at most",
+        f"{100 * found.coverage_95:.1f} % lie inside their 95 % interval",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
