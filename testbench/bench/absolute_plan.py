@@ -19,7 +19,7 @@ from testbench.design.absolute import Sizes, Union
 from testbench.design.forecast import Forecast
 from testbench.design.planning import Chosen, Search, choose
 from testbench.design.refine import Reach
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import Frame, Mount, nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import metric
@@ -46,10 +46,12 @@ def plan_absolute(cell: Cell, settings: AbsolutePlanSettings) -> AbsolutePlanned
     """The poses whose absolute readings calibrate an arm best, and what they promise.
 
     Raises:
-        BenchError: When the arm has no such model or no markers to read, or moves no target.
+        BenchError: When the arm has no joints or no such model.
         PoseError: When there are fewer feasible poses than the plan needs.
         InputError: When rigid.xml does not say what links weigh.
     """
+    if not cell.arm.joints:
+        raise BenchError(f"{cell.arm.name}: expected an arm with joints")
     union, found, workspace = union_of(cell, settings), search(cell, settings), around(cell, settings)
     wanted = absolute.position_rows(union, workspace)
     chosen = choose_poses(cell, settings, union, found.q, wanted)

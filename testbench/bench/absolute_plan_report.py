@@ -14,6 +14,7 @@ class AbsolutePoseRow:
     run: int
     q: list[float]
     q_shown: list[float]
+    tool_m: list[float]
     expected_sag_mm: float
     expected_error_mm: float
     expected_error_p05_mm: float

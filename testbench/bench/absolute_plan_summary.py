@@ -25,6 +25,7 @@ from testbench.errors import Array
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.seen import hidden, sentences
 from testbench.identify.prior import cad_prior
+from testbench.model.vjm import chain
 from testbench.plant import has_surroundings
 
 RANDOM = 100  #: Random plans that a plan is compared with.
@@ -133,12 +134,14 @@ def _counts(union: Union, seen: int) -> r.Counts:
 def _poses(cell: Cell, union: Union, chosen: Chosen) -> list[r.AbsolutePoseRow]:
     here = absolute.promise(chosen, absolute.position_rows(union, chosen.q))
     (turned, slid), sag = travel(cell.arm, chosen.q), absolute.sag(union, chosen.q)
+    tools = chain(cell.vjm, chosen.q).position
     ways: list[Way] = ["start", *("clear" if clear else "via" for clear in chosen.clear)]
     return [
         r.AbsolutePoseRow(
             run=k + 1,
             q=q.tolist(),
             q_shown=(cell.arm.shown * q).tolist(),
+            tool_m=tools[k].tolist(),
             expected_sag_mm=float(MM * sag[k]),
             expected_error_mm=float(MM * here.error[k]),
             expected_error_p05_mm=float(MM * here.low[k]),

@@ -63,3 +63,18 @@ def read_poses(path: Path, arm: Arm) -> Array:
                 path, f"line {table.lines[i]}, columns {both}", f"expected the same twice, got {got}"
             )
     return q
+
+
+def absolute_columns(joints: Sequence[Joint], *, loaded: bool) -> list[str]:
+    """The header of a plan of absolute readings, in order.
+
+    As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
+    expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
+    positions after calibration.
+    """
+    names = plan_columns(joints)
+    return [
+        "expected_sag_mm" if name == "expected_deflection_mm" else name
+        for name in names
+        if name != "load_kg" or loaded
+    ]

@@ -22,7 +22,7 @@ from testbench.identify.absolute.state import State, targets, tell
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
-from testbench.model.vjm import translation_rows
+from testbench.model.vjm import chain, translation_rows
 
 BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
 LITTLE = 1e-3  #: Information of a plan of average poses, over the prior's, below which nothing is seen [1].
@@ -107,9 +107,8 @@ def position_rows(union: Union, q: Array) -> Array:
 
 def joint_rest(union: Union, q: Array) -> Array:
     """RMS distance that targets are off by what joints do beyond the model, (poses,) [m]."""
-    G, targets = _joint_rows(union, q), union.loads * len(union.pose.markers)
-    positions = G[:, : 3 * len(union.pose.markers)].reshape(len(q), -1)
-    return np.asarray(np.sqrt(np.square(positions).sum(axis=1) / targets))
+    m = len(union.pose.markers)
+    return np.asarray(np.sqrt(np.square(_joint_rows(union, q)[:, : 3 * m]).sum(axis=(1, 2)) / m))
 
 
 def sag(union: Union, q: Array) -> Array:
@@ -177,16 +176,19 @@ def _whitened(union: Union, q: Array) -> Array:
     A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
     sigma = np.full((union.loads, A.shape[1] // union.loads), one.sigma)
     sigma[:, 3 * len(one.markers) :] = one.sigma_rotation or one.sigma
-    G = _joint_rows(union, q).reshape(len(q), A.shape[1], -1)
+    G = np.tile(_joint_rows(union, q), (1, union.loads, 1))
     root = np.linalg.cholesky(G @ G.swapaxes(1, 2) + np.diag(sigma.ravel() ** 2))
     return np.asarray(np.linalg.solve(root, A) @ union.L)
 
 
 def _joint_rows(union: Union, q: Array) -> Array:
-    """Readings per unit of what joints do beyond the model, (poses loads, 3 s, n) [m, rad]."""
-    series, n = at(union, q), union.unknowns.vjm.arm.n_joints
-    where = tell(union.state, series.q, series.wrench, series.point).where
-    J = translation_rows(where, union.state.mount(series).points)[:, -n:]
-    if series.rotation is not None:
+    """Readings of poses per unit of what joints do beyond the model, the arm rigid, (poses, 3 s, n) [m, rad].
+
+    Under every load they are the same.
+    """
+    n, state = union.unknowns.vjm.arm.n_joints, union.state
+    where = chain(state.vjm, q)
+    J = translation_rows(where, state.mount(union.pose).points)[:, -n:]
+    if union.pose.rotation is not None:
         J = np.concatenate([J, where.J_theta[3:, -n:]])
     return np.asarray(J.transpose(2, 0, 1) * union.rest)

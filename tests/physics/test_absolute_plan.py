@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_plan import around, choose_poses, union_of
+from testbench.bench.absolute_plan import around, union_of
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
 from testbench.bench.absolute_plan_summary import left_open
 from testbench.bench.campaign import build_cell, stream
-from testbench.bench.candidates import Conditions, build_checks, feasible, find
+from testbench.bench.candidates import Conditions, build_checks, find
 from testbench.design import absolute
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import exchange, greedy
@@ -96,18 +96,6 @@ def test_planned_poses_beat_random_ones_on_every_seed(cell, union):
         ratios.append(np.sqrt(max(others) / criterion.information(information(problem, plan))))
     assert max(ratios) < 1  # the error of the plan over that of the best of ten
     assert np.median(ratios) < 0.95
-
-
-def test_a_plan_is_certified_and_moves_its_poses_to_better_ones(cell, poses):
-    asked = replace(ASKED, orders=0, loads_kg=())
-    union, checks = union_of(cell, asked), build_checks(cell, asked.conditions)
-    wanted = absolute.position_rows(union, poses[-20:])
-    plan = choose_poses(cell, asked, union, poses[:60], wanted)
-    assert 0.7 < plan.efficiency < 1.001
-    assert feasible(checks, plan.q).all()
-    drawn = plan.examined.problem.rows[:60]
-    before = greedy(plan.examined.problem, plan.criterion, drawn, POSES)
-    assert plan.value > plan.criterion.information(information(plan.examined.problem, before))
 
 
 def test_a_joint_that_never_turns_hides_what_its_turning_would_show_and_a_plan_shows_it(union, poses):

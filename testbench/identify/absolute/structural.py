@@ -86,7 +86,7 @@ def _errors(unknowns: Unknowns, M: Array) -> str:
     ]
     if not idle:
         return ""
-    return f"the joint errors of {' and '.join(idle)} are structural: no target moves with them"
+    return f"The joint errors of {' and '.join(idle)} are structural: no target moves with them"
 
 
 def _elastic(unknowns: Unknowns, M: Array) -> str:

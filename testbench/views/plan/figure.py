@@ -1,5 +1,7 @@
 """Figure of a measurement plan: error against the number of poses, error of every task, top view."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,7 +23,8 @@ def overview(report: PlanReport, candidates: Array) -> Figure:
     left, centre, right = figure.subplots(1, 3, width_ratios=(1.15, 1, 1.05))
     _poses(left, report)
     _tasks(centre, report)
-    _top(right, report, candidates)
+    plan, tasks = (np.array([row.tool_m for row in rows]) for rows in (report.plan, report.tasks))
+    top_view(right, Top(plan, tasks, candidates, np.array(report.base_m), report.tracker_m))
     for axes in (left, centre, right):
         quiet(axes)
     error, share = report.error_mm.expected, report.certificate.percent
@@ -83,23 +86,35 @@ def _tasks(axes: Axes, report: PlanReport) -> None:
     axes.set_title("Every task, with its 90 % interval", fontsize="medium")
 
 
-def _top(axes: Axes, report: PlanReport, candidates: Array) -> None:
+@dataclass(frozen=True)
+class Top:
+    """What is seen from above."""
+
+    plan: Array  #: Tools of the plan, in its order, (poses, 3) [m].
+    tasks: Array  #: Tools of the tasks, (tasks, 3) [m].
+    candidates: Array  #: Tools of the feasible poses, (c, 3) [m].
+    base: Array  #: Where the arm stands, (3,) [m].
+    tracker: tuple[float, float, float] | None  #: Where the tracker stands [m].
+
+
+def top_view(axes: Axes, top: Top) -> None:
     """Tool positions seen from above."""
-    plan, tasks = (np.array([row.tool_m for row in rows]) for rows in (report.plan, report.tasks))
-    few, base = len(plan) <= NUMBERED, np.array(report.base_m[:2])
+    plan, tasks, candidates = top.plan, top.tasks, top.candidates
+    few, base = len(plan) <= NUMBERED, top.base[:2]
     places: list[Array] = [candidates[:, :2], tasks[:, :2], plan[:, :2], base[None]]
     grey = f"{len(candidates):,} feasible poses"
     axes.plot(*candidates[:, :2].T, ".", color=SOFT, alpha=0.3, markersize=3, label=grey, rasterized=True)
-    axes.plot(*tasks[:, :2].T, "s", color=WORK, markersize=5, label="tasks", zorder=3)
+    if len(tasks):
+        axes.plot(*tasks[:, :2].T, "s", color=WORK, markersize=5, label="tasks", zorder=3)
     label = "plan, in its order"
     axes.plot(*plan[:, :2].T, "o", color=OURS, markersize=13 if few else 5, label=label, zorder=4)
     for k, place in enumerate(plan[:, :2] if few else [], start=1):
         axes.annotate(str(k), place, color="white", fontsize="x-small", ha="center", va="center", zorder=5)
     axes.plot(*base, "+", color="black", markersize=12, zorder=4, label="base")
     title = "Tool from above; visibility NOT checked"
-    if report.tracker_m is not None:
-        places.append(np.array([report.tracker_m[:2]]))
-        axes.plot(*report.tracker_m[:2], "^", color=TRACKER, markersize=11, label="tracker", zorder=4)
+    if top.tracker is not None:
+        places.append(np.array([top.tracker[:2]]))
+        axes.plot(*top.tracker[:2], "^", color=TRACKER, markersize=11, label="tracker", zorder=4)
         title = "Tool from above"
     every = np.vstack(places)
     (left, bottom), (right, top) = every.min(axis=0) - MARGIN, every.max(axis=0) + MARGIN

@@ -54,13 +54,13 @@ def write_poses(report: PlanReport, joints: Sequence[Joint], path: Path) -> None
         asked = [row.run, *map(repr, row.q), *_shown(row), repr(row.load_kg)]
         travel = [f"{row.travel_deg:.2f}", *[f"{row.travel_mm:.2f}"] * slides]
         rows.append([*asked, *_expected(row), *travel, row.way])
-    _write(plan_columns(joints), rows, path)
+    write_table(plan_columns(joints), rows, path)
 
 
 def write_tasks(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:
     """tasks_expected.csv: of every task its pose and the error to expect."""
     head = ["task", *(joint.shown_column for joint in joints), *EXPECTED]
-    _write(head, [[row.task, *_shown(row), *_expected(row)] for row in report.tasks], path)
+    write_table(head, [[row.task, *_shown(row), *_expected(row)] for row in report.tasks], path)
 
 
 def _shown(row: Row) -> list[str]:
@@ -71,7 +71,8 @@ def _expected(row: Row) -> list[str]:
     return [f"{getattr(row, key):.4f}" for key in EXPECTED]
 
 
-def _write(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
+def write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
+    """A CSV of its header and its rows."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([head, *rows])
     write_whole(text.getvalue(), path)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from testbench.bench.absolute_plan_report import AbsolutePlanReport
 from testbench.bench.plan_report import PlanReport
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
@@ -49,16 +50,17 @@ def tables(report: PlanReport) -> dict[str, Table]:
     many = len(report.joints) > MANY
     left_out = (DEFLECTION, *[SLID] * many)
     return {
-        "poses": Table((*_joints(report, ".2f"), *columns), shown),
+        "poses": Table((*joint_columns(report, ".2f"), *columns), shown),
         "short": Table(
-            (*_joints(report, ".0f" if many else ".1f"), *(c for c in narrow if c not in left_out)), shown
+            (*joint_columns(report, ".0f" if many else ".1f"), *(c for c in narrow if c not in left_out)),
+            shown,
         ),
         "tasks": Table(TASKS, report.worst[:WORST]),
         "curve": Table(CURVE, report.curve),
     }
 
 
-def _joints(report: PlanReport, form: str) -> list[Column]:
+def joint_columns(report: PlanReport | AbsolutePlanReport, form: str) -> list[Column]:
     """Number of a run and its joints; a terminal has room for q1, q2, ... only."""
     return [
         Column("run", "run", form="d"),

@@ -29,7 +29,7 @@ class ErrorMap:
     words: str  #: What the errors are, with unit.
     field: Array  #: Tool positions all over the workspace, (p, 3) [m].
     field_mm: Array  #: Error at each, (p,) [mm].
-    tasks: Array  #: Tool positions where the robot works, (t, 3) [m].
+    tasks: Array  #: Tool positions where the robot works, (t, 3) [m]; none where no tasks are named.
     tasks_mm: Array  #: Error at each, (t,) [mm].
 
     @property
@@ -45,6 +45,7 @@ class ErrorMap:
         rows = [
             {"places": f"{name}, {len(mm)}"} | {k: np.quantile(mm, q) for k, q in STATISTICS.items()}
             for name, mm in (("workspace", self.field_mm), ("tasks", self.tasks_mm))
+            if len(mm)
         ]
         return Table((Column("places", "places"), *columns), rows)
 
@@ -80,12 +81,13 @@ def write_error_map(pen: Pen, path: str, error_map: ErrorMap, radius: float) -> 
     field, tasks = (shares(mm, error_map.ends) for mm in (error_map.field_mm, error_map.tasks_mm))
     balls = rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
     pen.still(f"{path}/field", balls)
-    write_cubes(pen, f"{path}/tasks", error_map.tasks, radius * sizes(tasks), shades(tasks))
     named = [
         (error_map.field, error_map.field_mm, error_map.field_mm.argmin(), "least"),
         (error_map.field, error_map.field_mm, error_map.field_mm.argmax(), "greatest"),
-        (error_map.tasks, error_map.tasks_mm, error_map.tasks_mm.argmax(), "worst task"),
     ]
+    if len(tasks):
+        write_cubes(pen, f"{path}/tasks", error_map.tasks, radius * sizes(tasks), shades(tasks))
+        named.append((error_map.tasks, error_map.tasks_mm, error_map.tasks_mm.argmax(), "worst task"))
     at = np.array([places[k] for places, _, k, _ in named]) + np.array([0, 0, 3 * radius])
     pen.names(f"{path}/label", at, [f"{name} {show(mm[k])} mm" for _, mm, k, name in named], NOISE)
 

@@ -39,7 +39,7 @@ class PlanScene:
 
     cell: Cell  #: The arm.
     station: tuple[float, float, float] | None  #: Where the tracker's beam leaves [m]; None for no tracker.
-    payload: Array  #: Mass that hangs in every pose, (poses,) [kg].
+    payload: Array  #: Mass that hangs in every pose, (poses,) [kg]; zero in all for own weight alone.
     candidates: Array  #: Tool positions of the feasible poses, (c, 3) [m].
     q: Array  #: Joint angles in the order of measuring, (poses, n) [rad, m].
     pose_words: Sequence[str]  #: Markdown of every pose: angles, what to expect.
@@ -77,7 +77,8 @@ def write_world(pen: Pen, scene: PlanScene) -> None:
     size = reach(scene.frames)
     write_shapes(pen, scene.cell, ())
     write_places(pen, scene.cell, scene.frames)
-    _write_load(pen, scene, size)
+    if scene.payload.any():
+        _write_load(pen, scene, size)
     markers = scene.bodies(*scene.cell.arm.markers)
     pen.still(f"{MARKERS}/nominal", rr.Points3D.from_fields(colors=NOMINAL, radii=0.012 * size))
     pen.points(f"{MARKERS}/nominal", markers)
@@ -126,7 +127,8 @@ def _write_places(pen: Pen, scene: PlanScene, size: float) -> None:
     pen.still("world/plan/positions", points)
     pen.still("world/plan/path", rr.LineStrips3D([tools], colors=NOMINAL, radii=-0.7))
     tasks = scene.error_map.tasks
-    write_cubes(pen, "world/tasks", tasks, np.full(len(tasks), 0.012 * size), TASK)
+    if len(tasks):
+        write_cubes(pen, "world/tasks", tasks, np.full(len(tasks), 0.012 * size), TASK)
 
 
 def plan_view(scene: PlanScene) -> rrb.Spatial3DView:
