@@ -67,8 +67,9 @@ def basis(errors: JointErrors, arm: Arm, q: Array, torque: Array, scale: Array) 
     """
     q = check_array(q, (None, arm.n_joints), "q [rad, m]")
     hinge = np.array([not joint.prismatic for joint in arm.joints])
-    angle = np.asarray(errors.orders, dtype=float)[:, None, None] * np.where(hinge, q, 0.0)
-    parts = [np.sin(angle) * hinge, np.cos(angle) * hinge]
+    once = np.broadcast_to(np.exp(1j * q), (max(errors.orders, default=0), *q.shape))
+    turns = np.cumprod(once, axis=0)[np.array(errors.orders, dtype=int) - 1] * hinge
+    parts = [turns.imag, turns.real]
     pull = (torque / np.where(scale > 0, scale, 1.0)[:, None]).T
     if errors.ratio:
         parts.append(q[None])

@@ -12,13 +12,12 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
-from testbench.identify.absolute.reduced import Part, Reduced
+from testbench.identify.absolute.reduced import Part, Reduced, total
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric
 from testbench.model.structure import Ids
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
-POSITIONS = (0, 2)  #: Kinds of equations that are positions.
 BLOCKS = 16  #: Blocks of joint space over all series.
 LEAST_ROWS = 6  #: Rows below which a block would be too small.
 PAYS = 0.1  #: Share of the mean square by which an error must foretell better to be kept: 5 % of the error.
@@ -95,7 +94,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
         unit: Standard deviation of a whitened position [m].
     """
     kinds, elastic = GEOMETRY, None
-    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns))
+    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)))
     steps = []
     for one in candidates:
         more = kinds | one.kinds, one.elastic or elastic
@@ -118,13 +117,23 @@ class _Tried:
 def _tried(own: Choice, reduced: Reduced, start: Learnt) -> _Tried:
     S = squares(own, reduced.gram)
     learnt = learn(own, S, reduced.counts, start)
-    blocks = [_held_out(own, S, part, learnt) for part in _foldable(reduced.parts)]
+    held = [_held_out(own, S, part, learnt) for part in _foldable(reduced.parts)]
     places = sorted({part.series for part in reduced.parts})
     series = []
     for place in places if len(places) > 1 else []:
         some = [part for part in reduced.parts if part.series == place]
         series.append(_realigned(own, S, some, learnt))
-    return _Tried(own, learnt, np.array(blocks).reshape(-1, 2), np.array(series).reshape(-1, 2))
+    return _Tried(own, learnt, _positions(reduced, held), _positions(reduced, series))
+
+
+_Sums = tuple[Array, Array]
+"""Sum of squares of what was held out, of every kind of equations, and their numbers, (kinds,) each."""
+
+
+def _positions(reduced: Reduced, found: Sequence[_Sums]) -> Array:
+    """Of all that was held out the squares and numbers of positions, (held out, 2)."""
+    some = reduced.positions
+    return np.array([(sums[some].sum(), counts[some].sum()) for sums, counts in found]).reshape(-1, 2)
 
 
 def _foldable(parts: Sequence[Part]) -> list[Part]:
@@ -133,15 +142,15 @@ def _foldable(parts: Sequence[Part]) -> list[Part]:
     return [part for part in parts if places.count(part.series) > 1]
 
 
-def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt) -> tuple[float, float]:
+def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt) -> _Sums:
     T = squares(own, part.gram)
     v = np.r_[solve(own, S - T, learnt, LOOSE).x, -1.0]
-    return float(sum(v @ T[k] @ v for k in POSITIONS)), float(part.counts[list(POSITIONS)].sum())
+    return T @ v @ v, part.counts
 
 
-def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> tuple[float, float]:
+def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> _Sums:
     """Of a series: its frame and mount are fitted anew where nothing else tells them."""
-    T = squares(own, np.asarray(sum(part.gram for part in parts)))
+    T = squares(own, total(parts))
     alone = np.flatnonzero(np.abs((S - T)[:, : own.rigid, : own.rigid]).sum(axis=(0, 1)) == 0)
     alone = alone[alone < own.unknowns.starts["geometry"]]
     rest = np.setdiff1d(np.arange(len(own.columns)), alone)
@@ -153,8 +162,7 @@ def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> 
     H = np.tensordot(learnt.factor**-2.0, T, 1)
     if len(alone):
         v[alone] = -np.linalg.lstsq(H[np.ix_(alone, alone)], H[alone] @ v, rcond=None)[0]
-    equations = sum(part.counts[list(POSITIONS)].sum() for part in parts)
-    return float(sum(v @ T[k] @ v for k in POSITIONS)), float(equations)
+    return T @ v @ v, np.asarray(sum(part.counts for part in parts))
 
 
 def _step(tried: Candidate, before: _Tried, after: _Tried, unit: float) -> Step:

@@ -13,7 +13,6 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
 
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.noise import KINDS
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
@@ -73,15 +72,15 @@ class Learnt:
     """Sizes of errors and scatters of greatest evidence."""
 
     deviation: Array  #: Prior standard deviation of every unknown, (size,); infinite of those that have none.
-    factor: Array  #: Scatter of every kind of equations over what was expected [1].
+    factor: Array  #: Scatter of every kind of equations that there is over what was expected, (kinds,) [1].
 
 
-def usual(unknowns: Unknowns) -> Learnt:
-    """The usual sizes."""
+def usual(unknowns: Unknowns, kinds: int) -> Learnt:
+    """The usual sizes, and scatters as expected of some kinds of equations."""
     deviation = np.full(unknowns.size, np.inf)
     for kind, columns in unknowns.groups:
         deviation[columns] = USUAL[kind]
-    return Learnt(deviation, np.ones(len(KINDS)))
+    return Learnt(deviation, np.ones(kinds))
 
 
 def squares(own: Choice, gram: Array) -> Array:

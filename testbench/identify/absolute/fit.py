@@ -29,7 +29,7 @@ from testbench.identify.prior import Prior
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.identify.regularised import fit_reduced
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import Structure, all153, joints_only
+from testbench.model.structure import Ids, Structure, all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
@@ -101,12 +101,15 @@ def calibrate(
     own = choice(unknowns, GEOMETRY | {"harmonics"}, joints)
     state, share = _stepped(own, series, state, seen)
     seen = _seen(state, series, share)
-    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks_of(series), strict=True)]
+    blocks = _whole(series) if options.only is not None else blocks_of(series)
+    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
     chosen = _choose(unknowns, reduced, _candidates(vjm, prior, options), options, _unit(series, seen.noise))
     solved = _solve(chosen.own, reduced, chosen.learnt, options.constraint)
     after = moved(state, chosen.own, solved.x)
-    noise = replace(seen.noise, factor=chosen.learnt.factor)
+    factor = seen.noise.factor.copy()
+    factor[list(reduced.kinds)] = chosen.learnt.factor
+    noise = replace(seen.noise, factor=factor)
     step = _distance(state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(after, chosen.own, solved.root, noise, chosen, solved.estimate, pulls, step)
@@ -149,8 +152,13 @@ def _choose(
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
     own = choice(unknowns, kinds, elastic[-1] if elastic else None)
-    learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns))
+    learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns, len(reduced.kinds)))
     return Chosen(own, learnt, kinds, ())
+
+
+def _whole(series: Sequence[Series]) -> list[Ids]:
+    """Every series as one block."""
+    return [np.zeros(one.rows, dtype=int) for one in series]
 
 
 @dataclass(frozen=True)
@@ -168,10 +176,10 @@ def _seen(state: State, series: tuple[Series, ...], share: float) -> _Seen:
 
 def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen) -> tuple[State, float]:
     """One Gauss-Newton step, and the share of equations that no unknown spends."""
-    whole = [Weighting(p, np.zeros(one.rows, dtype=int)) for p, one in zip(seen.pulls, series, strict=True)]
-    reduced = reduce(Point(own.unknowns, state, seen.noise), series, whole)
+    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, _whole(series), strict=True)]
+    reduced = reduce(Point(own.unknowns, state, seen.noise), series, weighting)
     S, counts = squares(own, reduced.gram), reduced.counts
-    solved = _solve(own, reduced, learn(own, S, counts, usual(own.unknowns)), "psd")
+    solved = _solve(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))), "psd")
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())
 
 
@@ -211,7 +219,8 @@ def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
     held = np.flatnonzero(np.isfinite(deviation))
     rows = np.zeros((len(held), len(some)))
     rows[np.arange(len(held)), held] = 1 / deviation[held]
-    lines = [R[:, some] / learnt.factor[kind] for kind, R in reduced.factors.items()]
+    factors = zip(reduced.factors.values(), learnt.factor, strict=True)
+    lines = [R[:, some] / factor for R, factor in factors]
     T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(some), len(some)))]), mode="r"))
     free = np.abs(np.diag(T))[: own.rigid]
     if not (free > OPEN * np.linalg.norm(T[:, : own.rigid], axis=0)).all():

@@ -4,6 +4,7 @@ What it leaves open is common to the readings of one pose. k of them are taken a
 sigma^2 + k s^2, and k - 1 differences, of variance sigma^2 alone (Helmert's transformation).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +19,7 @@ MEAN_SQUARE = 2.986  #: Mean of min(|z|, BEND)^2 of normal 3-vectors z.
 BISECTIONS = 60
 KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
 """Kinds of equations, each with a scatter of its own."""
+POSITIONS = (0, 2)  #: Those that are positions.
 BEND = 3.5
 """Length of a reading's residual, in standard deviations, beyond which it pulls less: 0.7 % of sound ones."""
 
@@ -49,6 +51,13 @@ def plan_of(series: Series) -> Plan:
     _, first, count = np.unique(series.pose[order], return_index=True, return_counts=True)
     sizes = [k for k in np.unique(count) if k > 1]
     return Plan(tuple(np.array([order[f : f + k] for f in first[count == k]]) for k in sizes))
+
+
+def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
+    """Kinds of equations that some series have."""
+    turned = any(one.rotation is not None for one in series)
+    again = any(plan_of(one).groups for one in series)
+    return tuple(k for k in range(len(KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
 
 
 def combine(plan: Plan, rows: Array) -> Array:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg.lapack import dtpqrt
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array
-from testbench.identify.absolute.noise import KINDS, Noise, combine, plan_of, roots
+from testbench.identify.absolute.noise import POSITIONS, Noise, combine, kinds_of, plan_of, roots
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns
@@ -27,7 +28,7 @@ class Part:
     """The equations of one block of one series."""
 
     series: int  #: Place of the series.
-    gram: Array  #: Sums of squares of [A | y], of every kind of equations, (kinds, size + 1, size + 1).
+    gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
     counts: Array  #: Scalar equations of every kind, (kinds,).
 
 
@@ -35,13 +36,19 @@ class Part:
 class Reduced:
     """All equations."""
 
+    kinds: tuple[int, ...]  #: Kinds of equations that there are, as places of `KINDS`.
     parts: tuple[Part, ...]  #: In blocks.
     factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
 
     @cached_property
     def gram(self) -> Array:
         """Of all parts."""
-        return np.asarray(sum(part.gram for part in self.parts))
+        return total(self.parts)
+
+    @property
+    def positions(self) -> npt.NDArray[np.bool_]:
+        """Which kinds are positions, (kinds,)."""
+        return np.isin(self.kinds, POSITIONS)
 
     @property
     def counts(self) -> Array:
@@ -68,29 +75,38 @@ class Point:
 
 def reduce(at: Point, series: Sequence[Series], weighting: Sequence[Weighting]) -> Reduced:
     """Fold all rows into triangular factors, and of every series and block into sums of squares."""
-    parts: list[Part] = []
-    factors: dict[int, Array] = {}
+    kinds = kinds_of(series)
+    n, parts = at.unknowns.size, []
+    factors = {kind: np.zeros((n + 1, n + 1), order="F") for kind in kinds}
     for place, (one, own) in enumerate(zip(series, weighting, strict=True)):
         for block in np.unique(own.block):
             gram, counts = _sums(at, one, own, np.flatnonzero(own.block == block), factors)
             parts.append(Part(place, gram, counts))
-    return Reduced(tuple(parts), factors)
+    return Reduced(kinds, tuple(parts), factors)
 
 
 def _sums(
     at: Point, series: Series, own: Weighting, rows: Ids, factors: dict[int, Array]
 ) -> tuple[Array, Array]:
     """Sums of squares and numbers of the equations of some rows, which are folded into factors as well."""
-    n = at.unknowns.size
-    gram, counts = np.zeros((len(KINDS), n + 1, n + 1)), np.zeros(len(KINDS))
+    n, kinds = at.unknowns.size, list(factors)
+    gram, counts = np.zeros((len(kinds), n + 1, n + 1)), np.zeros(len(kinds))
     targets = len(series.markers) + (series.rotation is not None)
     for some in batches(series.pose[rows], max(16, BATCH // (3 * targets * n))):
         for kind, lines in equations(at, select_rows(series, rows[some]), own.pull[:, rows[some]]):
-            T = factors.get(kind, np.zeros((n + 1, n + 1), order="F"))
-            gram[kind] += lines @ lines.T
-            counts[kind] += lines.shape[1]
-            factors[kind] = dtpqrt(0, min(PANEL, n + 1), T, lines.T, overwrite_a=True, overwrite_b=True)[0]
+            place, panel = kinds.index(kind), min(PANEL, n + 1)
+            gram[place] += lines @ lines.T
+            counts[place] += lines.shape[1]
+            factors[kind] = dtpqrt(0, panel, factors[kind], lines.T, overwrite_a=True, overwrite_b=True)[0]
     return gram, counts
+
+
+def total(parts: Sequence[Part]) -> Array:
+    """Sums of squares of several parts, (kinds, size + 1, size + 1)."""
+    found = np.zeros_like(parts[0].gram)
+    for part in parts:
+        found += part.gram
+    return found
 
 
 def equations(at: Point, series: Series, pull: Array) -> Iterator[tuple[int, Array]]:
