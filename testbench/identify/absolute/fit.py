@@ -25,7 +25,7 @@ from testbench.identify.absolute.state import Frame, Mount, State, nominal, tell
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Belief, Metric, metric, precision_root, rescaled
-from testbench.identify.prior import Prior
+from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, Term, regression_of
 from testbench.identify.regularised import fit_reduced
 from testbench.model.joint_errors import JointErrors
@@ -46,6 +46,8 @@ class Options:
     orders: int = ORDERS  #: Highest order of periodic errors.
     without: frozenset[str] = frozenset()  #: Names of errors that are not tried.
     only: frozenset[str] | None = None  #: Names of errors that are on, untried; None to choose.
+    #: How firmly expected compliances are believed; None to learn it from the readings.
+    strength: Strength | None = None
 
 
 NAMES = ("joint springs", "joint errors", "links", "ratio", "play", "stiffening")
@@ -67,6 +69,19 @@ class Calibration:
     step: float  #: How far the last linearisation moved targets, root mean square [m].
 
 
+@dataclass(frozen=True)
+class Gathered:
+    """Readings boiled down once, to be explained by any of the errors that there might be."""
+
+    vjm: Vjm  #: The arm's nominal kinematics.
+    series: tuple[Series, ...]  #: What was read.
+    prior: Prior  #: Expected compliances.
+    unknowns: Unknowns  #: All that there might be.
+    state: State  #: Where the equations are linear: with joint springs and periodic errors.
+    noise: Noise  #: How far readings scatter about it.
+    reduced: Reduced  #: The equations, in blocks of joint space.
+
+
 def calibrate(
     vjm: Vjm,
     series: Sequence[Series],
@@ -86,7 +101,15 @@ def calibrate(
     Raises:
         BenchError: When a series does not fit the arm, or leaves its frame or target open.
     """
-    series, options = tuple(series), options or Options()
+    options = options or Options()
+    return explain(gather(vjm, series, prior, options, weights), options)
+
+
+def gather(
+    vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
+) -> Gathered:
+    """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
+    series = tuple(series)
     weights = weights or read_weights(vjm.arm)
     state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, series)), series)
     joints = metric(prior, vjm, joints_only(vjm.arm))
@@ -104,13 +127,24 @@ def calibrate(
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    chosen = _choose(unknowns, reduced, _candidates(vjm, prior, options), options, _unit(series, seen.noise))
-    solved = _solve(chosen.own, reduced, chosen.learnt, options.constraint)
-    after = moved(state, chosen.own, solved.x)
-    factor = seen.noise.factor.copy()
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced)
+
+
+def explain(found: Gathered, options: Options) -> Calibration:
+    """What explains the readings best, of the errors that are to be on or tried.
+
+    Raises:
+        BenchError: When the readings leave a frame or target open, or were gathered without the links.
+    """
+    series, reduced, vjm = found.series, found.reduced, found.vjm
+    candidates = _candidates(vjm, found.prior, options)
+    chosen = _choose(found.unknowns, reduced, candidates, options, _unit(series, found.noise))
+    solved = _solve(chosen.own, reduced, chosen.learnt, options)
+    after = moved(found.state, chosen.own, solved.x)
+    factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
-    noise = replace(seen.noise, factor=factor)
-    step = _distance(state, after, series)
+    noise = replace(found.noise, factor=factor)
+    step = _distance(found.state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(after, chosen.own, solved.root, noise, chosen, solved.estimate, pulls, step)
 
@@ -179,7 +213,7 @@ def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, _whole(series), strict=True)]
     reduced = reduce(Point(own.unknowns, state, seen.noise), series, weighting)
     S, counts = squares(own, reduced.gram), reduced.counts
-    solved = _solve(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))), "psd")
+    solved = _solve(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))), Options())
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())
 
 
@@ -191,7 +225,7 @@ class _Solved:
     spent: float  #: Equations that the unknowns spend.
 
 
-def _solve(own: Choice, reduced: Reduced, learnt: Learnt, constraint: Constraint) -> _Solved:
+def _solve(own: Choice, reduced: Reduced, learnt: Learnt, options: Options) -> _Solved:
     """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others."""
     T = _factor(own, reduced, learnt)
     r, c = own.rigid, len(own.columns)
@@ -199,7 +233,7 @@ def _solve(own: Choice, reduced: Reduced, learnt: Learnt, constraint: Constraint
     if own.elastic is None:
         x, root, estimate = solve_triangular(R, z), R, None
     else:
-        estimate, belief = _compliances(own.elastic, T[r:, r:], constraint, int(reduced.counts.sum()))
+        estimate, belief = _compliances(own.elastic, T[r:, r:], options, int(reduced.counts.sum()))
         x = np.r_[solve_triangular(R, z - T[:r, r:c] @ estimate.pi), estimate.pi]
         L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
         B = B @ np.linalg.solve(belief.metric.L, L)
@@ -228,15 +262,13 @@ def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
     return T
 
 
-def _compliances(
-    elastic: Metric, T: Array, constraint: Constraint, equations: int
-) -> tuple[Estimate, Belief]:
-    """Least squares or GCO with a prior learnt from what the readings leave when all else is eliminated."""
+def _compliances(elastic: Metric, T: Array, options: Options, equations: int) -> tuple[Estimate, Belief]:
+    """Least squares or GCO with a prior, of what the readings leave when all else is eliminated."""
     n, share = elastic.structure.n, np.sqrt(equations / 3)
     R, z, rest = T[:n, :n] / share, T[:n, n] / share, float((T[n:, n] ** 2).sum()) / share**2
     regression = regression_of(elastic.structure, (Term(R, z, rest, equations),))
-    belief = _believed(regression, elastic)
-    return fit_reduced(regression, constraint, belief), belief
+    belief = Belief(elastic, options.strength) if options.strength else _believed(regression, elastic)
+    return fit_reduced(regression, options.constraint, belief), belief
 
 
 def _believed(regression: Regression, elastic: Metric) -> Belief:
