@@ -1,5 +1,6 @@
 """What a plan of absolute readings tells: plan.json as typed rows, the unit in the name."""
 
+import math
 from dataclasses import dataclass
 
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
@@ -99,6 +100,16 @@ class AbsolutePlanReport(AbsolutePlanSettings):
     hidden: list[str]
     candidates: Found
     curve: list[AbsoluteCurveRow]
+
+    @property
+    def together_mm(self) -> float:
+        """Expected error with what joints do beyond the identified orders, none of it found."""
+        return math.hypot(self.error_mm.expected, self.beyond_mm)
+
+    @property
+    def random_together_mm(self) -> float:
+        """The same of the median random plan."""
+        return math.hypot(self.random_mm.median_mm, self.beyond_mm)
 
     @property
     def percent(self) -> int:

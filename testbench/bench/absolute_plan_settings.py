@@ -44,7 +44,7 @@ class AbsolutePlanSettings:
     acceptance_deg: float | None = None  #: Half angle of fixed targets; None where turned by hand.
     box_m: tuple[Place, Place] | None = None  #: Corners of where the tool may be; None for anywhere.
     sling_m: float = 0.5  #: From the load point to the weight.
-    candidates_wanted: int = 2000  #: Feasible poses to choose from.
+    candidates_wanted: int = 1000  #: Feasible poses to choose from.
     floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
     seed: int = 1  #: Root of all randomness.
 

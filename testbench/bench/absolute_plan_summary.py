@@ -23,7 +23,7 @@ from testbench.design.planning import Chosen
 from testbench.design.rows import Ids, Problem, information
 from testbench.errors import Array
 from testbench.identify.absolute.pull import pull_of
-from testbench.identify.absolute.seen import hidden, sentences
+from testbench.identify.absolute.seen import LOOSE, hidden, sentences
 from testbench.identify.prior import cad_prior
 from testbench.model.vjm import chain
 from testbench.plant import has_surroundings
@@ -78,8 +78,10 @@ def left_open(union: Union, q: Array) -> tuple[str, ...]:
     pull = pull_of(
         union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
     )
-    tells = absolute.information_of(union, q)
-    return sentences(hidden(union.unknowns, tells, union.L @ union.L.T, pull))
+    tells, prior = absolute.information_of(union, q), union.L @ union.L.T
+    set_up = union.unknowns.starts["geometry"]
+    prior[:set_up, :set_up] = LOOSE**2 * np.eye(set_up)
+    return sentences(hidden(union.unknowns, tells, prior, pull))
 
 
 @dataclass(frozen=True)

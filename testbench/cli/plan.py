@@ -66,7 +66,7 @@ class Options:
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
     candidates: Annotated[
         int | None,
-        typer.Option(help="Feasible poses to choose from; 5000 if not given, 2000 with --absolute."),
+        typer.Option(help="Feasible poses to choose from; 5000 if not given, 1000 with --absolute."),
     ] = None
     sling_m: Annotated[float, typer.Option(help="From the load point to the weight.")] = 0.5
     floor_z: Annotated[

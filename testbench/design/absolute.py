@@ -33,7 +33,9 @@ CRITERIA = ("I", "G", "A", "D", "E")  #: Criteria by name, as those of `planning
 class Sizes:
     """Standard deviations that are expected of what is unknown beside compliances."""
 
-    loose: float = 0.01  #: Of frames and mounts, which any plan finds [m, rad].
+    #: Of frames and mounts, which a few poses find [m, rad]; so large that the greedy start, which updates
+    #: what candidates see, looks at them anew until it has found them.
+    loose: float = 1.0
     shift: float = 1e-3  #: Of an error of geometry along an axis [m].
     turn: float = 1e-3  #: About an axis [rad].
     error: float = 30e-6  #: Of a coefficient of the joints' errors [rad, m].

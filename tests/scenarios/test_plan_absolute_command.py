@@ -61,6 +61,7 @@ def test_the_plan_beats_random_and_greedy_ones_and_says_how_many_unknowns_there_
     assert 0.6 < report["efficiency"] <= 1
     row = next(row for row in report["curve"] if row["poses"] == POSES)
     assert report["error_mm"]["expected"] <= row["greedy_mm"] < report["random_mm"]["p10_mm"]
+    assert all(row["greedy_mm"] < row["random_p10_mm"] for row in report["curve"])
     counts = report["unknowns"]
     kinds = [counts[kind] for kind in ("frame", "mount", "geometry", "errors", "elastic")]
     assert kinds == [6, 3, 6 * 5, 2 * 6, 6]

@@ -18,7 +18,9 @@ from testbench.identify.absolute.structural import Structural, structural
 from testbench.identify.absolute.unknowns import Unknowns
 
 OPEN = 0.5  #: Share of the prior variance left from which on a quantity is open [1].
-HIDES = 0.5  #: Share of what is left, were all else known, below which it hides instead of being unseen.
+HIDES = 0.5
+"""Share of what is left, were all else known and were what it hides behind, below which a quantity hides:
+else it is unseen, or behind a little of everything."""
 ENOUGH, MOST = 0.7, 3
 """Share of what is left that has to go with what it hides behind, and how many those may be."""
 HELPS = 0.8  #: Share of what is left after a joint was turned below which turning it helps.
@@ -152,9 +154,9 @@ class _View:
         if not len(unit) or (share := _mean(unit, self.K[own, own])) < OPEN:
             return None
         name, advice = self.every[k].name, self._advice(unit @ self.H[own], share)
-        if self._alone(k) >= HIDES * share:
+        behind, rest = self._behind(k, unit) if self._alone(k) < HIDES * share else ((), share)
+        if rest > HIDES * share:
             return Hidden("unseen", name, share=share, advice=advice)
-        behind, rest = self._behind(k, unit)
         return Hidden("behind", name, behind, share, float(np.sqrt(max(0.0, 1 - rest / share))), advice)
 
     def _unit(self, k: int) -> Array:
