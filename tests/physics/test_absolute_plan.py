@@ -14,9 +14,10 @@ from testbench.bench.candidates import Conditions, build_checks, find
 from testbench.design import absolute
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import exchange, greedy
-from testbench.design.rows import information
+from testbench.design.rows import information as of_plan
+from testbench.identify.absolute.pull import information, pull_of
 from testbench.identify.absolute.quantities import quantities
-from testbench.identify.absolute.seen import hidden
+from testbench.identify.absolute.seen import hidden, sentences
 from testbench.identify.absolute.state import targets, tell
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
@@ -73,7 +74,7 @@ def test_the_promise_is_the_error_that_bayes_leaves(union, poses):
     q, rng = poses[:POSES], np.random.default_rng(1)
     wanted = absolute.position_rows(union, poses[-20:])
     examined = absolute.candidate_set(union, poses, POSES)
-    M = information(examined.problem, np.arange(POSES))
+    M = of_plan(examined.problem, np.arange(POSES))
     W = mean_square(wanted)
     said = np.trace(mean_square(wanted @ examined.problem.lift) @ np.linalg.inv(M))
     said += np.trace(W @ examined.problem.hidden)
@@ -87,13 +88,13 @@ def test_the_promise_is_the_error_that_bayes_leaves(union, poses):
 def test_planned_poses_beat_random_ones_on_every_seed(cell, union):
     ratios = []
     for seed in range(20):
-        q = find(build_checks(cell, ASKED.conditions), 60, stream(seed)).q
-        wanted = absolute.position_rows(union, around(cell, replace(ASKED, seed=seed))[:40])
+        q = find(build_checks(cell, ASKED.conditions), 40, stream(seed)).q
+        wanted = absolute.position_rows(union, around(cell, replace(ASKED, seed=seed))[:20])
         criterion, problem, plan = selected(union, q, wanted)
         rng = stream(seed, 1)
-        random = [rng.choice(60, POSES, replace=False) for _ in range(10)]
-        others = [criterion.information(information(problem, some)) for some in random]
-        ratios.append(np.sqrt(max(others) / criterion.information(information(problem, plan))))
+        random = [rng.choice(40, POSES, replace=False) for _ in range(10)]
+        others = [criterion.information(of_plan(problem, some)) for some in random]
+        ratios.append(np.sqrt(max(others) / criterion.information(of_plan(problem, plan))))
     assert max(ratios) < 1  # the error of the plan over that of the best of ten
     assert np.median(ratios) < 0.95
 
@@ -133,3 +134,16 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other(uni
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
     )
+
+
+def test_what_is_taken_to_be_zero_is_not_spoken_of(union, poses):
+    unknowns, q = union.unknowns, poses[:POSES]
+    prior = np.diag(union.L @ union.L.T).copy()
+    prior[unknowns.columns("errors")] = 0
+    series = absolute.at(union, q)
+    pull = pull_of(unknowns, union.state, (series,))
+    tells = information(unknowns, union.state, series)
+    said = " ".join(sentences(hidden(unknowns, tells, prior, pull)))
+    assert "12 directions" in said
+    assert "error" not in said
+    assert "joint_6's compliance" in " ".join(sentences(hidden(unknowns, 0 * tells, prior, pull)))

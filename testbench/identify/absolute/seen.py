@@ -29,7 +29,8 @@ LOOSE = 0.01
 and not so much that rounding would hide the rest."""
 PINNED = 1e8  #: Information that holds structural directions, in units of the prior.
 FLAT = 0.01  #: Share of a quantity's prior variance outside structural directions that does not count.
-RIDGE = 1e-12  #: Relative, of covariances: what is structural has none.
+RIDGE, TINY = 1e-12, 1e-100
+"""Share of a covariance that is added to it, and how much of what is known: that has none."""
 
 Kind = Literal["structural", "behind", "unseen"]
 
@@ -82,7 +83,8 @@ def hidden(
     Args:
         unknowns: Whose columns they are.
         information: Of the readings, no prior, (size, size).
-        prior: Variances, (size,), infinite where there is no prior; or their covariance, (size, size).
+        prior: Variances, (size,), infinite where there is no prior, zero of what is taken to be zero; or
+            their covariance, (size, size).
         pull: What further poses would tell, `pull_of`; None leaves advice and what is structural unsaid.
 
     Returns:
@@ -104,7 +106,10 @@ def hidden(
 def _root(prior: Array, size: int) -> Array:
     """L with L L^T the prior's covariance, (size, size)."""
     if prior.ndim == 2:
-        return np.asarray(np.linalg.cholesky(check_array(prior, (size, size), "prior")))
+        on = np.flatnonzero(np.diag(check_array(prior, (size, size), "prior")))
+        L = np.zeros((size, size))
+        L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
+        return L
     return np.diag(np.sqrt(check_array(np.where(np.isinf(prior), LOOSE**2, prior), (size,), "prior")))
 
 
@@ -169,7 +174,8 @@ class _View:
 
     def _alone(self, k: int) -> float:
         """Share of its prior variance left, were all else known."""
-        H, move = self.H[self.parts[k]], np.linalg.solve(self.L, self.every[k].H.T)
+        off = np.diag(np.where(np.diag(self.L) > 0, 0.0, 1.0))
+        H, move = self.H[self.parts[k]], np.linalg.solve(self.L + off, self.every[k].H.T)
         left = np.linalg.inv(move.T @ move + move.T @ self.M @ move)
         return float(np.trace(np.linalg.solve(H @ H.T, left)) / len(H))
 
@@ -180,7 +186,7 @@ class _View:
         def left(known: list[int]) -> float:
             at = np.concatenate([rows[self.parts[i]] for i in known])
             C, X = self.K[np.ix_(at, at)], self.K[own, at]
-            ridge = RIDGE * np.trace(C) / len(C) * np.eye(len(C))
+            ridge = (RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
             return _mean(unit, self.K[own, own] - X @ np.linalg.solve(C + ridge, X.T))
 
         found: list[int] = []

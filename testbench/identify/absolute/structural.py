@@ -11,6 +11,7 @@ from testbench.identify.absolute.unknowns import Unknowns
 
 NEVER = 1e-3  #: Information of more poses than unknowns, over the prior's, that tells nothing [1].
 ROUNDING = 1e-10  #: Eigenvalue of information of unit diagonal below which there is none at all [1].
+OFF = 1.0  #: Information of what is taken to be zero: it is not structural.
 SAME = 0.1  #: Singular value below which two sets of directions have one in common.
 
 
@@ -25,6 +26,7 @@ class Structural:
 def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
     """Structural directions; L is a root of the prior's covariance, (size, size)."""
     M, drawn = L.T @ pull.everywhere @ L, L.T @ pull.rigid @ L
+    M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, OFF)) for part in (M, drawn))
     words = (_geometry(unknowns, drawn), _errors(unknowns, M), _elastic(unknowns, M))
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.starts["errors"])
