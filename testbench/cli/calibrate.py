@@ -35,6 +35,9 @@ class Options:
         list[str] | None, typer.Option(help=f"Errors not to try: {', '.join(NAMES)}; again for more.")
     ] = None
     orders: Annotated[int, typer.Option(min=1, max=400, help="Highest order of periodic errors.")] = ORDERS
+    least_squares: Annotated[
+        bool, typer.Option("--least-squares", help="Least squares in place of GCO: compliances of any sign.")
+    ] = False
     force: Force = False
 
 
@@ -48,7 +51,8 @@ def command(asked: Options) -> None:
     sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
     series, notes = read_all(asked.readings, vjm.arm, asked.mapping, sigma)
     with of_flag("--without"):
-        tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
+        constraint = "none" if asked.least_squares else "psd"
+        tried = Tried(constraint, orders=asked.orders, without=frozenset(asked.without or ()))
     found = calibrated(vjm, series, tried, notes)
     with whole_folder(asked.out) as folder:
         write_model(found.calibration, arm, folder)

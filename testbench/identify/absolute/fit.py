@@ -33,7 +33,7 @@ from testbench.model.structure import Ids, Structure, all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
-ORDERS = 60  #: Periodic errors that are tried, times a turn.
+ORDERS = 80  #: Periodic errors that are tried, times a turn.
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
 MANY = 0.6  #: Share of the readings that periodic errors may have as unknowns at most.
 

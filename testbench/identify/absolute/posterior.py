@@ -117,15 +117,18 @@ def predict(placed: Placed, belief: Belief, series: Series) -> Predicted:
     """Positions of all rows of a series."""
     unknowns, m = _unknowns(belief, series), len(series.markers)
     f = unknowns.starts["geometry"]
+    told = min(f, len(placed.taken))  # positions do not depend on the turn of a target
     covariance: Array = np.zeros((series.rows, m, 3, 3))
     for first in range(0, series.rows, BATCH):
         some = slice(first, first + BATCH)
         A = rows_of(unknowns, placed.state, select_rows(series, np.arange(series.rows)[some])).A[:m]
-        F, M = A[:, :, :f].transpose(3, 0, 1, 2), _arm(belief, A[:, :, f:]).transpose(3, 0, 1, 2)
-        M = M - F @ placed.taken
+        F, M = A[:, :, :told].transpose(3, 0, 1, 2), _arm(belief, A[:, :, f:]).transpose(3, 0, 1, 2)
+        M = M - F @ placed.taken[:told]
         lines: Array = solve_triangular(belief.root, M.reshape(-1, M.shape[-1]).T, trans="T")
         white = lines.T.reshape(M.shape)
-        covariance[some] = white @ white.swapaxes(2, 3) + F @ placed.covariance @ F.swapaxes(2, 3)
+        covariance[some] = white @ white.swapaxes(2, 3) + F @ placed.covariance[:told, :told] @ F.swapaxes(
+            2, 3
+        )
     covariance += _scatter(belief.noise, series)
     left = residuals(placed.state, series)[:m].transpose(2, 0, 1)
     return Predicted(left, covariance)
