@@ -1,6 +1,6 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -51,8 +51,9 @@ def command(asked: Options) -> None:
     sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
     series, notes = read_all(asked.readings, vjm.arm, asked.mapping, sigma)
     with of_flag("--without"):
-        constraint = "none" if asked.least_squares else "psd"
-        tried = Tried(constraint, orders=asked.orders, without=frozenset(asked.without or ()))
+        tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
+    if asked.least_squares:
+        tried = replace(tried, constraint="none")
     found = calibrated(vjm, series, tried, notes)
     with whole_folder(asked.out) as folder:
         write_model(found.calibration, arm, folder)
