@@ -237,13 +237,22 @@ def _solve(own: Choice, reduced: Reduced, learnt: Learnt, options: Options) -> _
         x = np.r_[solve_triangular(R, z - T[:r, r:c] @ estimate.pi), estimate.pi]
         L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
         B = B @ np.linalg.solve(belief.metric.L, L)
-        below = np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r")
+        below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
+        if belief.moves is not None:
+            below = _widened(below, np.asarray(np.linalg.solve(L, belief.moves.T)))
         root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
     inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[own.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
     return _Solved(x, root, estimate, spent)
+
+
+def _widened(root: Array, moves: Array) -> Array:
+    """Triangular root of a precision, (e, e), when moves, one a column, add to the covariance."""
+    deviations = np.hstack([solve_triangular(root, np.eye(len(root))), moves])
+    R = np.linalg.qr(deviations.T, mode="r")
+    return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
 
 
 def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:

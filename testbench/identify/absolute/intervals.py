@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.evidence import Choice
+from testbench.identify.absolute.posterior import Placed
 from testbench.model.joint_errors import KINDS
 from testbench.model.vjm import Vjm
 
@@ -50,8 +52,8 @@ class Functionals:
 def intervals(calibration: "Calibration", confidence_z: float = Z) -> tuple[Interval, ...]:
     """Intervals of all errors and compliances that a calibration has on, each by itself.
 
-    They count with the readings and the learnt priors: an error that readings cannot tell from another, such as
-    a shift along an axis from the next one, has the interval of its prior.
+    They count with the readings and the learnt priors: an error that readings cannot tell from another one,
+    such as two shifts along one axis, has the interval of its prior.
     """
     own, x, root = calibration.own, own_values(calibration), deviations_root(calibration)
     found = []
@@ -69,10 +71,7 @@ def own_values(calibration: "Calibration") -> Array:
 
 
 def deviations_root(calibration: "Calibration") -> Array:
-    """W with W W^T the covariance of the unknowns that are on, in SI units, (c, c + k).
-
-    What the readings leave open of a learnt prior of compliances is in it, k rows more.
-    """
+    """W with W W^T the covariance of the unknowns that are on, in SI units, (c, c)."""
     own = calibration.own
     inverse = np.asarray(solve_triangular(calibration.root, np.eye(len(own.columns))))
     if own.elastic is None:
@@ -83,7 +82,9 @@ def deviations_root(calibration: "Calibration") -> Array:
 
 def functionals(own: Choice) -> tuple[Functionals, ...]:
     """All that has a name: geometry, then errors of the joints, joints' compliances, entries of C_theta."""
-    return tuple(group for group in (_geometry(own), _errors(own), _joints(own), _entries(own)) if group.names)
+    return tuple(
+        group for group in (_geometry(own), _errors(own), _joints(own), _entries(own)) if group.names
+    )
 
 
 def _geometry(own: Choice) -> Functionals:
@@ -128,19 +129,30 @@ def _joints(own: Choice) -> Functionals:
     names = tuple(joint.name for joint in joints)
     of = np.zeros((len(joints), unknowns.size))
     columns = unknowns.columns("elastic")
-    for k, (row, mirrored) in enumerate(_about(vjm)):
-        a, b = unknowns.structure.a, unknowns.structure.b
-        of[k, columns] = row[a] * mirrored[b] * np.where(a == b, 1, 2)
+    a, b = unknowns.structure.a, unknowns.structure.b
+    for k, row in enumerate(_about(vjm)):
+        of[k, columns] = row[a] * row[b] * np.where(a == b, 1, 2)
         of[k, columns] += (a == b) & (a == 6 * len(vjm.arm.links) + k)
     return Functionals("joint compliances", names, of, np.full(len(joints), 1e6), units)
 
 
-def _about(vjm: Vjm) -> Iterator[tuple[Array, Array]]:
-    """Rows v of every joint with v^T C_theta v the compliance of the link before about its axis, twice."""
+def placed(calibration: "Calibration", series: Series) -> Placed:
+    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
+    own, root, state = calibration.own, calibration.root, calibration.state
+    state.frame(series), state.mount(series)
+    f, every = own.unknowns.starts["geometry"], np.arange(own.unknowns.size)
+    names = f"frame {series.frame}", f"mount {series.target}"
+    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])
+    inverse = np.asarray(solve_triangular(root[:f, :f], np.eye(f)))[at]
+    return Placed(state, np.zeros(0, dtype=int), inverse @ root[:f, f:], inverse @ inverse.T)
+
+
+def _about(vjm: Vjm) -> Iterator[Array]:
+    """Of every joint v with v^T C_theta v the compliance of the link before it about its axis, (n_theta,)."""
     for k, joint in enumerate(vjm.arm.joints):
         row = np.zeros(vjm.arm.n_theta)
         row[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = vjm.beam_axes[k]
-        yield row, row
+        yield row
 
 
 def _entries(own: Choice) -> Functionals:
