@@ -72,7 +72,7 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
         weights, note = fit_weights(vjm, weights, tuple(series))
         said.append(note)
     found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
-    return Calibrated(found, tuple(series), tuple(said))
+    return Calibrated(found, found.series, (*said, *found.notes))
 
 
 def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: int | None) -> Score:

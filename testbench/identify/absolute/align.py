@@ -16,6 +16,7 @@ from testbench.identify.registration import Registration, register
 from testbench.model.vjm import Vjm
 
 MOST = 300  #: Rows that an alignment uses, evenly spaced.
+HALF = 12  #: Rows of half a series below which it may fit anything.
 LEAST = 6  #: Rows below which frame and mount of a series are not known.
 FAR = 0.02
 """Median distance of readings from the nominal arm, over the targets' distance from its base, beyond which it
@@ -41,7 +42,9 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
     """Frame and mount of one series by the arm's nominal geometry."""
     found = _registered(state.vjm, series)
-    if found.typical > FAR * found.reach:
+    if not _fits(found):
+        found = _of_a_half(state.vjm, series) or found
+    if not _fits(found):
         raise BenchError(_another(state.vjm, series, found))
     rotation = found.frames[0].rotation
     order = [found.markers.index(name) for name in series.markers]
@@ -54,6 +57,23 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
     assert read.rotation is not None
     turns = tool.swapaxes(1, 2) @ rotation.T @ read.rotation
     return frame, replace(mount, rotation=_mean(turns))
+
+
+def _fits(found: Registration) -> bool:
+    return found.typical < FAR * found.reach
+
+
+def _of_a_half(vjm: Vjm, series: Series) -> Registration | None:
+    """Frame and mount of the first half, where it fits and the second fits others: something moved far."""
+    order = np.argsort(series.row, kind="stable")
+    halves = np.array_split(order, 2)
+    if len(halves[0]) < HALF:
+        return None
+    try:
+        first, second = (_registered(vjm, select_rows(series, half)) for half in halves)
+    except BenchError:
+        return None
+    return first if _fits(first) and _fits(second) else None
 
 
 def _registered(vjm: Vjm, series: Series) -> Registration:
@@ -107,6 +127,6 @@ def _another(vjm: Vjm, series: Series, found: Registration) -> str:
             other = _registered(vjm, replace(series, q=np.where(hinge, factor, 1.0) * series.q))
         except BenchError:
             continue
-        if other.typical < FAR * other.reach:
+        if _fits(other):
             return f"{said}; they would if its joint angles were {words}"
     return f"{said}; another arm, another order or sign of its joints, or other units?"

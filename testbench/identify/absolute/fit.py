@@ -16,6 +16,7 @@ from testbench.data.series import Series
 from testbench.errors import Array, BenchError
 from testbench.identify import hierarchy
 from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.changes import settled
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, squares, usual
 from testbench.identify.absolute.noise import KINDS, Noise, lengths, plan_of, pull, roots, spread
@@ -67,6 +68,8 @@ class Calibration:
     estimate: Estimate | None  #: Compliances, with a certificate; None of a rigid arm.
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
+    series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
+    notes: tuple[str, ...]  #: What moved.
 
 
 @dataclass(frozen=True)
@@ -74,12 +77,13 @@ class Gathered:
     """Readings boiled down once, to be explained by any of the errors that there might be."""
 
     vjm: Vjm  #: The arm's nominal kinematics.
-    series: tuple[Series, ...]  #: What was read.
+    series: tuple[Series, ...]  #: What was read, in parts where something moved.
     prior: Prior  #: Expected compliances.
     unknowns: Unknowns  #: All that there might be.
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
+    notes: tuple[str, ...]  #: What moved in mid-series.
 
 
 def calibrate(
@@ -111,13 +115,14 @@ def gather(
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
     series = tuple(series)
     weights = weights or read_weights(vjm.arm)
-    state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, series)), series)
+    bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))
-    first = unknowns_of(vjm, series, JointErrors(), joints.structure)
-    own, seen = choice(first, GEOMETRY, joints), _seen(state, series, 1.0)
-    for _ in range(2):
-        state, share = _stepped(own, series, state, seen)
-        seen = _seen(state, series, share)
+
+    def fitted(some: tuple[Series, ...]) -> tuple[State, Noise]:
+        return _first_fit(bare, some, joints)
+
+    start = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
+    series, state, seen = start.series, start.state, _judged(start.state, start.series, start.noise)
     errors = JointErrors(_orders(series, options), ratio=True, play=True, stiffening=True)
     unknowns = unknowns_of(vjm, series, errors, _most(vjm, options))
     state = replace(state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
@@ -127,7 +132,7 @@ def gather(
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced)
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, start.notes)
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -146,7 +151,29 @@ def explain(found: Gathered, options: Options) -> Calibration:
     noise = replace(found.noise, factor=factor)
     step = _distance(found.state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
-    return Calibration(after, chosen.own, solved.root, noise, chosen, solved.estimate, pulls, step)
+    return Calibration(
+        state=after,
+        own=chosen.own,
+        root=solved.root,
+        noise=noise,
+        chosen=chosen,
+        estimate=solved.estimate,
+        pulls=pulls,
+        step=step,
+        series=series,
+        notes=found.notes,
+    )
+
+
+def _first_fit(bare: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
+    """Geometry and joint springs from where the closed forms have frames and mounts."""
+    state = aligned(bare, series)
+    first = unknowns_of(bare.vjm, series, JointErrors(), joints.structure)
+    own, seen = choice(first, GEOMETRY, joints), _seen(state, series, 1.0)
+    for _ in range(2):
+        state, share = _stepped(own, series, state, seen)
+        seen = _seen(state, series, share)
+    return state, seen.noise
 
 
 def _orders(series: Sequence[Series], options: Options) -> tuple[int, ...]:
@@ -204,7 +231,10 @@ class _Seen:
 
 
 def _seen(state: State, series: tuple[Series, ...], share: float) -> _Seen:
-    noise = scatter(state, series, share)
+    return _judged(state, series, scatter(state, series, share))
+
+
+def _judged(state: State, series: tuple[Series, ...], noise: Noise) -> _Seen:
     return _Seen(noise, tuple(pulls_of(state, one, noise) for one in series))
 
 
