@@ -23,7 +23,8 @@ from testbench.design.planning import Chosen
 from testbench.design.rows import Ids, Problem, information
 from testbench.errors import Array
 from testbench.identify.absolute.pull import pull_of
-from testbench.identify.absolute.seen import LOOSE, hidden, sentences
+from testbench.identify.absolute.seen import LOOSE, hidden
+from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.prior import cad_prior
 from testbench.model.vjm import chain
 from testbench.plant import has_surroundings

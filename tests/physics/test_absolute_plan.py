@@ -17,7 +17,8 @@ from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
 from testbench.identify.absolute.pull import information, pull_of
 from testbench.identify.absolute.quantities import quantities
-from testbench.identify.absolute.seen import hidden, sentences
+from testbench.identify.absolute.seen import Hidden, hidden
+from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.absolute.state import targets, tell
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
@@ -147,3 +148,23 @@ def test_what_is_taken_to_be_zero_is_not_spoken_of(union, poses):
     assert "12 directions" in said
     assert "error" not in said
     assert "joint_6's compliance" in " ".join(sentences(hidden(unknowns, 0 * tells, prior, pull)))
+
+
+def test_errors_of_a_joint_are_said_together():
+    def one(what, *behind, kind="behind", share=0.6):
+        return Hidden(kind, what, behind, share, 0.9, "turn swing more")
+
+    found = [
+        one("swing's error of order 1", "the frame of A", "swing's error of order 2"),
+        one("swing's error of orders 3 to 4", "swing's error of order 2"),
+        one("swing's error of orders 5 to 7", "swing's error of orders 3 to 4", share=0.8),
+        *(one(f"swing's error of order {k}", kind="unseen", share=0.9) for k in (8, 9, 10)),
+        one("boom's error of order 1", kind="unseen", share=0.7),
+    ]
+    first, second, third = sentences(found)
+    assert first == (
+        "swing's error of order 1 hides behind the frame of A and swing's error of order 2 "
+        "(correlation 0.90, 60 % of its prior variance left): turn swing more"
+    )
+    assert second.startswith("swing's errors of orders 3 to 4, 5 to 7 hide behind each other (60 to 80 %")
+    assert third.startswith("3 bands of swing's errors, boom's error of order 1 are not seen (70 to 90 %")

@@ -61,20 +61,6 @@ class Hidden:
         return f"{self.what} hides behind {behind} (correlation {self.correlation:.2f}, {left}){then}"
 
 
-def sentences(found: tuple[Hidden, ...]) -> tuple[str, ...]:
-    """All in words; what is not seen is one sentence for every advice."""
-    said = [one.words for one in found if one.kind != "unseen"]
-    for advice in dict.fromkeys(one.advice for one in found if one.kind == "unseen"):
-        own = [one for one in found if one.kind == "unseen" and one.advice == advice]
-        if len(own) == 1:
-            said.append(own[0].words)
-            continue
-        names, shares = ", ".join(one.what for one in own), [100 * one.share for one in own]
-        left = f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance left"
-        said.append(f"{names} are not seen ({left}){advice and f': {advice}'}")
-    return tuple(said)
-
-
 def hidden(
     unknowns: Unknowns, information: Array, prior: Array, pull: Pull | None = None
 ) -> tuple[Hidden, ...]:
@@ -91,11 +77,11 @@ def hidden(
         Each with its `.words`.
     """
     L = _root(prior, unknowns.size)
-    M = L.T @ check_array(information, (unknowns.size,) * 2, "information") @ L
+    M = _in_units(L, check_array(information, (unknowns.size,) * 2, "information"))
     never = Structural((), np.zeros((unknowns.size, 0))) if pull is None else structural(unknowns, L, pull)
     pins = PINNED * never.directions @ never.directions.T
     more = () if pull is None else (*pull.turned, pull.everywhere)
-    after = tuple(_covariance(M + L.T @ extra @ L + pins) for extra in more)
+    after = tuple(_covariance(M + _in_units(L, extra) + pins) for extra in more)
     names = tuple(joint.name for joint in unknowns.vjm.arm.joints)
     view = _View(quantities(unknowns), L, M, _covariance(M + pins), never.directions, after, names)
     found = [view.look(k) for k, one in enumerate(view.every) if one.part not in ("frame", "mount")]
@@ -111,6 +97,12 @@ def _root(prior: Array, size: int) -> Array:
         L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
         return L
     return np.diag(np.sqrt(check_array(np.where(np.isinf(prior), LOOSE**2, prior), (size,), "prior")))
+
+
+def _in_units(L: Array, M: Array) -> Array:
+    """Information in units of the prior; a root of variances alone is no product of matrices."""
+    d = np.diag(L)
+    return d[:, None] * M * d if np.count_nonzero(L) == np.count_nonzero(d) else np.asarray(L.T @ M @ L)
 
 
 def _covariance(M: Array) -> Array:
