@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from testbench import files
 from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
-from testbench.errors import Array, InputError, check_array, read_text
+from testbench.errors import Array, BenchError, InputError, check_array, read_text
 from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.noise import KINDS, Noise
@@ -170,19 +170,25 @@ def read_model(folder: Path) -> tuple[State, Belief]:
         if not (folder / name).is_file() or files.digest(folder / name) != found.digests.get(name):
             raise InputError(folder / name, "", "is not the arm that was calibrated; it has changed")
     arm = replace(load_arm(folder), name=found.arm)
+    root = _root(folder / POSTERIOR)
     try:
-        return _state(found, arm, _root(folder / POSTERIOR))
-    except (ValueError, IndexError) as err:
-        raise InputError(path, "", f"numbers of unlike sizes: {err}") from err
+        return _state(found, arm, root)
+    except (BenchError, ValueError, IndexError) as err:
+        raise InputError(path, "", f"numbers do not belong together: {err}") from err
 
 
 def _root(path: Path) -> Array:
     try:
         if path.stat().st_size > MAX_ROOT:
             raise InputError(path, "", f"expected at most {MAX_ROOT} bytes")
+        with zipfile.ZipFile(path) as packed:
+            if sum(entry.file_size for entry in packed.infolist()) > MAX_ROOT:
+                raise InputError(path, "", f"expected at most {MAX_ROOT} bytes when unpacked")
         with np.load(path, allow_pickle=False) as data:
             return check_array(data["root"], (None, None), "root")
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as err:
+    except InputError:
+        raise
+    except (BenchError, OSError, ValueError, KeyError, MemoryError, zipfile.BadZipFile) as err:
         raise InputError(path, "", f"expected the posterior of a calibration: {err}") from err
 
 

@@ -9,17 +9,17 @@ from rich.console import Console
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
 from testbench.bench.absolute import calibrated, read_all
-from testbench.bench.absolute_model import write_model
+from testbench.bench.absolute_summary import reported
+from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName, MapFile, SigmaUm
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
-from testbench.model.kinematics import build_vjm
-from testbench.output.run import check_folder, whole_folder
+from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
-
-COMMAND = "testbench calibrate"  #: As manifest.json names it.
+from testbench.views.absolute.files import COMMAND, write
+from testbench.views.absolute.words import tables, words
+from testbench.views.terminal import grid, print_statements
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,31 @@ def command(asked: Options) -> None:
     arm = find_arm(asked.arm)
     given = [*asked.readings, *([asked.mapping] if asked.mapping else [])]
     check_folder(asked.out, COMMAND, own=frozenset(), inputs=[arm, *given], force=asked.force)
-    vjm = build_vjm(load_arm(arm))
+    cell = build_cell(asked.arm)
     sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
-    series, notes = read_all(asked.readings, vjm.arm, asked.mapping, sigma)
+    series, notes = read_all(asked.readings, cell.arm, asked.mapping, sigma)
     with of_flag("--without"):
         tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
     if asked.least_squares:
         tried = replace(tried, constraint="none")
-    found = calibrated(vjm, series, tried, notes)
-    with whole_folder(asked.out) as folder:
-        write_model(found.calibration, arm, folder)
-        files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])
     console = Console(highlight=False)
-    for note in found.notes:
-        console.print(note, soft_wrap=True, markup=False)
-    for step in found.calibration.chosen.steps:
-        kept = "kept" if step.kept else "declined"
-        rms = f"{1e3 * step.before:.3f} -> {1e3 * step.after:.3f} mm RMS an axis held out"
-        console.print(f"{step.name:14s} {kept:9s} {rms}", soft_wrap=True, markup=False)
-    console.print(f"model      {asked.out / 'model.json'}", soft_wrap=True, markup=False)
+    with console.status("calibrating") as status:
+        found = calibrated(cell.vjm, series, tried, notes)
+        status.update("writing")
+        said = reported(found)
+        write(cell, said, arm, _plain(asked), asked.out)
+    text, out = words(said.report), asked.out
+    console.print(text.block("answer"), style="bold", markup=False)
+    if said.report.steps:
+        console.print(grid(tables(said.report)["steps"]))
+    print_statements(console, text)
+    lines = [
+        *(f"- {note}" for note in found.notes),
+        f"model      {out / 'model.json'}; judge it with: testbench score {out} READINGS.csv",
+        f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
 def _plain(asked: Options) -> dict[str, object]:

@@ -53,6 +53,11 @@ def print_words(console: Console, words: Words, tables: list[Table]) -> None:
     for table in tables:
         console.print(grid(table))
     console.print(words.block("answer"), style="bold", markup=False)
+    print_statements(console, words)
+
+
+def print_statements(console: Console, words: Words) -> None:
+    """What else is to be said, a list."""
     if words.has("statements"):
         console.print(Markdown(words.block("statements")))
 

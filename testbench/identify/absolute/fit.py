@@ -38,6 +38,9 @@ ORDERS = 80  #: Periodic errors that are tried, times a turn.
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
 MANY = 0.6  #: Share of the readings that periodic errors may have as unknowns at most.
 
+NAMES = ("joint springs", "joint errors", "links", "ratio", "play", "stiffening")
+"""Errors beside those of geometry, in the order in which they are tried."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -50,9 +53,11 @@ class Options:
     #: How firmly expected compliances are believed; None to learn it from the readings.
     strength: Strength | None = None
 
-
-NAMES = ("joint springs", "joint errors", "links", "ratio", "play", "stiffening")
-"""Errors beside those of geometry, in the order in which they are tried."""
+    def __post_init__(self) -> None:
+        """Refuse names that no errors have, by BenchError."""
+        unknown = (self.without | (self.only or frozenset())) - set(NAMES)
+        if unknown:
+            raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
 
 
 @dataclass(frozen=True)
@@ -191,9 +196,6 @@ def _most(vjm: Vjm, options: Options) -> Structure:
 
 def _candidates(vjm: Vjm, prior: Prior, options: Options) -> list[Candidate]:
     """What may be tried, in order; links bring their own joints with them."""
-    unknown = (options.without | (options.only or frozenset())) - set(NAMES)
-    if unknown:
-        raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
     every = {
         "joint springs": Candidate(
             "joint springs", elastic=metric(prior, vjm, joints_only(vjm.arm)), sure=True

@@ -23,6 +23,7 @@ LAYOUTS = {
     "arm": 1,
     "data": 1,
     "planted": 1,
+    "absolute": 1,
 }
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 

@@ -1,0 +1,1 @@
+"""A calibration by absolute readings in words, tables, a figure and files."""

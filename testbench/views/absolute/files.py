@@ -1,0 +1,44 @@
+"""The folder of a calibration, all of it or nothing."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.absolute_model import write_model
+from testbench.bench.absolute_summary import Reported
+from testbench.bench.campaign import Cell
+from testbench.output.run import whole_folder
+from testbench.views.absolute.words import words
+
+COMMAND = "testbench calibrate"  #: As manifest.json names it.
+
+
+def write(cell: Cell, reported: Reported, arm: Path, asked: Mapping[str, object], out: Path) -> None:
+    """The model, its report, figure, recording and manifest.json.
+
+    Args:
+        cell: The arm.
+        reported: Its calibration, and what there is to say of it.
+        arm: The arm's folder.
+        asked: What was asked for, as plain data.
+        out: Folder of the results.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
+    from testbench.views.absolute.figure import overview  # here: importing matplotlib and rerun takes two
+    from testbench.views.absolute.scene import scene  # thirds of a second
+    from testbench.views.recording.absolute import write_absolute
+    from testbench.views.recording.stream import Header
+
+    report = reported.report
+    with whole_folder(out) as folder:
+        write_model(reported.found.calibration, arm, folder)
+        files.write_json(asdict(report), folder / "report.json")
+        (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
+        overview(reported).savefig(folder / "calibration.png", dpi=120)
+        header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
+        write_absolute(folder / "recording.rrd", header, scene(cell, reported))
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[arm])

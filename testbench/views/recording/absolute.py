@@ -1,0 +1,183 @@
+"""The recording of a calibration by absolute readings: the arm, and how far its targets were from a model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import MarkerShape
+
+from testbench.bench.absolute_report import SpectrumRow
+from testbench.bench.campaign import Cell
+from testbench.bench.rows import MM
+from testbench.data.dataset import Ids
+from testbench.errors import Array
+from testbench.plant.shapes import Frames, rigid_frames
+from testbench.views.recording.arm import orbit, origins, reach, write_places, write_shapes
+from testbench.views.recording.error_map import shades, shares
+from testbench.views.recording.pen import Line, Pen, snake, text_view
+from testbench.views.recording.scene import frame
+from testbench.views.recording.stream import Header, layout, recording
+from testbench.views.recording.style import GREENS, MEASURED, NOMINAL
+
+TIMELINES = ("worst_first", "pose")
+MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GREENS[0])}
+"""Title and colour of each model, by path."""
+MOST_SCALE, LONGEST = 500.0, 0.65
+"""Magnification of errors, unless those that end the colours would be longer than this share of the reach."""
+TOP = 95  #: Per cent of the errors of the arm as drawn at which the colours end.
+SPECTRA = 8  #: Joints whose spectrum is drawn at most.
+IN_VIEW = 0.4  #: Share of an arrow that is in view whatever its length [1].
+ASPECT = 0.6  #: Width over height of a pane that shows the arm [1].
+BESIDE = (0.3, 0.9, 0.45)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """From where targets should be to where they were seen, of every row (m, 3) [m]."""
+
+    places: tuple[Array, ...]
+    errors: tuple[Array, ...]
+
+    @cached_property
+    def longest(self) -> Array:
+        """Longest error of every row, (rows,) [m]."""
+        return np.array([np.linalg.norm(error, axis=1).max() for error in self.errors])
+
+    def of(self, rows: Ids) -> "Arrows":
+        """Some rows."""
+        return Arrows(tuple(self.places[k] for k in rows), tuple(self.errors[k] for k in rows))
+
+
+@dataclass(frozen=True)
+class AbsoluteScene:
+    """A calibration and its words, made ready for drawing."""
+
+    cell: Cell  #: The arm.
+    q: Array  #: Joints of the poses that are shown, (poses, n) [rad, m].
+    drawn: Arrows  #: Of these poses, by the arm as drawn.
+    calibrated: Arrows  #: By the calibrated arm.
+    still: tuple[Arrows, Arrows]  #: Of more poses, by either: they stand still.
+    pose_words: Sequence[str]  #: Markdown of every pose.
+    summary: str  #: Markdown: question, bold answer, colours.
+    tables: str  #: Markdown.
+    geometry: str  #: Markdown.
+    spectrum: Sequence[SpectrumRow]
+
+    def saying(self, more: str) -> "AbsoluteScene":
+        """The same with more words in its summary."""
+        return replace(self, summary=f"{self.summary}\n\n{more}")
+
+    @cached_property
+    def frames(self) -> Frames:
+        """The arm in every pose."""
+        return rigid_frames(self.cell.room, self.q)
+
+    @property
+    def top_mm(self) -> float:
+        """Error at which the colours end."""
+        return float(MM * np.percentile(self.still[0].longest, TOP))
+
+    @property
+    def scale(self) -> float:
+        """Magnification of the errors: MOST_SCALE, or 1, 2 or 5 times a power of ten below [1]."""
+        most = MM * LONGEST * reach(self.frames) / max(self.top_mm, 1e-9)
+        steps = [k * 10.0**power for power in range(3) for k in (1, 2, 5)]
+        return max([1.0, *(step for step in steps if step <= min(most, MOST_SCALE))])
+
+    @property
+    def rank(self) -> Ids:
+        """Place of every pose in worst_first, (poses,)."""
+        found = np.empty(len(self.q), dtype=int)
+        found[np.argsort(-self.calibrated.longest, kind="stable")] = np.arange(len(self.q))
+        return found
+
+
+def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
+    """Write a calibration for the Rerun viewer; an existing file is replaced only by a whole one."""
+    header = replace(header, scales={"error_magnification": scene.scale})
+    times = (scene.rank, np.arange(len(scene.q)))
+    with recording(path, "absolute", header, _blueprint(scene)) as pen:
+        pen.documents({"summary": scene.summary, "tables": scene.tables, "geometry": scene.geometry})
+        run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
+        run.texts("this_pose", scene.pose_words)
+        write_shapes(run, scene.cell, ())
+        write_places(run, scene.cell, scene.frames)
+        for (name, (title, colour)), own, still in zip(
+            MODELS.items(), (scene.drawn, scene.calibrated), scene.still, strict=True
+        ):
+            _write_still(pen, name, still, scene)
+            _write_pose(run, name, own, scene)
+            line = Line(f"error_mm/{name}", f"{title.lower()} (mm)", colour, 2.0, MarkerShape.Circle, 2.5)
+            run.line(line, MM * own.longest)
+        for row in scene.spectrum[:SPECTRA]:
+            order, amplitude = np.array([(one.order, one.amplitude_urad) for one in row.orders]).T
+            bars = rr.BarChart(amplitude, color=GREENS[0], abscissa=order, widths=np.full(len(order), 0.8))
+            pen.still(_spectrum_path(row), bars)
+
+
+def _write_still(pen: Pen, name: str, arrows: Arrows, scene: AbsoluteScene) -> None:
+    """Every error, coloured by its size."""
+    places, errors = np.concatenate(arrows.places), np.concatenate(arrows.errors)
+    size = np.linalg.norm(errors, axis=1)
+    share = np.clip(shares(MM * size, (0.0, scene.top_mm)), 0, 1)
+    drawn = size > 0  # a lost target has none
+    vectors = scene.scale * errors[drawn]
+    radii = 0.0015 * reach(scene.frames)
+    looks = rr.Arrows3D(origins=places[drawn], vectors=vectors, colors=shades(share[drawn]), radii=radii)
+    pen.still(f"world/errors/{name}", looks)
+
+
+def _write_pose(pen: Pen, name: str, arrows: Arrows, scene: AbsoluteScene) -> None:
+    """Errors of the pose that is shown."""
+    path, size = f"world/pose_errors/{name}", reach(scene.frames)
+    pen.still(path, rr.Arrows3D.from_fields(colors=MEASURED, radii=0.006 * size))
+    columns = rr.Arrows3D.columns(
+        origins=np.concatenate(arrows.places), vectors=scene.scale * np.concatenate(arrows.errors)
+    )
+    pen.rows(path, columns.partition([len(part) for part in arrows.places]))
+
+
+def _spectrum_path(row: SpectrumRow) -> str:
+    return f"spectrum_urad/{snake(row.joint)}"
+
+
+def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
+    """The arm twice, with the errors of either model; numbers beside it."""
+    views = [_world(scene, name, title) for name, (title, _) in MODELS.items()]
+    plot = rrb.TimeSeriesView(
+        origin="error_mm",
+        name="Largest error of a pose (mm)",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+    )
+    words = [text_view("summary", "Summary"), text_view("this_pose", "This pose")]
+    beside = rrb.Vertical(*words, plot, row_shares=[9, 2, 4])
+    tabs: list[rrb.Container | rrb.View] = [
+        rrb.Horizontal(*views, beside, column_shares=[8, 8, 7], name="Overview"),
+        rrb.Horizontal(text_view("tables", "Tables"), text_view("geometry", "Geometry"), name="Tables"),
+    ]
+    if scene.spectrum:
+        bars = [
+            rrb.BarChartView(origin=_spectrum_path(row), name=f"{row.joint}: amplitude (urad) by order")
+            for row in scene.spectrum[:SPECTRA]
+        ]
+        tabs.append(rrb.Grid(*bars, name="Spectra"))
+    return layout(*tabs, timeline=TIMELINES[0])
+
+
+def _world(scene: AbsoluteScene, name: str, title: str) -> rrb.Spatial3DView:
+    places, errors = (np.concatenate(x) for x in (scene.still[0].places, scene.still[0].errors))
+    points = np.vstack(
+        [places, places + IN_VIEW * scene.scale * errors, scene.frames.positions.reshape(-1, 3)]
+    )
+    tool = origins(scene.cell, [scene.cell.arm.tool], scene.frames)[scene.rank.argmin(), 0, :2]
+    eye = frame(points, np.full(len(points), 0.05 * reach(scene.frames)), tool, BESIDE, ASPECT)
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=[f"+ $origin/{part}/**" for part in ("arm", f"errors/{name}", f"pose_errors/{name}")],
+        name=f"{title} (m): errors x {scene.scale:g}",
+        eye_controls=orbit(*eye),
+    )

@@ -1,0 +1,218 @@
+"""testbench calibrate and score: a folder of model, report and views; what is planted is said in it."""
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_here import here
+
+from testbench.arm.folder import load_arm
+from testbench.bench.absolute import read_all, score
+from testbench.bench.absolute_model import read_model
+from testbench.cli.program import program
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.fit import residuals
+from testbench.identify.absolute.state import nominal
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))
+from strangers import write_stl
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = {"model.json", "posterior.npz", "rigid.xml", "elastic.toml", "report.json", "report.md"} | {
+    "calibration.png",
+    "recording.rrd",
+    "manifest.json",
+}
+GAP = 0.9, 1.7  #: Range of joint_1 without readings [rad].
+OFF = 4e-3  #: What one reading is off [m].
+SHAPE = '<geom type="mesh" mesh="flag" contype="0" conaffinity="0" group="2" mass="0"/></body>'
+
+
+def run(*args):
+    return here(program([str(args[0])]), *args)
+
+
+def spoiled(path):
+    """Without the rows of a range of joint_1, and with one row off."""
+    head, *rows = path.read_text().splitlines()
+    rows = [row for row in rows if not GAP[0] < float(row.split(",")[1]) < GAP[1]]
+    cells = rows[7].split(",")
+    place = head.split(",").index("position_y_m")
+    cells[place] = str(float(cells[place]) + OFF)
+    path.write_text("\n".join([head, *rows[:7], ",".join(cells), *rows[8:]]) + "\n")
+    return cells[0]
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """An arm with a mesh, as `testbench new` makes them."""
+    folder = tmp_path_factory.mktemp("arms") / "flagged"
+    shutil.copytree(ROOT / "models" / "arm_6r", folder)
+    write_stl(folder / "meshes" / "flag.stl")
+    text = (folder / "rigid.xml").read_text()
+    text = text.replace('inertiafromgeom="false"', 'inertiafromgeom="false" meshdir="meshes"')
+    mesh = '<asset><mesh name="flag" file="flag.stl" scale="0.001 0.001 0.001"/></asset><worldbody>'
+    text = text.replace("<worldbody>", mesh).replace("</body>", SHAPE, 1)
+    (folder / "rigid.xml").write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def readings(arm):
+    flags = ("--poses", 120, "--series", 3, "--geometry-mm", 0.5, "--gear-urad", 60, "--sigma-um", 20)
+    out = arm.parent / "r.csv"
+    done = run("simulate", arm, "--absolute", *flags, "--seed", 11, "--out", out)
+    assert done.returncode == 0, done.stderr
+    return [arm.parent / f"r_{k}.csv" for k in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def made(arm, readings):
+    """Folder of a model, what was said, and the row that is off; the third series is never seen."""
+    row = spoiled(readings[0])
+    spoiled(readings[1])
+    out = arm.parent / "model"
+    flags = ("--orders", 30, "--without", "links", "--without", "stiffening")
+    done = run("calibrate", arm, *readings[:2], *flags, "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    return out, done.stdout, row
+
+
+@pytest.fixture(scope="module")
+def report(made):
+    return json.loads((made[0] / "report.json").read_text())
+
+
+def distances(state, series):
+    left = [residuals(state, one)[: len(one.markers)].transpose(2, 0, 1)[one.seen] for one in series]
+    return 1e3 * np.linalg.norm(np.concatenate(left), axis=-1)
+
+
+def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, report, readings):
+    state, _ = read_model(made[0])
+    series, _ = read_all(readings[:2], state.vjm.arm, None, None)
+    after = distances(state, series)
+    before = distances(aligned(nominal(state.vjm, state.weights, state.torque_scale), series), series)
+    for key, size in (("total_before", before), ("total_after", after)):
+        known = (len(size), size.mean(), np.sqrt((size**2).mean()), np.percentile(size, 95), size.max())
+        assert list(report[key].values()) == pytest.approx(known, rel=1e-6)
+    assert sum(row["n"] for row in report["places"]) == 6 * len(after)  # every joint has every position
+    orders = len(state.errors.orders)
+    sine, cosine = state.n[:, :orders], state.n[:, orders : 2 * orders]
+    found = [[one["amplitude_urad"] for one in row["orders"]] for row in report["spectrum"]]
+    np.testing.assert_allclose(found, 1e6 * np.hypot(sine, cosine), rtol=1e-9, atol=1e-6)
+    links = 6 * len(state.vjm.arm.links)
+    springs = 1e6 * np.diag(state.C_theta)[links:]
+    np.testing.assert_allclose([row["value"] for row in report["compliances"]], springs, rtol=1e-9)
+    assert all(row["half_95"] > 0 for row in report["compliances"] + report["geometry"])
+    assert report["program"] == {"method": "GCO with prior", "status": "solved", "conservative": True}
+    assert min(row["smallest"] for row in report["blocks"]) >= 0
+
+
+def test_what_was_planted_is_said_and_the_verdict_comes_first(made, report):
+    out, said, row = made
+    words = " ".join(said.split())
+    before, after = (report[f"total_{when}"]["mean_mm"] for when in ("before", "after"))
+    n = report["total_after"]["n"]
+    assert words.startswith(f"flagged, {n} positions of 2 series: {before:.3f} mm -> {after:.3f} mm mean.")
+    assert after < 0.2 * before
+    assert "Joint springs and joint errors pay; ratio and play do not." in words
+    assert re.search(r"Not read, hence extrapolated: joint_1 (4|5|6)\d to (7|8|9)\d deg\.", words), words
+    assert f"the farthest is row {row} of r_1, " in words
+    assert report["outliers"][0]["error_mm"] == pytest.approx(1e3 * OFF, abs=0.5)
+    assert "Own weight is the only load" in words
+    assert {path.name for path in out.iterdir()} == FILES
+    page = (out / "report.md").read_text()
+    for step in report["steps"]:
+        assert (
+            f"| {step['name']} | {'kept' if step['kept'] else 'declined'} | {step['after_mm']:.3f} |" in page
+        )
+
+
+def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings):
+    done = run("score", made[0], readings[2], "--frame-poses", 20, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert list(found) == ["n", "mean_mm", "rms_mm", "p95_mm", "max_mm", "coverage_95"]
+    state, belief = read_model(made[0])
+    series, _ = read_all(readings[2:], state.vjm.arm, None, None)
+    assert found == vars(score(state, belief, series, 20))
+    assert found["n"] == 100
+    words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
+    assert f"100 positions: {found['mean_mm']:.3f} mm mean" in words
+
+
+def whole(document):
+    return json.dumps(document)
+
+
+TAMPERED = {
+    "theta_0 [m, rad]: expected shape": lambda d: whole({**d, "theta_0": d["theta_0"][:-1]}),
+    "posterior of": lambda d: whole({**d, "columns": d["columns"][:-2]}),
+    "Invalid JSON": lambda d: whole(d)[:-40],
+    "compliances": lambda d: whole({**d, "compliances": "feathers"}),
+    "digests": lambda d: whole({k: v for k, v in d.items() if k != "digests"}),
+    "orders: expected different": lambda d: whole({**d, "errors": {**d["errors"], "orders": [2, 2]}}),
+    "open_position_m": lambda d: whole({**d, "noise": {**d["noise"], "open_position_m": float("nan")}}),
+}
+
+
+@pytest.mark.parametrize("words", TAMPERED)
+def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_path):
+    folder = shutil.copytree(made[0], tmp_path / "model")
+    document = json.loads((folder / "model.json").read_text())
+    (folder / "model.json").write_text(TAMPERED[words](document))
+    check_refused(folder, readings, words)
+
+
+def check_refused(folder, readings, words):
+    done = run("score", folder, readings[2])
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("rigid.xml", "it has changed"), ("posterior.npz", "expected the posterior")]
+)
+def test_another_arm_or_a_pickle_in_the_folder_is_one_line(name, words, made, readings, tmp_path):
+    folder = shutil.copytree(made[0], tmp_path / "model")
+    if name == "rigid.xml":
+        text = (folder / name).read_text()
+        (folder / name).write_text(text.replace('mass="30"', 'mass="31"'))
+    else:
+        np.savez(folder / name, root=np.array([{"a": print}], dtype=object))
+    check_refused(folder, readings, words)
+
+
+def few(path, folder):
+    (folder / "few.csv").write_text("\n".join(path.read_text().splitlines()[:5]) + "\n")
+    return folder / "few.csv"
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (("few",), "few: 4 rows with a reading are too few for its frame and target"),
+        (("none.csv",), "none.csv: "),
+        (("--without", "springs"), "--without: no errors called springs"),
+        (("--orders", "0"), "--orders"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(arm, readings, flags, words, tmp_path):
+    given = [few(readings[2], tmp_path)] if flags == ("few",) else [readings[2], *flags]
+    done = run("calibrate", arm, *given, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert words in " ".join(done.stderr.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm):
+    """Meshes stay behind: numbers need none."""
+    assert not (made[0] / "meshes").exists()
+    assert load_arm(made[0]).joints == load_arm(arm).joints
