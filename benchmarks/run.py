@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from absolute import calibrating_by_absolute_poses
 from agreement import agreement_with_the_referee
 from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
@@ -41,6 +42,7 @@ BENCHMARKS = {
     "i": families_of_fits,
     "j": single_fits,
     "k": planning_of_many_poses,
+    "l": calibrating_by_absolute_poses,
 }
 
 app = typer.Typer(add_completion=False)
@@ -48,7 +50,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijk",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijkl",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

@@ -10,9 +10,11 @@ from testbench.bench.absolute_model import belief_of
 from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
 from testbench.bench.absolute_truth import simulate_series
 from testbench.bench.campaign import clear_poses, stream
-from testbench.identify.absolute.fit import Options, calibrate, moved, residuals
+from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.intervals import intervals
+from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.posterior import place
+from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import cad_prior
 from testbench.plant import GearErrors
 

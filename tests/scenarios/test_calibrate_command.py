@@ -15,7 +15,7 @@ from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
 from testbench.cli.program import program
 from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.fit import residuals
+from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))

@@ -1,0 +1,104 @@
+"""The linear problem of one step: compliances in their cone, when all other unknowns are eliminated.
+
+What is left of the equations is a `Regression`, which least squares and GCO solve as any other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from testbench.errors import Array, BenchError
+from testbench.identify import hierarchy
+from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt
+from testbench.identify.absolute.reduced import Reduced
+from testbench.identify.estimate import Constraint, Estimate
+from testbench.identify.metric import Belief, Metric, precision_root, rescaled
+from testbench.identify.prior import Strength
+from testbench.identify.regression import Regression, Term, regression_of
+from testbench.identify.regularised import fit_reduced
+
+OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
+
+
+@dataclass(frozen=True)
+class Inner:
+    """How compliances are solved for."""
+
+    constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
+    #: How firmly expected compliances are believed; None to learn it from the readings.
+    strength: Strength | None = None
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The most likely unknowns."""
+
+    x: Array  #: Of the choice, compliances in m/N and so on, (c,).
+    root: Array  #: Of the posterior's precision, compliances in the metric, (c, c).
+    estimate: Estimate | None  #: Compliances; None of a rigid arm.
+    spent: float  #: Equations that the unknowns spend.
+
+
+def eliminate(own: Choice, reduced: Reduced, learnt: Learnt, inner: Inner) -> Solved:
+    """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others."""
+    T = _factor(own, reduced, learnt)
+    r, c = own.rigid, len(own.columns)
+    R, z = T[:r, :r], T[:r, c]
+    if own.elastic is None:
+        x, root, estimate = solve_triangular(R, z), R, None
+    else:
+        estimate, belief = _compliances(own.elastic, T[r:, r:], inner, int(reduced.counts.sum()))
+        x = np.r_[solve_triangular(R, z - T[:r, r:c] @ estimate.pi), estimate.pi]
+        L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
+        B = B @ np.linalg.solve(belief.metric.L, L)
+        below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
+        if belief.moves is not None:
+            below = _widened(below, np.asarray(np.linalg.solve(L, belief.moves.T)))
+        root = np.block([[R, T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
+    inverse, deviation = solve_triangular(root[:r, :r], np.eye(r)), learnt.deviation[own.columns[:r]]
+    held = np.isfinite(deviation)
+    known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
+    spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
+    return Solved(x, root, estimate, spent)
+
+
+def _widened(root: Array, moves: Array) -> Array:
+    """Triangular root of a precision, (e, e), when moves, one a column, add to the covariance."""
+    deviations = np.hstack([solve_triangular(root, np.eye(len(root))), moves])
+    R = np.linalg.qr(deviations.T, mode="r")
+    return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
+
+
+def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
+    """Triangular factor of all equations and of the priors but compliances', readings last."""
+    some = np.r_[own.columns, own.unknowns.size]
+    deviation = learnt.deviation[own.columns[: own.rigid]]
+    held = np.flatnonzero(np.isfinite(deviation))
+    rows = np.zeros((len(held), len(some)))
+    rows[np.arange(len(held)), held] = 1 / deviation[held]
+    factors = zip(reduced.factors.values(), learnt.factor, strict=True)
+    lines = [R[:, some] / factor for R, factor in factors]
+    T = np.asarray(np.linalg.qr(np.vstack([*lines, rows, np.zeros((len(some), len(some)))]), mode="r"))
+    free = np.abs(np.diag(T))[: own.rigid]
+    if not (free > OPEN * np.linalg.norm(T[:, : own.rigid], axis=0)).all():
+        raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
+    return T
+
+
+def _compliances(elastic: Metric, T: Array, inner: Inner, equations: int) -> tuple[Estimate, Belief]:
+    """Least squares or GCO with a prior, of what the readings leave when all else is eliminated."""
+    n, share = elastic.structure.n, np.sqrt(equations / 3)
+    R, z, rest = T[:n, :n] / share, T[:n, n] / share, float((T[n:, n] ** 2).sum()) / share**2
+    regression = regression_of(elastic.structure, (Term(R, z, rest, equations),))
+    belief = Belief(elastic, inner.strength) if inner.strength else _believed(regression, elastic)
+    return fit_reduced(regression, inner.constraint, belief), belief
+
+
+def _believed(regression: Regression, elastic: Metric) -> Belief:
+    """The prior in the scale of the readings; in its own where they want none above zero."""
+    try:
+        rescaled(elastic, regression)
+    except BenchError:
+        return Belief(elastic, LOOSE)
+    return hierarchy.learn(regression, elastic)
