@@ -10,8 +10,12 @@ from testbench.bench.absolute_settings import AbsoluteCampaign
 from testbench.bench.absolute_truth import simulate_series
 from testbench.bench.campaign import build_cell
 from testbench.data.series import select_rows
+from testbench.errors import BenchError
+from testbench.identify.absolute.align import align
 from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.state import nominal
 from testbench.identify.prior import cad_prior
+from testbench.model.weights import read_weights
 
 ONLY = Options(only=frozenset({"joint springs"}))
 ROWS = 60
@@ -99,3 +103,79 @@ def test_two_moves_are_two(ur10):
     assert [part.rows for part in found.series] == [40, 40, 40]
     said = {note.split(" mm")[0] for note in found.notes}
     assert said == {"series 1: the target moved by 2", "series 1 from row 41: the tracker moved by 2"}
+
+
+def turned_joint(j, turn):
+    return lambda s: replace(s, q=s.q + np.where(np.arange(6) == j, turn, 0.0))
+
+
+def flipped(j):
+    return lambda s: replace(s, q=s.q * np.where(np.arange(6) == j, -1, 1))
+
+
+def notation(meant, read):
+    """Orientations in one notation of angles that were read in another."""
+    return lambda s: replace(
+        s, rotation=Rotation.from_euler(read, Rotation.from_matrix(s.rotation).as_euler(meant)).as_matrix()
+    )
+
+
+MISTAKES = {
+    "degrees": (lambda s: replace(s, q=np.degrees(s.q)), "if its joint angles were degrees"),
+    "radians of radians": (lambda s: replace(s, q=np.radians(s.q)), "converted once too often"),
+    "millimetres": (lambda s: replace(s, position=1e3 * s.position), "if its positions were millimetres"),
+    "sign of joint 2": (flipped(1), "if shoulder_lift_joint counted the other way"),
+    "sign of joint 6": (flipped(5), "if wrist_3_joint counted the other way"),
+    "zero of joint 4": (turned_joint(3, np.pi), "if 180 degrees were added to wrist_1_joint"),
+    "joints exchanged": (
+        lambda s: replace(s, q=s.q[:, [0, 1, 3, 2, 4, 5]]),
+        "if elbow_joint and wrist_1_joint were exchanged",
+    ),
+    "opposite order": (lambda s: replace(s, q=s.q[:, ::-1]), "opposite order"),
+    "left-handed": (lambda s: position_only(replace(s, position=s.position * [1, -1, 1])), "left-handed"),
+    "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
+    "transposed": (lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)), "the tracker in the target's"),
+    "any orientations": (
+        lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
+        "its positions fit this arm, its orientations do not",
+    ),
+    "five poses": (
+        lambda s: select_rows(s, np.arange(5)),
+        "5 poses .* too few for the 12 numbers .* at least 6",
+    ),
+    "five poses, positions": (
+        lambda s: select_rows(position_only(s), np.arange(5)),
+        "too few for the 9 numb",
+    ),
+    "joint 1 alone": (
+        lambda s: replace(s, q=np.where(np.arange(6) == 0, s.q, s.q[0])),
+        "only shoulder_pan_joint turn.* expected 3 joints",
+    ),
+    "target lost": (lambda s: replace(s, precision=np.zeros((s.rows, 1, 3, 3))), "tmac was never read"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_named(ur10, mistake):
+    plant, said = MISTAKES[mistake]
+    (one,) = read(ur10)
+    with pytest.raises(BenchError, match=f"^series 1: .*{said}"):
+        calibrated(ur10, plant(one))
+
+
+def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):
+    """A KR500 reaches 2.5 times as far as a UR10."""
+    (one,) = simulate_series(kr500, AbsoluteCampaign(poses=ROWS), 1)[0]
+    with pytest.raises(BenchError, match=r"spread 2\.\d+ times as far as its tool: another arm"):
+        calibrated(ur10, one)
+
+
+@pytest.mark.parametrize("axis", np.eye(3))
+@pytest.mark.parametrize("angle", [90, 180])
+def test_a_mount_may_be_turned_by_any_angle(ur10, axis, angle):
+    """It starts from where the same series without the turn would, turned."""
+    (one,) = read(ur10)
+    W = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix()
+    bare = nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6))
+    sound, turned = (align(bare, replace(one, rotation=one.rotation @ R))[1] for R in (np.eye(3), W))
+    np.testing.assert_allclose(turned.rotation, sound.rotation @ W, atol=1e-9)
