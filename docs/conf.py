@@ -35,6 +35,7 @@ def write_help(_: object) -> None:
         return f"$ testbench {' '.join(words)} --help\n{done.stdout.rstrip()}\n"
 
     commands = [
+        "calibrate",
         "check",
         "data check",
         "demo",
@@ -43,6 +44,7 @@ def write_help(_: object) -> None:
         "identify",
         "new",
         "plan",
+        "score",
         "shot",
         "simulate",
         "view",

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from testbench.data.csvfile import read_csv as read_csv
     from testbench.data.csvfile import write_csv as write_csv
     from testbench.data.dataset import Dataset as Dataset
+    from testbench.data.series import Series as Series
+    from testbench.data.series_export import read_series as read_series
     from testbench.errors import BenchError as BenchError
     from testbench.identify import Estimate as Estimate
     from testbench.identify import certify as certify
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from testbench.identify import make_estimate as make_estimate
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
+    from testbench.identify.absolute.fit import calibrate as calibrate
     from testbench.identify.evaluate import predict as predict
     from testbench.identify.evaluate import score as score
     from testbench.identify.prior import cad_prior as cad_prior
@@ -46,6 +49,8 @@ HOMES = {
     "Dataset": "data.dataset",
     "read_csv": "data.csvfile",
     "write_csv": "data.csvfile",
+    "Series": "data.series",
+    "read_series": "data.series_export",
     "Structure": "model.structure",
     "registered": "identify.registered",
     "least_squares": "identify",
@@ -60,6 +65,7 @@ HOMES = {
     "intervals": "identify",
     "predict": "identify.evaluate",
     "score": "identify.evaluate",
+    "calibrate": "identify.absolute.fit",
     "PlanSettings": "bench.plan_settings",
     "plan": "bench.plan",
     "BenchError": "errors",

@@ -35,6 +35,7 @@ PICTURES = {
     "recording_model_error": ("model_error", None, None, 0),
     "recording_which_model": ("which_model", None, None, 0),
     "recording_regimes": ("regimes", None, None, 0),
+    "recording_calibrate": ("calibrate", None, None, 0),
     "recording_wrong_inputs": ("wrong_inputs", None, None, 0),
 }
 """By file: folder of the run, tab in front, timeline, place on it."""

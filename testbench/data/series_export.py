@@ -34,9 +34,9 @@ class SeriesExport:
 
 
 def read_series(
-    path: Path,
+    path: str | Path,
     arm: Arm,
-    mapping: Path | None = None,
+    mapping: str | Path | None = None,
     sigma: float | None = None,
     sigma_rotation: float | None = None,
 ) -> SeriesExport:
@@ -49,9 +49,13 @@ def read_series(
         sigma: Standard deviation of a position along an axis [m], where neither file nor map has one.
         sigma_rotation: The same of an orientation about an axis [rad].
 
+    Returns:
+        A series for every set-up that the file names, and what was understood.
+
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
+    path, mapping = Path(path), None if mapping is None else Path(mapping)
     names = read_map(mapping, arm, series_names)
     table = read_table(path, lambda name: names.find(name) is not None, names.layout)
     arm = replace(arm, markers=names.markers)

@@ -104,8 +104,11 @@ def calibrate(
         vjm: Its nominal kinematics.
         series: Absolute readings, all of it.
         prior: Expected compliances.
-        options: What to try.
+        options: What to try; None for all there is.
         weights: What its links weigh; None for what rigid.xml says.
+
+    Returns:
+        The arm, what was kept of what was tried, and how sure it is.
 
     Raises:
         BenchError: When a series does not fit the arm, or leaves its frame or target open.
