@@ -11,6 +11,7 @@ from testbench.data.series import Series, select_rows
 from testbench.data.series_export import read_series
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
+from testbench.identify.absolute.outliers import outliers
 from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.torques import fit_weights
@@ -72,7 +73,8 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
         weights, note = fit_weights(vjm, weights, tuple(series))
         said.append(note)
     found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
-    return Calibrated(found, found.series, (*said, *found.notes))
+    wild = outliers(found.state, found.series, found.pulls)
+    return Calibrated(found, found.series, (*said, *found.notes, *([wild.words] if wild else [])))
 
 
 def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: int | None) -> Score:

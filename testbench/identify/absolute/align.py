@@ -150,7 +150,10 @@ def _of_a_half(state: State, series: Series) -> Aligned | None:
     halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
     if len(halves[0]) < HALF:
         return None
-    first, second = (_tried(state, select_rows(series, half), MOST) for half in halves)
+    parts = [select_rows(series, half) for half in halves]
+    if not all(_fits_roughly(state, part) for part in parts):
+        return None
+    first, second = (_tried(state, part, MOST) for part in parts)
     return first if _fit(first) and _fit(second) and isinstance(first, Aligned) else None
 
 

@@ -1,19 +1,24 @@
 """Mistakes in readings that fit no frame: each is undone in turn until they do, and named."""
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
-from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.data.dataset import Mask
+from testbench.data.series import Series, select_rows
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.state import State
 from testbench.model.vjm import Vjm
 
 UNITS = ((1e-3, "millimetres"), (25.4e-3, "inches"), (1e3, "metres, divided by 1000 once too often"))
 """What positions may be in instead of metres."""
+FEW = 300  #: Rows of a series that tell which way the last joint turns.
+BETTER = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 SAME = 1e-3  #: Difference of angles below which two notations fit alike [rad].
 Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
 ANGLES: Mapping[str, Axes] = {
@@ -28,6 +33,54 @@ ANGLES: Mapping[str, Axes] = {
     "vector": "",
 }
 """Usual notations of an orientation by three angles, as a map names them and as SciPy does."""
+
+
+def without_lost(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+    """Series without targets of their mount that no one read, and notes that say so."""
+    kept: dict[str, Mask] = {}
+    for one in series:
+        seen = one.seen.any(axis=0)
+        kept[one.target] = np.logical_or(kept.get(one.target, seen), seen)
+    found, notes = [], []
+    for one in series:
+        keep = kept[one.target]
+        if keep.all() or not keep.any():
+            found.append(one)
+            continue
+        names = [name for name, on in zip(one.markers, keep, strict=True) if not on]
+        notes.append(f"{one.name}: {', '.join(names)} was never read and is left out")
+        precision = None if one.precision is None else one.precision[:, keep]
+        markers = tuple(name for name in one.markers if name not in names)
+        found.append(replace(one, markers=markers, position=one.position[:, keep], precision=precision))
+    return tuple(found), tuple(notes)
+
+
+def check_last_joint(
+    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[State, Noise]]
+) -> None:
+    """Refuse readings that fit much better with the last joint turned the other way, by BenchError.
+
+    With a target near its axis they fit a frame either way. Orientations tell.
+
+    Args:
+        vjm: The arm.
+        series: The readings.
+        fitted: A first fit of some series.
+    """
+    if any(one.rotation is not None for one in series):
+        return
+    thin = [select_rows(one, np.linspace(0, one.rows - 1, min(FEW, one.rows)).astype(int)) for one in series]
+    sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
+    try:
+        other = fitted(tuple(replace(one, q=sign * one.q) for one in thin))[1].open_position
+    except BenchError:
+        return
+    own = fitted(tuple(thin))[1].open_position
+    if other < BETTER * own:
+        raise BenchError(
+            f"{series[0].name}: the readings fit this arm to {1e3 * own:.2g} mm along an axis; they would to "
+            f"{1e3 * other:.2g} mm if {vjm.arm.joints[-1].name} counted the other way"
+        )
 
 
 def explained(vjm: Vjm, series: Series, fits: Callable[[Series], bool]) -> str:

@@ -17,6 +17,7 @@ from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.changes import settled
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
+from testbench.identify.absolute.faults import check_last_joint, without_lost
 from testbench.identify.absolute.inner import Inner, eliminate
 from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.noise import Noise
@@ -74,7 +75,7 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What moved.
+    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Gathered:
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
 
 
 def calibrate(
@@ -121,7 +122,7 @@ def gather(
     vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
 ) -> Gathered:
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
-    series = tuple(series)
+    series, notes = without_lost(series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))
@@ -129,6 +130,7 @@ def gather(
     def fitted(some: tuple[Series, ...]) -> tuple[State, Noise]:
         return _first_fit(bare, some, joints)
 
+    check_last_joint(vjm, series, fitted)
     start = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
     series, state, seen = start.series, start.state, _judged(start.state, start.series, start.noise)
     errors = JointErrors(_orders(series, options), ratio=True, play=True, stiffening=True)
@@ -140,7 +142,7 @@ def gather(
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, start.notes)
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, (*notes, *start.notes))
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
