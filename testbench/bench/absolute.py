@@ -10,6 +10,7 @@ from testbench.arm.folder import Arm
 from testbench.data.series import Series, select_rows
 from testbench.data.series_export import read_series
 from testbench.errors import BenchError, InputError
+from testbench.identify.absolute.align import LEAST
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.outliers import outliers
 from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
@@ -19,7 +20,9 @@ from testbench.identify.prior import cad_prior
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 
-FRAME_POSES = 50  #: Rows that tell frame and mount of a series that the calibration has not seen.
+FRAME_POSES = (
+    50  #: Rows that tell frame and mount of a series that the calibration has not seen, half of a short one.
+)
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,8 @@ def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: i
         if frame_poses is None and seen_before:
             placed = known(state, belief, one)
         else:
-            placed = place(state, belief, one, evenly(one, frame_poses or FRAME_POSES))
+            some = frame_poses or min(FRAME_POSES, max(LEAST, one.rows // 2))
+            placed = place(state, belief, one, evenly(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
         if not rest.rows:
             raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
