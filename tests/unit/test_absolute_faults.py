@@ -1,5 +1,6 @@
 """Faults planted in absolute readings of simulated arms: each is found, named and mended where it can be."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +69,16 @@ def test_nothing_moves_in_sound_series(ur10, order):
         time = one.q[:, 0] if order == "joint 1 rises" else np.linalg.norm(one.wrench, axis=1)
         sorted_rows = select_rows(one, np.argsort(time, kind="stable"))
         assert not gathered(ur10, replace(sorted_rows, row=one.row)).notes
+
+
+def test_what_a_pose_leaves_open_is_no_move_however_many_readings_it_has(kr500):
+    """Three targets under three loads, 27 numbers a pose, share the errors of its gears; a move is seen."""
+    (one,) = read(kr500, poses=40, targets=3, orientations=False, masses=(0.0, 200.0, 460.0))
+    assert not gathered(kr500, one).notes
+    behind = np.arange(one.rows) >= 60
+    (said,) = gathered(kr500, replace(one, position=one.position + behind[:, None, None] * 5e-3)).notes
+    size = float(re.search(r"the tracker moved by (\S+) mm.* between rows 60 and 61:", said)[1])
+    assert size == pytest.approx(5 * 3**0.5, rel=0.05)  # tenths of a millimetre are the arm's own
 
 
 FAULTS = {

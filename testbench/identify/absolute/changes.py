@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
@@ -17,7 +18,7 @@ from testbench.identify.metric import Metric
 
 CELLS = 400  #: Steps that are tried at first.
 THIN = 1500  #: Rows that are looked at first.
-LEAST = 4  #: Rows before and behind a step.
+LEAST = 6  #: Poses before and behind a step: fewer do not tell a frame or a mount.
 GAIN = 80.0
 """Sum of squares that a step takes away at least, over the variance: sound simulated series reach 50, series
 of a robot whose frame drifts by 10 um 80."""
@@ -62,7 +63,8 @@ def change_in(state: State, series: Series, noise: Noise, elastic: Metric) -> Ch
     """
     one = in_time(series)
     steps = np.flatnonzero(np.diff(one.row)) + 1  # rows of one identifier are of one moment
-    steps = steps[(steps >= LEAST) & (steps <= one.rows - LEAST)]
+    before, behind = _poses(one.pose), _poses(one.pose[::-1])[::-1]
+    steps = steps[(before[steps - 1] >= LEAST) & (behind[steps] >= LEAST)]
     if not len(steps):
         return None
     at = lacking(state, one, noise, elastic)
@@ -88,6 +90,13 @@ def change_in(state: State, series: Series, noise: Noise, elastic: Metric) -> Ch
         shift=moves(at, one, found),
         turn=float(np.linalg.norm(found.b[3:])),
     )
+
+
+def _poses(pose: Ids) -> Ids:
+    """Different poses up to and with every row, (rows,)."""
+    first = np.zeros(len(pose), dtype=int)
+    first[np.unique(pose, return_index=True)[1]] = 1
+    return np.cumsum(first)
 
 
 def _sure(step: Step) -> bool:

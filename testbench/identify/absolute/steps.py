@@ -32,6 +32,8 @@ ORDERS = 8  #: Periodic errors beside a step: those that the poses of a part of 
 LACKING = 3.0  #: Size of errors beside a step, over the usual one: what part of them is left is not known.
 BATCH = 3_000_000  #: Numbers of the equations that are in memory at a time.
 STEP = 1.0  #: Standard deviation of a step before any reading [m, rad]: it may be of any size.
+FREE = 6
+"""Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
 ALIKE = 10.0  #: Difference of gains below which two steps explain the readings alike.
 
 What = Literal["target", "tracker"]
@@ -160,7 +162,8 @@ def best(at: Linear, series: Series, steps: Ids) -> Step:
     k, before = int(gain.argmax()), float(sums.AA[c, c] - e @ e)
     s2 = max(before - gain[k], 1e-300) / max(sums.count - spent, 1.0)
     alike = bool(gain[k] - other[0][max(0, k - 2) : k + 3].max() < ALIKE * s2)
-    return Step(int(steps[k]), what, alike, b[k], float(gain[k] / s2), float(gain[k] / before))
+    alone = s2 * max(1.0, sums.count / (FREE * len(np.unique(series.pose))))
+    return Step(int(steps[k]), what, alike, b[k], float(gain[k] / alone), float(gain[k] / before))
 
 
 def _gains(g: Array, M: Array) -> tuple[Array, Array]:
