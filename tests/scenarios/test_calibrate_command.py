@@ -222,7 +222,7 @@ def few(path, folder):
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        (("few",), "few: 4 rows with a reading are too few for its frame and target"),
+        (("few",), "few: 4 poses with a reading are too few"),
         (("none.csv",), "none.csv: "),
         (("--without", "springs"), "--without: no errors called springs"),
         (("--orders", "0"), "--orders"),
