@@ -119,6 +119,15 @@ def test_two_moves_are_two(ur10):
     assert said == {"series 1: the target moved by 2", "series 1 from row 41: the tracker moved by 2"}
 
 
+def test_a_mount_that_moved_is_shared_no_more(ur10):
+    """With which part another series would share it is not known."""
+    one, two = read(ur10, series=2, share_target=True)
+    found = gathered(ur10, target_moved(one, 30, (0, 0, 5e-3)), two)
+    assert found.notes[1] == "series 2: shared that mount, is taken to have its own"
+    assert [part.target for part in found.series] == ["mount 1", "mount 1 from row 31", "mount 1 of series 2"]
+    assert found.noise.open_position < 2e-4
+
+
 def turned_joint(j, turn):
     return lambda s: replace(s, q=s.q + np.where(np.arange(6) == j, turn, 0.0))
 

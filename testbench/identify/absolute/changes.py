@@ -11,6 +11,7 @@ import numpy as np
 
 from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
+from testbench.errors import BenchError
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.steps import Step, What, best, lacking, moves
@@ -120,6 +121,10 @@ def parted(series: Series, change: Change) -> tuple[Series, Series]:
     return first, replace(second, name=series.name + words)
 
 
+Groups = tuple[tuple[Series, ...], ...]
+"""Of every series its parts."""
+
+
 @dataclass(frozen=True)
 class Started:
     """A first fit, of series in which nothing moved any more."""
@@ -143,19 +148,64 @@ def settled(
         elastic: Prior of all compliances that there may be.
     """
     notes: list[str] = []
+    groups: Groups = tuple((one,) for one in series)
     state, noise = fitted(series)
     for _ in range(MOST):
-        changes = [change_in(state, one, noise, elastic) for one in series]
-        if not any(changes):
+        changes = [[change_in(state, one, noise, elastic) for one in group] for group in groups]
+        if not any(any(own) for own in changes):
             break
-        notes += [change.words for change in changes if change]
-        series = _all_parted(series, changes)
-        state, noise = fitted(series)
-    return Started(series, state, noise, tuple(notes))
+        notes += [change.words for own in changes for change in own if change]
+        parts, more = _unshared(groups, _all_parted(groups, changes), changes)
+        try:
+            state, noise = fitted(_flat(parts))
+        except BenchError as why:
+            notes.append(f"{why}: not parted")
+            break
+        groups, notes = parts, notes + more
+    return Started(_flat(groups), state, noise, tuple(notes))
 
 
-def _all_parted(series: Sequence[Series], changes: Sequence[Change | None]) -> tuple[Series, ...]:
-    parts: list[Series] = []
-    for one, change in zip(series, changes, strict=True):
-        parts += [one] if change is None else parted(one, change)
-    return tuple(parts)
+def _flat(groups: Groups) -> tuple[Series, ...]:
+    return tuple(one for group in groups for one in group)
+
+
+def _all_parted(groups: Groups, changes: Sequence[Sequence[Change | None]]) -> Groups:
+    """All parts of every series."""
+    return tuple(
+        tuple(
+            part
+            for one, change in zip(group, own, strict=True)
+            for part in ((one,) if change is None else parted(one, change))
+        )
+        for group, own in zip(groups, changes, strict=True)
+    )
+
+
+def _unshared(
+    before: Groups, parts: Groups, changes: Sequence[Sequence[Change | None]]
+) -> tuple[Groups, list[str]]:
+    """Parts, no mount or frame that moved in one series shared with another; and notes that say so.
+
+    Which part the other would share it with is not known.
+    """
+    found, notes = [list(group) for group in parts], []
+    for g, own in enumerate(changes):
+        for one, change in zip(before[g], own, strict=True):
+            if change is None:
+                continue
+            name = one.target if change.what == "target" else one.frame
+            for other in (k for k in range(len(found)) if k != g):
+                new = f"{name} of {found[other][0].name}"
+                renamed = [_renamed(part, change.what, name, new) for part in found[other]]
+                if any(a is not b for a, b in zip(renamed, found[other], strict=True)):
+                    what = "mount" if change.what == "target" else "frame"
+                    notes.append(f"{found[other][0].name}: shared that {what}, is taken to have its own")
+                found[other] = renamed
+    return tuple(tuple(group) for group in found), notes
+
+
+def _renamed(series: Series, what: What, name: str, new: str) -> Series:
+    """A series that has a mount or a frame of its own instead of one."""
+    if what == "target":
+        return replace(series, target=new) if series.target == name else series
+    return replace(series, frame=new) if series.frame == name else series
