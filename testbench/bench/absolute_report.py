@@ -138,9 +138,10 @@ class BlockRow:
 
 @dataclass(frozen=True)
 class Program:
-    """The inner program at the last point: its method, how it ended, whether every block is PSD."""
+    """The inner program at the last point: whether it asks for PSD blocks, how it ended, whether they are."""
 
     method: str
+    constrained: bool
     status: str
     conservative: bool
 

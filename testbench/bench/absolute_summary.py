@@ -160,7 +160,12 @@ def _program(calibration: Calibration) -> Program | None:
     estimate = calibration.estimate
     if estimate is None:
         return None
-    return Program(estimate.method, estimate.status, estimate.conservative)
+    return Program(
+        method=estimate.method,
+        constrained=estimate.constraint == "psd",
+        status=estimate.status,
+        conservative=estimate.conservative,
+    )
 
 
 def _noise(calibration: Calibration, series: Sequence[Series]) -> Noise:

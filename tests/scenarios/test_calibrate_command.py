@@ -110,7 +110,9 @@ def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, rep
     springs = 1e6 * np.diag(state.C_theta)[links:]
     np.testing.assert_allclose([row["value"] for row in report["compliances"]], springs, rtol=1e-9)
     assert all(row["half_95"] > 0 for row in report["compliances"] + report["geometry"])
-    assert report["program"] == {"method": "GCO with prior", "status": "solved", "conservative": True}
+    assert report["program"]["status"] == "solved"
+    assert report["program"]["constrained"]
+    assert report["program"]["conservative"]
     assert min(row["smallest"] for row in report["blocks"]) >= 0
 
 

@@ -27,10 +27,10 @@ VALUE, HALF, UNIT = Column("value", "value"), Column("half_95", "+- (95 %)"), Co
 GEOMETRY = (Column("name", "error"), VALUE, HALF, UNIT)
 COMPLIANCES = (
     Column("name", "joint"),
-    Column("value", "compliance", form=".2f"),
-    Column("half_95", "+- (95 %)", form=".2f"),
+    Column("value", "compliance"),
+    Column("half_95", "+- (95 %)"),
     UNIT,
-    Column("folder", "in the folder", form=".2f"),
+    Column("folder", "in the folder"),
 )
 SPECTRUM = (
     Column("joint", "joint"),
