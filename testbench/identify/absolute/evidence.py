@@ -1,8 +1,8 @@
 """How large errors of every kind are, learnt from the readings: type-II maximum likelihood.
 
 Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior of one standard
-deviation. It is the one of greatest evidence (MacKay 1992), held by a few imagined unknowns of the size that
-is usual; so is the scatter of every kind of equations. A kind of error that is not there is drawn to nothing.
+deviation. It is the one of greatest evidence (MacKay 1992), held by a few imagined unknowns; so is the
+scatter of every kind of equations. A kind of error that is not there is drawn to nothing.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,10 @@ USUAL: Mapping[str, float] = {
     "stiffening": 3e-5,
 }
 """Standard deviations before any reading [m, rad; rad a rad]."""
-HELD = 2.0  #: Imagined unknowns of the usual size in every group.
+HELD = 2.0  #: Imagined unknowns of the usual size in every small group.
+LARGE, SHARE = 40, 1 / 6
+"""Unknowns above which a group is large, and the size of its one imagined unknown over the usual one: a
+large group tells its size, and orders that the joints lack are drawn to nothing however many are tried."""
 LEAST = 1e-3  #: Scatter over what was expected below which readings are exact [1].
 ROUNDS, SAME = 12, 1e-3
 LOOSE = Strength(3.0)
@@ -167,7 +170,8 @@ def _sizes(own: Choice, x: Array, V: Array, deviation: Array) -> Array:
         if (at < 0).any():
             continue
         known = max(0.0, len(at) - V[at, at].sum() / deviation[columns[0]] ** 2)
-        deviation[columns] = np.sqrt((x[at] @ x[at] + HELD * USUAL[kind] ** 2) / (known + HELD))
+        held, size = (1.0, SHARE * USUAL[kind]) if len(at) > LARGE else (HELD, USUAL[kind])
+        deviation[columns] = np.sqrt((x[at] @ x[at] + held * size**2) / (known + held))
     return deviation
 
 
