@@ -12,7 +12,7 @@ from testbench.bench.absolute_truth import simulate_series
 from testbench.bench.campaign import build_cell
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align
+from testbench.identify.absolute.align import align, aligned
 from testbench.identify.absolute.faults import without_lost
 from testbench.identify.absolute.fit import Options, explain, gather
 from testbench.identify.absolute.outliers import outliers
@@ -226,6 +226,16 @@ def test_rows_without_orientation_count_by_their_position(ur10):
     found = gathered(ur10, half)
     assert not found.notes
     assert found.noise.open_position < 2e-4
+
+
+def test_a_mount_shared_with_a_series_without_orientations_starts_turned(ur10):
+    """Whichever comes first."""
+    one, two = read(ur10, series=2, share_target=True)
+    W = Rotation.from_rotvec((0, 3, 0)).as_matrix()
+    two = replace(two, rotation=two.rotation @ W)
+    bare = nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6))
+    first = aligned(bare, (position_only(one), two)).mounts["mount 1"].rotation
+    np.testing.assert_array_equal(first, align(bare, two)[1].rotation)
 
 
 def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):

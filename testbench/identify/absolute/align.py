@@ -40,7 +40,7 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
         BenchError: When a series has too few rows, or does not fit the arm.
     """
     frames, mounts = dict(state.frames), dict(state.mounts)
-    for one in series:
+    for one in sorted(series, key=lambda one: not one.turned.any()):  # who reads orientations knows the mount
         if one.frame in frames and one.target in mounts:
             continue
         frame, mount = align(state, one)
