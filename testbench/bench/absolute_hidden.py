@@ -21,7 +21,7 @@ ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing
 def left_open(found: Calibration) -> tuple[str, ...]:
     """Sentences on geometry, compliances and slow joint errors; the other errors count as known."""
     own, unknowns = found.own, found.own.unknowns
-    few, columns = _slow(unknowns)
+    few, columns = _slow(own)
     deviation = np.zeros(unknowns.size)
     deviation[own.columns[: own.rigid]] = found.chosen.learnt.deviation[own.columns[: own.rigid]]
     prior = _covariance(own, deviation, columns)
@@ -31,15 +31,18 @@ def left_open(found: Calibration) -> tuple[str, ...]:
     return sentences(hidden(few, information, prior, pull))
 
 
-def _slow(unknowns: Unknowns) -> tuple[Unknowns, Ids]:
+def _slow(own: Choice) -> tuple[Unknowns, Ids]:
     """The unknowns without periodic errors of higher orders, and where they stand among all."""
-    errors = unknowns.errors
+    unknowns, errors = own.unknowns, own.unknowns.errors
     few = JointErrors(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
     k, m = len(errors.orders), len(few.orders)
     of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.size)]
     at = unknowns.starts["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
     before, after = np.arange(unknowns.starts["errors"]), np.arange(unknowns.starts["elastic"], unknowns.size)
-    return replace(unknowns, errors=few), np.concatenate([before, at.ravel(), after])
+    structure = unknowns.structure
+    if own.elastic is not None:
+        structure, after = own.elastic.structure, own.columns[own.rigid :]
+    return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])
 
 
 def _covariance(own: Choice, deviation: Array, columns: Ids) -> Array:
@@ -48,6 +51,5 @@ def _covariance(own: Choice, deviation: Array, columns: Ids) -> Array:
     prior = np.diag(loose**2)
     if own.elastic is not None:
         L = LOOSE.uncertainty * own.elastic.L
-        at = np.searchsorted(columns, own.columns[own.rigid :])
-        prior[np.ix_(at, at)] = L @ L.T
+        prior[-len(L) :, -len(L) :] = L @ L.T
     return np.asarray(prior)

@@ -172,8 +172,8 @@ class AbsoluteReport:
     """A calibration by absolute readings; the fields are the keys of report.json.
 
     `places` are ranges of the joints one after the other. Whether own weight is the only load: compliances
-    then have the scale of the masses that were assumed. `less_pull_percent` is the share of positions that
-    counted less than a sound one, of which 0.7 are expected.
+    then have the scale of the masses that were assumed. `left_open` is what hides behind what.
+    `less_pull_percent` is the share of positions that counted less than a sound one: 0.7 are expected.
     """
 
     arm: str
@@ -190,6 +190,7 @@ class AbsoluteReport:
     noise: Noise
     weight_alone: bool
     less_pull_percent: float
+    left_open: list[str]
     outliers: list[OutlierRow]
     notes: list[str]
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.absolute import Calibrated
+from testbench.bench.absolute_hidden import left_open
 from testbench.bench.absolute_places import places
 from testbench.bench.absolute_report import (
     AbsoluteReport,
@@ -72,6 +73,7 @@ def reported(found: Calibrated) -> Reported:
         noise=_noise(calibration, series),
         weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
         less_pull_percent=_less(calibration, series),
+        left_open=list(left_open(calibration)),
         outliers=_outliers(calibration, series, after),
         notes=list(found.notes),
     )
