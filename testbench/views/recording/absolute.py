@@ -1,7 +1,7 @@
 """The recording of a calibration by absolute readings: the arm, and how far its targets were from a model."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from testbench.views.recording.error_map import shades, shares
 from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
-from testbench.views.recording.style import GREENS, MEASURED, NOMINAL
+from testbench.views.recording.style import GREENS, MEASURED, NOMINAL, Colour
 
 TIMELINES = ("worst_first", "pose")
 MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GREENS[0])}
@@ -66,6 +66,9 @@ class AbsoluteScene:
     tables: str  #: Markdown.
     geometry: str  #: Markdown.
     spectrum: Sequence[SpectrumRow]
+    models: Mapping[str, tuple[str, Colour]] = field(default_factory=lambda: MODELS)  #: Title, colour.
+    kind: str = "absolute"  #: Of layout: titles are a part of it.
+    opens: str = "calibrated"  #: Model whose largest errors are first in worst_first.
 
     def saying(self, more: str) -> "AbsoluteScene":
         """The same with more words in its summary."""
@@ -91,8 +94,9 @@ class AbsoluteScene:
     @property
     def rank(self) -> Ids:
         """Place of every pose in worst_first, (poses,)."""
+        worst = self.calibrated if self.opens == "calibrated" else self.drawn
         found = np.empty(len(self.q), dtype=int)
-        found[np.argsort(-self.calibrated.longest, kind="stable")] = np.arange(len(self.q))
+        found[np.argsort(-worst.longest, kind="stable")] = np.arange(len(self.q))
         return found
 
 
@@ -100,14 +104,14 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
     """Write a calibration for the Rerun viewer; an existing file is replaced only by a whole one."""
     header = replace(header, scales={"error_magnification": scene.scale})
     times = (scene.rank, np.arange(len(scene.q)))
-    with recording(path, "absolute", header, _blueprint(scene)) as pen:
+    with recording(path, scene.kind, header, _blueprint(scene)) as pen:
         pen.documents({"summary": scene.summary, "tables": scene.tables, "geometry": scene.geometry})
         run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
         run.texts("this_pose", scene.pose_words)
         write_shapes(run, scene.cell, ())
         write_places(run, scene.cell, scene.frames)
         for (name, (title, colour)), own, still in zip(
-            MODELS.items(), (scene.drawn, scene.calibrated), scene.still, strict=True
+            scene.models.items(), (scene.drawn, scene.calibrated), scene.still, strict=True
         ):
             _write_still(pen, name, still, scene)
             _write_pose(run, name, own, scene)
@@ -147,7 +151,7 @@ def _spectrum_path(row: SpectrumRow) -> str:
 
 def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
     """The arm twice, with the errors of either model; numbers beside it."""
-    views = [_world(scene, name, title) for name, (title, _) in MODELS.items()]
+    views = [_world(scene, name, title) for name, (title, _) in scene.models.items()]
     plot = rrb.TimeSeriesView(
         origin="error_mm",
         name="Largest error of a pose (mm)",

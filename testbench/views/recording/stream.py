@@ -24,6 +24,7 @@ LAYOUTS = {
     "data": 1,
     "planted": 1,
     "absolute": 1,
+    "ladder": 1,
 }
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 

@@ -1,0 +1,1 @@
+"""A real UR10: the ladder from geometry to joint errors on public readings, series against series."""
