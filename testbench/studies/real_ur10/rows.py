@@ -4,14 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.bench.absolute_model import belief_of
 from testbench.bench.rows import MM
 from testbench.data.series import select_rows
 from testbench.errors import Array
-from testbench.identify.absolute.fit import Calibration, residuals
-from testbench.identify.absolute.posterior import Belief, Placed, evenly, inside, known, place, predict
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.posterior import Placed, evenly, inside, known, place, predict
+from testbench.identify.absolute.scatter import residuals
 from testbench.studies.real_ur10.readings import Judged
 
-INTERVALS = 400  #: Positions, evenly spaced, whose 95 % ellipsoids are worked out.
+INTERVALS = 250  #: Positions, evenly spaced, whose 95 % ellipsoids are worked out.
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,6 @@ class SubsetRow:
     p99_mm: float
     max_mm: float
     coverage_95: float
-
-
-def belief_of(found: Calibration) -> Belief:
-    """What a calibration knows of the arm."""
-    own = int((found.own.columns >= found.own.unknowns.starts["geometry"]).sum())
-    return Belief(found.own, found.root[-own:, -own:], found.noise)
 
 
 def placed(found: Calibration, judged: Judged) -> Placed:

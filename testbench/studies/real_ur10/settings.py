@@ -1,5 +1,6 @@
 """What the study asks: which models, which splits, how many poses."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,14 +12,13 @@ from testbench.studies.real_ur10.readings import THIN
 from testbench.studies.real_ur10.rows import LadderRow
 
 NAME = "real_ur10"
-SPLITS = ("both", "blocks", "C to A", "A to C", "rows")
+SPLITS = ("both", "blocks", "C to A", "A to C")
 """The dearest first."""
-POSES, FEW = (50, 100, 200, 500, 1000), (60,)
-"""Random poses of C that a model learns from; with --quick."""
-DEAR, DEAR_SEEDS = 200, 5
-"""Poses above which only so many seeds are drawn."""
-QUICK_ORDERS = 40  #: Highest order of periodic errors with --quick.
-JUDGING = 300  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
+DRAWS: Mapping[int, int] = {50: 20, 100: 20, 200: 10, 500: 3, 1000: 3}
+"""Random poses of C that a model learns from, and in how many seeds at most: many are dear."""
+QUICK_DRAWS: Mapping[int, int] = {60: 1}
+QUICK_ORDERS = 30  #: Highest order of periodic errors with --quick.
+JUDGING = 200  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Settings:
     orders: int  #: Highest order of periodic errors.
     models: tuple[str, ...]  #: Of the ladder.
     splits: tuple[str, ...]
-    poses: tuple[int, ...]  #: Random poses that train.
-    dear: tuple[int, ...]  #: Seeds in which more than DEAR poses are drawn too.
+    first: int  #: The first seed.
+    draws: Mapping[int, int]  #: Random poses that train, and in how many seeds, from the first, at most.
     #: Made of the rest by `trained.prepare`; empty before.
     ladder: Annotated[tuple[LadderRow, ...], Field(exclude=True)] = ()
 
@@ -46,7 +46,7 @@ def settings(_: Options, quick: bool, seeds: range) -> Settings:
         thin=THIN if quick else 1,
         orders=QUICK_ORDERS if quick else ORDERS,
         models=tuple(one.name for one in (QUICK if quick else LADDER)),
-        splits=("both", "blocks", "C to A", "A to C") if quick else SPLITS,
-        poses=FEW if quick else POSES,
-        dear=tuple(seeds[:DEAR_SEEDS]),
+        splits=SPLITS,
+        first=seeds[0],
+        draws=QUICK_DRAWS if quick else DRAWS,
     )

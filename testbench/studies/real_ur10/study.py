@@ -14,7 +14,7 @@ STUDY = Study(
     folder=Path(__file__).parent,
     options=settings.Options,
     settings=settings.settings,
-    seeds=(20, 2),
+    seeds=(20, 1),
     arms=lambda _: [find_arm(ARM)],
     row=SubsetRow,
     trials=trial.trials,
@@ -24,5 +24,6 @@ STUDY = Study(
     figures={"real_ur10.png": figure.real_ur10, "spectra.png": figure.spectra},
     write=recording.write,
     data="errors.csv",
+    size=4,
     prepare=trained.prepare,
 )

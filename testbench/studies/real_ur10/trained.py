@@ -33,11 +33,14 @@ def pieces(asked: Settings, places: Sequence[int]) -> list[list[LadderRow]]:
 
 
 def models_of(asked: Settings, name: str) -> list[Model]:
-    """Models that are tried on a split: of the one that judges nothing, those that are looked into."""
+    """Models that are tried on a split: of the one that judges nothing, those that are looked into.
+
+    Choosing is dear: from one series to the other it is left out.
+    """
     every = [one for one in LADDER if one.name in asked.models]
     if name == "both":
         return [one for one in every if one in (*TWO, CHOSEN)]
-    return [one for one in every if name != "rows" or one in TWO]
+    return [one for one in every if name == SHOWN or one is not CHOSEN]
 
 
 def _rows(asked: Settings, name: str) -> Iterator[LadderRow]:

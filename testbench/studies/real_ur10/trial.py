@@ -12,7 +12,7 @@ from testbench.identify.prior import cad_prior
 from testbench.studies.real_ur10.ladder import ERRORS, SPRINGS, TWO
 from testbench.studies.real_ur10.readings import Judged, Readings, read
 from testbench.studies.real_ur10.rows import Error, SubsetRow, judge, left, placed
-from testbench.studies.real_ur10.settings import DEAR, JUDGING, Settings
+from testbench.studies.real_ur10.settings import JUDGING, Settings
 
 ALIGNED = 50  #: Rows of A that tell its frame and target.
 
@@ -26,13 +26,11 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SubsetRow]]:
 def _trial(asked: Settings, readings: Readings, seed: int) -> Iterator[SubsetRow]:
     a, c = readings.series
     order = stream(seed).permutation(c.rows)
-    rest = select_rows(c, order[max(asked.poses) :][:JUDGING])
+    rest = select_rows(c, order[max(asked.draws) :][:JUDGING])
     few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + ALIGNED).astype(int)))
     tests = {"C": Judged(rest, None), "A": Judged(few, ALIGNED)}
     vjm = readings.cell.vjm
-    for poses in asked.poses:
-        if poses > DEAR and seed not in asked.dear:
-            continue
+    for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
         own = (select_rows(c, order[:poses]),)
         tried = Tried(orders=asked.orders, only=frozenset({SPRINGS, ERRORS}))
         gathered = gather(vjm, own, cad_prior(vjm.arm), tried)
