@@ -14,9 +14,10 @@ from testbench.studies.real_ur10.rows import LadderRow
 NAME = "real_ur10"
 SPLITS = ("both", "blocks", "C to A", "A to C")
 """The dearest first."""
-DRAWS: Mapping[int, int] = {50: 20, 100: 20, 200: 10, 500: 3, 1000: 3}
+DRAWS: Mapping[int, int] = {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3}
 """Random poses of C that a model learns from, and in how many seeds at most: many are dear."""
 QUICK_DRAWS: Mapping[int, int] = {60: 1}
+ENOUGH = 50  #: Highest order where the number of poses is in question: more change little and cost twice.
 QUICK_ORDERS = 30  #: Highest order of periodic errors with --quick.
 JUDGING = 200  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
 

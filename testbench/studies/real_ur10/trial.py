@@ -12,7 +12,7 @@ from testbench.identify.prior import cad_prior
 from testbench.studies.real_ur10.ladder import ERRORS, SPRINGS, TWO
 from testbench.studies.real_ur10.readings import Judged, Readings, read
 from testbench.studies.real_ur10.rows import Error, SubsetRow, judge, left, placed
-from testbench.studies.real_ur10.settings import JUDGING, Settings
+from testbench.studies.real_ur10.settings import ENOUGH, JUDGING, Settings
 
 ALIGNED = 50  #: Rows of A that tell its frame and target.
 
@@ -32,7 +32,7 @@ def _trial(asked: Settings, readings: Readings, seed: int) -> Iterator[SubsetRow
     vjm = readings.cell.vjm
     for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
         own = (select_rows(c, order[:poses]),)
-        tried = Tried(orders=asked.orders, only=frozenset({SPRINGS, ERRORS}))
+        tried = Tried(orders=min(asked.orders, ENOUGH), only=frozenset({SPRINGS, ERRORS}))
         gathered = gather(vjm, own, cad_prior(vjm.arm), tried)
         for model in TWO:
             found = explain(gathered, model.options)
