@@ -88,24 +88,28 @@ def true_joints(unknowns: Unknowns, truth: Truth) -> Array:
     return np.asarray(found)
 
 
-def checking(series: Series, truth: Truth, place: int, q: Array) -> Series:
-    """Where the targets of a series truly are in other poses under own weight, as its tracker sees them.
+def checking(
+    series: Series, truth: Truth, place: int, q: Array, load: tuple[Array, Array] | None = None
+) -> Series:
+    """Where the targets of a series truly are in other poses, as its tracker sees them.
 
     Args:
         series: A series of the truth; gives names and sigma.
         truth: The arm.
         place: Which of its series that is, from 0.
         q: Poses, (rows, n) [rad, m].
+        load: Wrench, (rows, 6) [N, N m], and where it acts, (rows, 3) [m]; None for own weight alone.
     """
     rows, ids = len(q), np.arange(len(q)) + 1
-    position, _ = true_poses(truth, place, q)
+    wrench, point = load or (np.zeros((rows, 6)), np.zeros((rows, 3)))
+    position, _ = true_poses(truth, place, q, wrench, point)
     return replace(
         select_rows(series, np.zeros(rows, dtype=int)),
         row=ids,
         pose=ids,
         q=q,
-        wrench=np.zeros((rows, 6)),
-        point=np.zeros((rows, 3)),
+        wrench=wrench,
+        point=point,
         position=position,
         precision=None,
         rotation=None,

@@ -1,0 +1,146 @@
+"""A true arm: measured, explained by models, judged in poses that were never measured."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.bench.absolute_judged import Judged, check, checking, judged, true_unknowns
+from testbench.bench.absolute_truth import Truth, simulate_series
+from testbench.bench.campaign import Cell, clear_poses, hanging, stream
+from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.bench.wrong_prior import wrong_prior
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.absolute.fit import Calibration, Gathered, explain, gather
+from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.prior import Prior
+from testbench.plant import build_plant
+from testbench.studies.absolute_calibration.optimum import optimum_mm
+from testbench.studies.absolute_calibration.rows import Held, Row
+from testbench.studies.absolute_calibration.settings import (
+    ALL,
+    CHECKING,
+    CHOSEN,
+    MODELS,
+    PAYLOAD,
+    TRUE_ARMS,
+    campaign,
+)
+
+STIFF = 1e-3  #: Compliance of rigid links over what the folder says [1].
+KNOWN = 1e-4  #: Standard deviation below which geometry is known [m, rad].
+MM = 1e3
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is measured."""
+
+    true_arm: str  #: One of TRUE_ARMS.
+    campaign: str  #: One of CAMPAIGNS.
+    poses: int
+    loaded: int = 0  #: How many of the poses see the payload as well.
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Readings of a true arm, gathered for fits."""
+
+    asked: Asked
+    seed: int
+    arm: str
+    truth: Truth
+    prior: Prior
+    series: tuple[Series, ...]
+    check: Series  #: True positions in the checking poses.
+    loaded: Series  #: The same under the payload.
+    gathered: Gathered
+
+
+def measure(cell: Cell, asked: Asked, seed: int) -> Measured:
+    """Draw a true arm of the family, measure it, and boil its readings down.
+
+    The arm, its frames and its poses are the same in all that is asked of a seed.
+    """
+    name, true = cell.arm.name, TRUE_ARMS[asked.true_arm]
+    own = true_cell(cell, member(FAMILY, seed // 2), seed)
+    if true.rigid_links:
+        arm = own.plant.arm
+        links = tuple(replace(link, compliance=STIFF * link.compliance) for link in arm.links)
+        own = replace(own, truth=build_plant(replace(arm, links=links)))
+    series, truth = simulate_series(own, campaign(name, true, asked.poses, loaded=asked.loaded), seed)
+    q, prior = clear_poses(cell, None, CHECKING, stream(seed, 900)), wrong_prior(cell, seed)
+    plain = checking(series[0], truth, 0, q)
+    hung = hanging(cell, q, plain.pose, PAYLOAD[name])
+    loaded = checking(series[0], truth, 0, q, (hung.wrench, hung.point))
+    gathered = gather(cell.vjm, series, prior, MODELS[CHOSEN])
+    return Measured(asked, seed, name, truth, prior, series, plain, loaded, gathered)
+
+
+def rows(measured: Measured, models: Sequence[str], *, optimum: bool = False) -> list[Row]:
+    """What some models make of the readings; the one of everything is among them."""
+    best = optimum_mm(measured.gathered, measured.truth, measured.check) if optimum else None
+    found, seconds = {}, {}
+    for name in models:
+        start = time.perf_counter()
+        found[name] = explain(measured.gathered, MODELS[name])
+        seconds[name] = time.perf_counter() - start
+    known = _known(found[ALL])
+    return [_row(measured, name, own, known, (best, seconds[name])) for name, own in found.items()]
+
+
+def _known(own: Calibration) -> Array:
+    """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
+    geometry = own.own.unknowns.columns("geometry")
+    root = deviations_root(own)[np.flatnonzero(np.isin(own.own.columns, np.r_[geometry]))]
+    values, vectors = np.linalg.eigh(root @ root.T)
+    return np.asarray(vectors[:, values < KNOWN**2].T)
+
+
+def _row(
+    measured: Measured, name: str, own: Calibration, known: Array, beside: tuple[float | None, float]
+) -> Row:
+    asked, rng = measured.asked, stream(measured.seed, 901)
+    seen = check(own, measured.check, rng)
+    parts = {part.part: part for part in judged(own, measured.truth)}
+    held = {part: _held(one) for part, one in parts.items()}
+    joints = parts.get("joint compliances")
+    return Row(
+        arm=measured.arm,
+        true_arm=asked.true_arm,
+        campaign=asked.campaign,
+        poses=asked.poses,
+        readings=sum(one.rows for one in measured.series),
+        model=name,
+        kept=tuple(step.name for step in own.chosen.steps if step.kept),
+        error_mm=_rms_mm(seen.error),
+        loaded_mm=_rms_mm(check(own, measured.loaded, rng).error),
+        optimum_mm=beside[0],
+        positions=Held(seen.inside.size, int(seen.inside.sum())),
+        geometry=held.get("geometry"),
+        joint_errors=held.get("joint errors"),
+        joints=held.get("joint compliances"),
+        entries=held.get("entries"),
+        compliance_off=() if joints is None else tuple(joints.relative.tolist()),
+        geometry_off=_geometry_off(own, measured.truth, known),
+        seconds=beside[1],
+    )
+
+
+def _held(part: Judged) -> Held | None:
+    """Those that the truth has, such as joint errors of its orders; None where it has none."""
+    there = np.isfinite(part.relative)
+    return Held(int(there.sum()), int(part.inside[there].sum())) if there.any() else None
+
+
+def _rms_mm(error: Array) -> float:
+    return MM * float(np.sqrt(np.mean(np.square(error))))
+
+
+def _geometry_off(own: Calibration, truth: Truth, known: Array) -> float:
+    """RMS error along some combinations of errors of geometry [mm, mrad]; 0 without any."""
+    unknowns = own.own.unknowns
+    off = own.state.theta_0[unknowns.inner] - true_unknowns(unknowns, truth)[unknowns.columns("geometry")]
+    return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0

@@ -1,0 +1,174 @@
+"""The report of all trials."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.studies.absolute_calibration.report import (
+    AbsoluteCalibrationReport,
+    CampaignRow,
+    DatasetRow,
+    HidingRow,
+    ModelRow,
+    Shares,
+)
+from testbench.studies.absolute_calibration.rows import Held, Row
+from testbench.studies.absolute_calibration.settings import (
+    ABSOLUTE,
+    ALL,
+    BARS,
+    BY_POSES,
+    CAMPAIGN,
+    CHOSEN,
+    GEARS,
+    LINKS,
+    NAME,
+    NO_GEARS,
+    REAL,
+    TRUE_ARMS,
+    Settings,
+)
+from testbench.studies.bar import Bar
+from testbench.studies.study import Trials
+from testbench.trials.spread import grouped, spread
+
+LEAST, MOST, OVER, DECLINED = 0.93, 0.98, 1.2, 0.95
+"""Shares that intervals of 95 % should hold, largest error over the optimum, and least share in which joint
+errors are declined on arms without."""
+UM = 1e6
+
+
+def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalibrationReport:
+    """By arm, true arm, campaign, number of poses and model."""
+    every = [row for _, rows in trials for row in rows]
+    own = [row for row in every if (row.true_arm, row.campaign) == (REAL, ABSOLUTE)]
+    barred = tuple(n for n in asked.numbers if n in BARS) or asked.numbers[-1:]
+    featured = [row for row in every if row.campaign == ABSOLUTE and row.poses == asked.featured]
+    campaigns = [row for row in every if row.true_arm == REAL and row.readings == asked.featured]
+    by_poses = grouped((row for row in own if row.model in BY_POSES), lambda r: (r.arm, r.poses, r.model))
+    by_truth = grouped(featured, lambda r: (r.arm, r.true_arm, r.model))
+    by_campaign = grouped(
+        (row for row in campaigns if row.model in CAMPAIGN), lambda r: (r.arm, r.campaign, r.model)
+    )
+    return AbsoluteCalibrationReport(
+        scenario=NAME,
+        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        trials=len(seeds),
+        arms=tuple(arm for arm in asked.arms if any(row.arm == arm for row in every)),
+        featured=asked.featured,
+        barred=barred,
+        true_arms={name: true.words for name, true in TRUE_ARMS.items()},
+        bars=_bars([row for row in own if row.poses in barred], featured),
+        models=[_model(rows) for _, rows in sorted(by_poses.items(), key=_place)],
+        hiding=[_hiding(rows) for _, rows in sorted(by_truth.items(), key=_place)],
+        campaigns=[_campaign(rows) for _, rows in sorted(by_campaign.items(), key=_place)],
+        dataset=DatasetRow(asked.featured, asked.featured, UM * TRUE_ARMS[REAL].sigma),
+    )
+
+
+def _place(item: tuple[tuple[str, int, str] | tuple[str, str, str], list[Row]]) -> tuple[str, int]:
+    """Arms one after the other, the rest as it comes."""
+    (arm, second, _), _ = item
+    return arm, second if isinstance(second, int) else 0
+
+
+def _bars(own: Sequence[Row], featured: Sequence[Row]) -> list[Bar]:
+    """Of the fit of everything and of what cross-validation chose."""
+    found = []
+    for model in (ALL, CHOSEN):
+        rows = [row for row in own if row.model == model]
+        inside = shares(rows)
+        parts = {
+            "geometry": inside.geometry,
+            "joint errors": inside.joint_errors,
+            "joint compliances": inside.joints,
+            "positions": inside.positions,
+        }
+        for part, share in parts.items():
+            if share is not None:
+                found.append(Bar(f"{model}: {part} inside their 95 % intervals", share, LEAST, MOST))
+        for poses, some in grouped(rows, lambda row: row.poses).items():
+            words = f"{model}: error over the noise-only optimum, {poses} poses"
+            found.append(Bar(words, over_optimum(some), None, OVER))
+    without = [row for row in featured if (row.true_arm, row.model) == (NO_GEARS, CHOSEN)]
+    declined = float(np.mean([GEARS not in row.kept for row in without]))
+    return [*found, Bar("joint errors declined where there are none", declined, DECLINED, None)]
+
+
+def over_optimum(rows: Sequence[Row]) -> float:
+    """Root mean square over trials of the error over the optimum of the same trial [1]."""
+    return float(np.sqrt(np.mean([(row.error_mm / row.optimum_mm) ** 2 for row in rows if row.optimum_mm])))
+
+
+def shares(rows: Sequence[Row]) -> Shares:
+    """Over all numbers of all trials."""
+    positions = _share([row.positions for row in rows])
+    assert positions is not None
+    return Shares(
+        positions=positions,
+        geometry=_share([row.geometry for row in rows]),
+        joint_errors=_share([row.joint_errors for row in rows]),
+        joints=_share([row.joints for row in rows]),
+        entries=_share([row.entries for row in rows]),
+    )
+
+
+def _share(held: Sequence[Held | None]) -> float | None:
+    known = [own for own in held if own is not None]
+    return sum(own.inside for own in known) / sum(own.of for own in known) if known else None
+
+
+def _model(rows: Sequence[Row]) -> ModelRow:
+    first = rows[0]
+    return ModelRow(
+        name=first.model,
+        arm=first.arm,
+        poses=first.poses,
+        trials=len(rows),
+        error_mm=spread([row.error_mm for row in rows]),
+        loaded_mm=spread([row.loaded_mm for row in rows]),
+        optimum_mm=spread([row.optimum_mm for row in rows if row.optimum_mm is not None]),
+        over_optimum=over_optimum(rows),
+        inside=shares(rows),
+    )
+
+
+def _off(rows: Sequence[Row], joint: int) -> tuple[float, float]:
+    """Median and root mean square of a joint's compliance over the true one, less one; 0 of a rigid model."""
+    off = np.array([row.compliance_off[joint] for row in rows if row.compliance_off])
+    return (float(np.median(off)), float(np.sqrt(np.mean(off**2)))) if len(off) else (0.0, 0.0)
+
+
+def _hiding(rows: Sequence[Row]) -> HidingRow:
+    first, chosen = rows[0], rows[0].model == CHOSEN
+    (bias_2, off_2), (bias_3, off_3) = _off(rows, 1), _off(rows, 2)
+    kept = [np.mean([name in row.kept for row in rows]) for name in (GEARS, LINKS)]
+    return HidingRow(
+        arm=first.arm,
+        true_arm=first.true_arm,
+        model=first.model,
+        error_mm=spread([row.error_mm for row in rows]),
+        bias_2=bias_2,
+        off_2=off_2,
+        bias_3=bias_3,
+        off_3=off_3,
+        geometry_off=spread([row.geometry_off for row in rows]),
+        inside=shares(rows),
+        gears_kept=float(kept[0]) if chosen else None,
+        links_kept=float(kept[1]) if chosen else None,
+    )
+
+
+def _campaign(rows: Sequence[Row]) -> CampaignRow:
+    first = rows[0]
+    return CampaignRow(
+        arm=first.arm,
+        campaign=first.campaign,
+        poses=first.poses,
+        readings=first.readings,
+        model=first.model,
+        error_mm=spread([row.error_mm for row in rows]),
+        loaded_mm=spread([row.loaded_mm for row in rows]),
+        off_2=_off(rows, 1)[1],
+        off_3=_off(rows, 2)[1],
+    )

@@ -1,0 +1,63 @@
+"""The study of absolute calibration: a quick run, and what its rows and words are made of."""
+
+import numpy as np
+import pytest
+from run_here import app_of_study, check_files, check_refused, quick_study
+
+from testbench.studies.absolute_calibration.settings import ALL, CHOSEN, INCUMBENT, Options, settings
+
+APP = app_of_study("absolute_calibration")
+quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)
+
+
+def picked(rows, **fixed):
+    return [row for row in rows if all(row[key] == value for key, value in fixed.items())]
+
+
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
+    check_files(quick, "absolute_calibration.png")
+
+
+def test_every_trial_has_the_rows_that_its_questions_need(rows, report):
+    true = {row["true_arm"] for row in rows}
+    assert true == {"real", "no joint errors", "rigid links", "kinder", "nastier"}
+    assert {row["readings"] for row in rows} == {20}
+    assert {row["poses"]: row["campaign"] for row in rows} == {
+        20: "absolute alone",
+        15: "mixed",
+        10: "pairs alone",
+    }
+    assert report["arms"] == ["ur10"]
+    assert report["dataset"]["runs"] == 20
+
+
+def test_the_report_is_the_rows(rows, report):
+    [row] = picked(rows, true_arm="real", campaign="absolute alone", model=CHOSEN)
+    [own] = [model for model in report["models"] if model["name"] == CHOSEN]
+    assert own["error_mm"]["median"] == pytest.approx(row["error_mm"])
+    assert own["over_optimum"] == pytest.approx(row["error_mm"] / row["optimum_mm"])
+    assert own["inside"]["positions"] == row["positions.inside"] / row["positions.of"]
+    [hidden] = [h for h in report["hiding"] if (h["true_arm"], h["model"]) == ("rigid links", INCUMBENT)]
+    [row] = picked(rows, true_arm="rigid links", model=INCUMBENT)
+    off = np.array(row["compliance_off"])
+    assert (hidden["bias_2"], hidden["off_2"]) == pytest.approx((off[1], abs(off[1])))
+
+
+def test_noise_allows_less_than_any_model_leaves_that_lacks_an_error(rows):
+    for row in picked(rows, true_arm="real", campaign="absolute alone"):
+        if row["model"] not in (ALL, CHOSEN):
+            assert row["error_mm"] > 0.9 * row["optimum_mm"], row["model"]
+    [alone] = picked(rows, true_arm="real", campaign="absolute alone", model="geometry alone")
+    assert alone["error_mm"] > 2 * alone["optimum_mm"]
+
+
+def test_arms_take_turns_and_many_poses_are_rare():
+    asked = settings(Options(), quick=False, _=range(1))
+    assert [asked.arm_of(seed) for seed in range(4)] == ["ur10", "kr500_l480"] * 2
+    many = [seed for seed in range(16) if 1000 in asked.numbers_of(seed)]
+    assert many == [0, 1, 8, 9]
+
+
+@pytest.mark.parametrize(("arms", "said"), [(["rust"], "got 'rust'"), (["ur10", "ur10"], "different ones")])
+def test_arms_that_are_unknown_or_asked_for_twice_are_refused(tmp_path, arms, said):
+    check_refused(APP, tmp_path / "out", [word for arm in arms for word in ("--arm", arm)], said)
