@@ -148,6 +148,12 @@ class RealReport:
         own = [line.error for line in self.ladder if (line.model, line.split) == (model, split)]
         return sum(one.n * one.mean_mm for one in own) / sum(one.n for one in own)
 
+    def springs(self, model: str, joint: int) -> list[float]:
+        """Compliance of a joint by A alone and by C alone [urad/(N m)]."""
+        return [
+            one.urad_per_Nm[joint] for one in self.compliances if one.model == model and one.trained in "AC"
+        ]
+
     def has(self, model: str, split: str) -> bool:
         """Whether a model was judged on a split."""
         return any((line.model, line.split) == (model, split) for line in self.ladder)
