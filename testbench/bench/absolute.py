@@ -92,7 +92,8 @@ def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: i
     """
     far, within = [], []
     for one in series:
-        seen_before = one.frame in state.frames and one.target in state.mounts
+        mount = state.mounts.get(one.target)
+        seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
         if frame_poses is None and seen_before:
             placed = known(state, belief, one)
         else:

@@ -43,6 +43,7 @@ class _Frame(Strict):
 
 
 class _Mount(Strict):
+    markers: list[str]
     points_m: Rows
     rotation: Rows
 
@@ -141,7 +142,9 @@ def _document(calibration: Calibration, belief: Belief, folder: Path) -> Documen
             for name, one in state.frames.items()
         },
         mounts={
-            name: _Mount(points_m=one.points.tolist(), rotation=one.rotation.tolist())
+            name: _Mount(
+                markers=list(one.markers), points_m=one.points.tolist(), rotation=one.rotation.tolist()
+            )
             for name, one in state.mounts.items()
         },
     )
@@ -217,8 +220,9 @@ def _state(found: Document, arm: Arm, root: Array) -> tuple[State, Belief]:
         },
         mounts={
             name: Mount(
-                check_array(np.array(one.points_m), (None, 3), f"mount {name} [m]"),
+                check_array(np.array(one.points_m), (len(one.markers), 3), f"mount {name} [m]"),
                 check_array(np.array(one.rotation), (3, 3), f"mount {name}"),
+                tuple(one.markers),
             )
             for name, one in found.mounts.items()
         },

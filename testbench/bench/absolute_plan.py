@@ -100,7 +100,7 @@ def union_of(cell: Cell, settings: AbsolutePlanSettings) -> Union:
         errors=unknowns.errors,
         n=np.zeros((n, unknowns.errors.size)),
         frames={FRAME: Frame(np.eye(3), np.zeros(3))},
-        mounts={MOUNT: Mount(vjm.markers[: len(pose.markers)], np.eye(3))},
+        mounts={MOUNT: Mount(vjm.markers[: len(pose.markers)], np.eye(3), pose.markers)},
     )
     sizes = Sizes(
         shift=settings.geometry_mm / MM, turn=settings.geometry_mm / MM, error=settings.gear_urad / UM

@@ -38,7 +38,7 @@ def off(cell, disturbances, mass):
         state = replace(state, errors=JointErrors(orders=orders), n=n)
     told = tell(state, series.q, series.wrench, series.point)
     points = truth.markers @ mount.rotation.T + mount.position
-    seen = targets(told, Mount(points, np.eye(3))) @ station.rotation.T + station.position
+    seen = targets(told, Mount(points, np.eye(3), series.markers)) @ station.rotation.T + station.position
     return np.linalg.norm(seen - series.position, axis=2)[:, 0]
 
 

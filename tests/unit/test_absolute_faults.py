@@ -13,11 +13,15 @@ from testbench.bench.campaign import build_cell
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align, aligned
-from testbench.identify.absolute.faults import without_lost
 from testbench.identify.absolute.fit import Options, explain, gather
 from testbench.identify.absolute.outliers import outliers
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.shared import alike
 from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.steps import best, lacking
+from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
+from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
@@ -212,11 +216,40 @@ def test_a_target_that_was_never_read_is_left_out(kr500):
     (one,) = simulate_series(kr500, AbsoluteCampaign(poses=10, targets=3), 1)[0]
     precision = np.tile(np.eye(3) / one.sigma**2, (10, 3, 1, 1))
     precision[:, 1] = 0
-    (left,), notes = without_lost((replace(one, precision=precision),))
+    (left,), notes = alike((replace(one, precision=precision),))
     assert notes == (f"series 1: {one.markers[1]} was never read and is left out",)
     assert left.markers == (one.markers[0], one.markers[2])
     np.testing.assert_array_equal(left.position, one.position[:, [0, 2]])
     assert left.seen.all()
+
+
+def test_targets_of_a_shared_mount_go_by_their_names(kr500):
+    """In another order nothing changes; a series that lacks one is fitted with what the other says of it."""
+    one, two = read(kr500, series=2, poses=30, targets=3, orientations=False, share_target=True)
+    swapped = replace(two, markers=two.markers[::-1], position=two.position[:, ::-1])
+    fewer = replace(two, markers=two.markers[:2], position=two.position[:, :2])
+    sound = gathered(kr500, one, two)
+    other = gathered(kr500, one, swapped)
+    assert other.noise.open_position == pytest.approx(sound.noise.open_position, rel=1e-9)
+    left, right = (residuals(sound.state, x)[:3] for x in (two, swapped))
+    np.testing.assert_allclose(left, right[::-1], atol=1e-12)
+    for order in ((one, fewer), (fewer, one)):
+        found = gathered(kr500, *order)
+        assert found.noise.open_position == pytest.approx(sound.noise.open_position, rel=0.1)
+        assert found.state.mount(one).points[2] == pytest.approx(sound.state.mount(one).points[2], abs=2e-3)
+    with pytest.raises(BenchError, match="no target P9 is known; there are P1, P2, P3"):
+        sound.state.mount(replace(two, markers=("P9", "P1", "P2")))
+
+
+def test_targets_that_were_lost_make_no_step_look_greater(kr500):
+    """One of three in each row: the largest of 40 sums of six squares stays below 25, lost ones count not."""
+    (one,) = read(kr500, targets=3, orientations=False)
+    seen = np.arange(3) == np.arange(ROWS)[:, None] % 3
+    precision = seen[..., None, None] * np.eye(3) / one.sigma**2
+    found = gathered(kr500, replace(one, precision=precision, position=one.position * seen[..., None]))
+    elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    at = lacking(found.state, found.series[0], found.noise, elastic)
+    assert best(at, found.series[0], np.arange(10, 50)).gain < 25
 
 
 def test_rows_without_orientation_count_by_their_position(ur10):

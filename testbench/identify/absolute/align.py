@@ -14,6 +14,7 @@ from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.faults import explained, renamed
+from testbench.identify.absolute.shared import read_only
 from testbench.identify.absolute.state import Frame, Mount, State, tell
 from testbench.identify.frames import Found, points, starts, unloaded
 from testbench.identify.registration import register
@@ -41,12 +42,21 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
     """
     frames, mounts = dict(state.frames), dict(state.mounts)
     for one in sorted(series, key=lambda one: not one.turned.any()):  # who reads orientations knows the mount
-        if one.frame in frames and one.target in mounts:
+        known = mounts.get(one.target)
+        if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
             continue
-        frame, mount = align(state, one)
+        frame, mount = align(state, read_only(one))
         frames.setdefault(one.frame, frame)
-        mounts.setdefault(one.target, mount)
-    return replace(state, frames=frames, mounts=mounts)
+        mounts[one.target] = mount if known is None else _joined(known, mount)
+    found = replace(state, frames=frames, mounts=mounts)
+    return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
+
+
+def _joined(known: Mount, more: Mount) -> Mount:
+    """A mount with the targets that another reading of it has beside."""
+    new = [k for k, name in enumerate(more.markers) if name not in known.markers]
+    markers = (*known.markers, *(more.markers[k] for k in new))
+    return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
 
 
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
@@ -121,7 +131,9 @@ def _tried(state: State, series: Series, most: int) -> Aligned | BenchError:
     turns = _turns(state, some, rotation)
     mount = _mean(turns) if len(turns) else np.eye(3)
     turn = float(np.median(_angle(mount.T @ turns))) if len(turns) else 0.0
-    return Aligned(frame, Mount(found.targets[order], mount), found.typical, turn, _reach(vjm, some))
+    return Aligned(
+        frame, Mount(found.targets[order], mount, series.markers), found.typical, turn, _reach(vjm, some)
+    )
 
 
 def _reach(vjm: Vjm, series: Series) -> float:

@@ -13,6 +13,7 @@ from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.shared import read_only
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.steps import Step, What, best, lacking, moves
 from testbench.identify.metric import Metric
@@ -62,7 +63,7 @@ def change_in(state: State, series: Series, noise: Noise, elastic: Metric) -> Ch
         noise: How they scatter about it.
         elastic: Prior of all compliances that there may be.
     """
-    one = in_time(series)
+    one = read_only(in_time(series))
     steps = np.flatnonzero(np.diff(one.row)) + 1  # rows of one identifier are of one moment
     before, behind = _poses(one.pose), _poses(one.pose[::-1])[::-1]
     steps = steps[(before[steps - 1] >= LEAST) & (behind[steps] >= LEAST)]

@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Mask
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.noise import Noise
@@ -33,26 +32,6 @@ ANGLES: Mapping[str, Axes] = {
     "vector": "",
 }
 """Usual notations of an orientation by three angles, as a map names them and as SciPy does."""
-
-
-def without_lost(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
-    """Series without targets of their mount that no one read, and notes that say so."""
-    kept: dict[str, Mask] = {}
-    for one in series:
-        seen = one.seen.any(axis=0)
-        kept[one.target] = np.logical_or(kept.get(one.target, seen), seen)
-    found, notes = [], []
-    for one in series:
-        keep = kept[one.target]
-        if keep.all() or not keep.any():
-            found.append(one)
-            continue
-        names = [name for name, on in zip(one.markers, keep, strict=True) if not on]
-        notes.append(f"{one.name}: {', '.join(names)} was never read and is left out")
-        precision = None if one.precision is None else one.precision[:, keep]
-        markers = tuple(name for name in one.markers if name not in names)
-        found.append(replace(one, markers=markers, position=one.position[:, keep], precision=precision))
-    return tuple(found), tuple(notes)
 
 
 def check_last_joint(

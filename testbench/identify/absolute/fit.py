@@ -17,12 +17,13 @@ from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.changes import settled
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
-from testbench.identify.absolute.faults import check_last_joint, without_lost
+from testbench.identify.absolute.faults import check_last_joint
 from testbench.identify.absolute.inner import Inner, eliminate
 from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, unit
+from testbench.identify.absolute.shared import alike
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.estimate import Constraint, Estimate
@@ -124,7 +125,7 @@ def gather(
     vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
 ) -> Gathered:
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
-    series, notes = without_lost(series)
+    series, notes = alike(series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))

@@ -43,7 +43,9 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     """A mount whose targets moved, tool axes, and whose target with an orientation turned."""
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
-    return Mount(points, _rotation(step[3 * m :]) @ mount.rotation if len(step) > 3 * m else mount.rotation)
+    turned = len(step) > 3 * m
+    rotation = _rotation(step[3 * m :]) @ mount.rotation if turned else mount.rotation
+    return replace(mount, points=points, rotation=rotation)
 
 
 def _rotation(vector: Array) -> Array:

@@ -42,13 +42,11 @@ class Plan:
 
 
 def plan_of(series: Series) -> Plan:
-    """Rows of a pose whose readings are all there."""
-    whole = series.seen.all(axis=1)
-    if series.rotation is not None:
-        whole &= series.turned
-    order = np.flatnonzero(whole)
-    order = order[np.argsort(series.pose[order], kind="stable")]
-    _, first, count = np.unique(series.pose[order], return_index=True, return_counts=True)
+    """Rows of a pose that read the same targets."""
+    read = np.column_stack([series.pose, series.seen, series.turned])
+    code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(code, kind="stable")
+    _, first, count = np.unique(code[order], return_index=True, return_counts=True)
     sizes = [k for k in np.unique(count) if k > 1]
     return Plan(tuple(np.array([order[f : f + k] for f in first[count == k]]) for k in sizes))
 

@@ -7,7 +7,7 @@ and of the last link are the base in the tracker's frame and the targets in the 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class Mount:
 
     points: Array  #: In the tool's frame, (m, 3) [m].
     rotation: Array  #: Tool from the target that has an orientation, (3, 3); the unit matrix without one.
+    markers: tuple[str, ...]  #: Names of the targets, in the order of the points.
 
 
 @dataclass(frozen=True)
@@ -58,10 +59,16 @@ class State:
         return self.frames[series.frame]
 
     def mount(self, series: Series) -> Mount:
-        """The mount of a series, BenchError where it is not known."""
+        """The mount of a series, its targets in their order there; BenchError where one is not known."""
         if series.target not in self.mounts:
             raise BenchError(f"{series.name}: its target {series.target!r} is not known")
-        return self.mounts[series.target]
+        found = self.mounts[series.target]
+        unknown = [name for name in series.markers if name not in found.markers]
+        if unknown:
+            have = ", ".join(found.markers)
+            raise BenchError(f"{series.name}: no target {', '.join(unknown)} is known; there are {have}")
+        at = [found.markers.index(name) for name in series.markers]
+        return replace(found, points=found.points[at], markers=series.markers)
 
 
 def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:

@@ -73,19 +73,20 @@ class _Sums:
     AA: Array  #: Over all rows, (c + 1, c + 1), e last.
     ZA: Array  #: Over the rows behind every step, (steps, z, c + 1), e last.
     ZZ: Array  #: (steps, z, z).
-    count: int  #: Equations.
+    count: int  #: Equations that were read.
 
 
 def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
     edges = np.r_[0, steps, series.rows]
-    cells, AA, count = [], 0.0, 0
+    cells, AA = [], 0.0
     for part in _batches(at, series, edges):
         A, Z = _equations(at, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
-        AA, count = AA + np.einsum("ar,br->ab", A, A, optimize=True), count + A.shape[1]
+        AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
         each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
         for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
             own = slice(each * a, each * b)
             cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
+    count = 3 * int(series.seen.sum() + series.turned.sum())
     behind = np.cumsum(np.array(cells)[:0:-1], axis=0)[::-1]
     c = len(at.own.columns) + 1
     return _Sums(np.asarray(AA), behind[:, :, :c], behind[:, :, c:], count)
