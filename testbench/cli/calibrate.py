@@ -34,7 +34,9 @@ class Options:
     without: Annotated[
         list[str] | None, typer.Option(help=f"Errors not to try: {', '.join(NAMES)}; again for more.")
     ] = None
-    orders: Annotated[int, typer.Option(min=1, max=400, help="Highest order of periodic errors.")] = ORDERS
+    orders: Annotated[
+        int, typer.Option(min=1, max=400, help="Highest order of periodic errors; too few do harm.")
+    ] = ORDERS
     least_squares: Annotated[
         bool, typer.Option("--least-squares", help="Least squares in place of GCO: compliances of any sign.")
     ] = False

@@ -27,6 +27,7 @@ USUAL: Mapping[str, float] = {
     "stiffening": 3e-5,
 }
 """Standard deviations before any reading [m, rad; rad a rad]."""
+MOST = 10.0  #: Times the usual size beyond which no error is: it stands for one that was left out.
 HELD = 2.0  #: Imagined unknowns of the usual size in every small group.
 LARGE, SHARE = 40, 1 / 6
 """Unknowns above which a group is large, and the size of its one imagined unknown over the usual one: a
@@ -171,7 +172,9 @@ def _sizes(own: Choice, x: Array, V: Array, deviation: Array) -> Array:
             continue
         known = max(0.0, len(at) - V[at, at].sum() / deviation[columns[0]] ** 2)
         held, size = (1.0, SHARE * USUAL[kind]) if len(at) > LARGE else (HELD, USUAL[kind])
-        deviation[columns] = np.sqrt((x[at] @ x[at] + held * size**2) / (known + held))
+        deviation[columns] = min(
+            MOST * USUAL[kind], np.sqrt((x[at] @ x[at] + held * size**2) / (known + held))
+        )
     return deviation
 
 
