@@ -18,7 +18,7 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import cad_prior
 from testbench.plant import GearErrors
 
-SEEDS = range(501, 509)
+SEEDS = range(501, 507)
 ON = frozenset({"joint springs", "links", "joint errors"})
 ASKED = AbsoluteCampaign(poses=100, disturbances=replace(REAL_ARM, gear=GearErrors(orders=4)))
 

@@ -95,14 +95,23 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     """
     kinds, elastic = GEOMETRY, None
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)))
-    steps = []
+    steps: list[Step] = []
+    kept: list[Candidate] = []
     for one in candidates:
         more = kinds | one.kinds, one.elastic or elastic
         other = _tried(choice(unknowns, *more), reduced, tried.learnt)
         step = _step(one, tried, other, unit)
         steps.append(step)
         if step.kept:
-            tried, (kinds, elastic) = other, more
+            tried, (kinds, elastic), kept = other, more, [*kept, one]
+    for one in kept[:-1]:  # the next one that was kept may explain the same
+        if one.kinds and not one.sure:
+            fewer = kinds - one.kinds
+            other = _tried(choice(unknowns, fewer, elastic), reduced, tried.learnt)
+            again = _step(one, other, tried, unit)
+            if not again.kept:
+                tried, kinds = other, fewer
+                steps = [again if step.name == one.name else step for step in steps]
     return Chosen(tried.own, tried.learnt, kinds, tuple(steps))
 
 

@@ -88,7 +88,7 @@ def _hidden(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
         axes.plot(at, [100 * row.bias_2 for row in rows], "_", color="black", markersize=9)
     axes.axhline(0, color=SOFT, linewidth=0.8)
     axes.set_xticks(range(len(HIDDEN)), list(HIDDEN.values()))
-    axes.set(xlabel="what the true arm has", ylabel="compliance of joint 2, found over true less one [%]")
+    axes.set(xlabel="what the true arm has", ylabel="compliance of joint 2, error [%]")
     axes.set_title(f"{arm}: what hides in it; bar RMS, dash median", fontsize="medium")
     quiet(axes)
 

@@ -1,6 +1,7 @@
 """The report of all trials."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +22,9 @@ from testbench.studies.absolute_calibration.settings import (
     CAMPAIGN,
     CHOSEN,
     GEARS,
+    HIDING,
     LINKS,
+    MODELS,
     NAME,
     NO_GEARS,
     REAL,
@@ -36,6 +39,7 @@ LEAST, MOST, OVER, DECLINED = 0.93, 0.98, 1.2, 0.95
 """Shares that intervals of 95 % should hold, largest error over the optimum, and least share in which joint
 errors are declined on arms without."""
 UM = 1e6
+K = TypeVar("K")
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalibrationReport:
@@ -43,7 +47,11 @@ def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalib
     every = [row for _, rows in trials for row in rows]
     own = [row for row in every if (row.true_arm, row.campaign) == (REAL, ABSOLUTE)]
     barred = tuple(n for n in asked.numbers if n in BARS) or asked.numbers[-1:]
-    featured = [row for row in every if row.campaign == ABSOLUTE and row.poses == asked.featured]
+    featured = [
+        row
+        for row in every
+        if row.campaign == ABSOLUTE and row.poses == asked.featured and row.model in HIDING
+    ]
     campaigns = [row for row in every if row.true_arm == REAL and row.readings == asked.featured]
     by_poses = grouped((row for row in own if row.model in BY_POSES), lambda r: (r.arm, r.poses, r.model))
     by_truth = grouped(featured, lambda r: (r.arm, r.true_arm, r.model))
@@ -59,17 +67,21 @@ def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalib
         barred=barred,
         true_arms={name: true.words for name, true in TRUE_ARMS.items()},
         bars=_bars([row for row in own if row.poses in barred], featured),
-        models=[_model(rows) for _, rows in sorted(by_poses.items(), key=_place)],
-        hiding=[_hiding(rows) for _, rows in sorted(by_truth.items(), key=_place)],
-        campaigns=[_campaign(rows) for _, rows in sorted(by_campaign.items(), key=_place)],
+        models=[_model(rows) for rows in _sorted(asked, by_poses)],
+        hiding=[_hiding(rows) for rows in _sorted(asked, by_truth)],
+        campaigns=[_campaign(rows) for rows in _sorted(asked, by_campaign)],
         dataset=DatasetRow(asked.featured, asked.featured, UM * TRUE_ARMS[REAL].sigma),
     )
 
 
-def _place(item: tuple[tuple[str, int, str] | tuple[str, str, str], list[Row]]) -> tuple[str, int]:
-    """Arms one after the other, the rest as it comes."""
-    (arm, second, _), _ = item
-    return arm, second if isinstance(second, int) else 0
+def _sorted(asked: Settings, groups: Mapping[tuple[str, K, str], list[Row]]) -> list[list[Row]]:
+    """Arms one after the other, then numbers of poses or true arms as they come, then models."""
+    models, second = list(MODELS), list(dict.fromkeys(key[1] for key in groups))
+
+    def place(key: tuple[str, K, str]) -> tuple[int, int, int]:
+        return asked.arms.index(key[0]), second.index(key[1]), models.index(key[2])
+
+    return [groups[key] for key in sorted(groups, key=place)]
 
 
 def _bars(own: Sequence[Row], featured: Sequence[Row]) -> list[Bar]:
@@ -134,9 +146,9 @@ def _model(rows: Sequence[Row]) -> ModelRow:
 
 
 def _off(rows: Sequence[Row], joint: int) -> tuple[float, float]:
-    """Median and root mean square of a joint's compliance over the true one, less one; 0 of a rigid model."""
-    off = np.array([row.compliance_off[joint] for row in rows if row.compliance_off])
-    return (float(np.median(off)), float(np.sqrt(np.mean(off**2)))) if len(off) else (0.0, 0.0)
+    """Median and root mean square of a joint's compliance over the true one, less one."""
+    off = np.array([row.compliance_off[joint] for row in rows])
+    return float(np.median(off)), float(np.sqrt(np.mean(off**2)))
 
 
 def _hiding(rows: Sequence[Row]) -> HidingRow:
