@@ -13,7 +13,8 @@ from testbench.bench.campaign import build_cell
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align, aligned
-from testbench.identify.absolute.fit import Options, explain, gather
+from testbench.identify.absolute.choose import blocks_of
+from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.outliers import outliers
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.shared import alike
@@ -239,6 +240,38 @@ def test_targets_of_a_shared_mount_go_by_their_names(kr500):
         assert found.state.mount(one).points[2] == pytest.approx(sound.state.mount(one).points[2], abs=2e-3)
     with pytest.raises(BenchError, match="no target P9 is known; there are P1, P2, P3"):
         sound.state.mount(replace(two, markers=("P9", "P1", "P2")))
+
+
+def test_a_frame_that_is_not_shared_after_all_is_refused(ur10):
+    """Whichever comes first; a tracker that moved by metres in mid-series is another matter."""
+    one, two = read(ur10, series=2)
+    for first, second in ((one, two), (two, one)):
+        with pytest.raises(BenchError, match=r"from the frame .* that it shares; did the tracker"):
+            gathered(ur10, first, replace(second, frame=first.frame))
+    _, _, jump = FAULTS["tracker by metres"]
+    one, two = read(ur10, series=2, share_frame=True)
+    assert "the tracker moved by" in gathered(ur10, jump(one, 32), two).notes[0]
+
+
+def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):
+    """Unknowns may spend all equations of the means; what is left then tells nothing of their scatter."""
+    options = Options(only=frozenset({"joint springs", "joint errors"}))
+    for seed in (1, 2):
+        series = read(ur10, seed, poses=20, orientations=False, masses=(0.0, 5.0))
+        found = calibrate(ur10.vjm, series, cad_prior(ur10.arm), options)
+        assert outliers(found.state, found.series, found.pulls) is None
+        assert found.noise.factor[0] > 0.4
+
+
+def test_few_poses_read_often_are_one_block(ur10):
+    """What is left of a series without a block of poses must tell its frame."""
+    (one,) = read(ur10, poses=7, masses=(0.0, 5.0))
+    again = select_rows(one, np.repeat(np.arange(one.rows), 4))
+    assert not blocks_of((again,))[0].any()
+    (more,) = read(ur10, poses=30, masses=(0.0, 5.0))
+    label = blocks_of((more,))[0]
+    assert len(np.unique(label)) > 1
+    assert all(len(np.unique(label[more.pose == pose])) == 1 for pose in more.pose)
 
 
 def test_targets_that_were_lost_make_no_step_look_greater(kr500):

@@ -14,6 +14,7 @@ from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.faults import explained, renamed
+from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.shared import read_only
 from testbench.identify.absolute.state import Frame, Mount, State, tell
 from testbench.identify.frames import Found, points, starts, unloaded
@@ -49,7 +50,28 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
         frames.setdefault(one.frame, frame)
         mounts[one.target] = mount if known is None else _joined(known, mount)
     found = replace(state, frames=frames, mounts=mounts)
+    _check_shared(found, series)
     return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
+
+
+def _check_shared(state: State, series: tuple[Series, ...]) -> None:
+    """Refuse a series that does not fit the frame or mount that it shares with another, by BenchError.
+
+    A quarter of its readings does where something moved in mid-series.
+    """
+    for one in series:
+        others = [other for other in series if other is not one]
+        what = [f"frame {one.frame!r}"] * any(other.frame == one.frame for other in others)
+        what += [f"mount {one.target!r}"] * any(other.target == one.target for other in others)
+        if not what:
+            continue
+        left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
+        off = float(np.percentile(left, 25)) if len(left) else 0.0
+        if off > 2 * FAR * _reach(state.vjm, one):
+            raise BenchError(
+                f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
+                f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
+            )
 
 
 def _joined(known: Mount, more: Mount) -> Mount:

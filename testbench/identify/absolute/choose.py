@@ -19,7 +19,7 @@ from testbench.model.structure import Ids
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
 BLOCKS = 16  #: Blocks of joint space over all series.
-LEAST_ROWS = 6  #: Rows below which a block would be too small.
+LEAST = 6  #: Poses below which a block would be too small, or tell too little of a frame.
 PAYS = 0.1  #: Share of the mean square by which an error must foretell better to be kept: 5 % of the error.
 HURTS = 0.01  #: The same by which it may foretell the others worse.
 LOAD = 2.0
@@ -73,14 +73,15 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
     found = []
     for one in series:
         share = round(BLOCKS * one.rows / rows)
-        k = max(1, min(max(2, share), one.rows // LEAST_ROWS))
+        _, first, pose = np.unique(one.pose, return_index=True, return_inverse=True)
+        k = max(1, min(max(2, share), len(first) // LEAST))
         load = np.linalg.norm(one.wrench[:, :3], axis=1)
         place = np.column_stack([np.sin(one.q), np.cos(one.q), LOAD * load / (load.max() or 1.0)])
         label = np.zeros(one.rows, dtype=int)
         if k > 1:
             label = kmeans2(place, k, minit="++", seed=seed)[1].astype(int)
-        _, first, pose = np.unique(one.pose, return_index=True, return_inverse=True)
-        found.append(label[first[pose]])
+        few = len(first) - np.bincount(label[first]).max() < LEAST
+        found.append(np.zeros_like(label) if few else label[first[pose]])
     return found
 
 

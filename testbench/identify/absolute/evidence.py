@@ -32,7 +32,8 @@ HELD = 2.0  #: Imagined unknowns of the usual size in every small group.
 LARGE, SHARE = 40, 1 / 6
 """Unknowns above which a group is large, and the size of its one imagined unknown over the usual one: a
 large group tells its size, and orders that the joints lack are drawn to nothing however many are tried."""
-LEAST = 1e-3  #: Scatter over what was expected below which readings are exact [1].
+SPARE = 2.0
+"""Imagined equations of every kind, scattered as expected: unknowns may spend all there are."""
 ROUNDS, SAME = 12, 1e-3
 LOOSE = Strength(3.0)
 """What is believed of compliances while the sizes of all other errors are learnt."""
@@ -184,6 +185,6 @@ def _scatters(found: Solution, S: Array, counts: Array, factor: Array) -> Array:
     v, factor = np.r_[found.x, -1.0], factor.copy()
     for kind in np.flatnonzero(counts):
         spent = np.sum(found.covariance * S[kind, :-1, :-1]) / factor[kind] ** 2
-        square = max(float(v @ S[kind] @ v), 0.0) / max(counts[kind] - spent, 1.0)
-        factor[kind] = max(LEAST, np.sqrt(square))
+        left, free = max(float(v @ S[kind] @ v), 0.0), max(counts[kind] - spent, 0.0)
+        factor[kind] = np.sqrt((left + SPARE) / (free + SPARE))
     return factor
