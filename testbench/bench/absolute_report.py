@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
-FAR = 1.5  #: Error of a range over that of all readings from which on it is said aloud.
+FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
 
 
 @dataclass(frozen=True)
@@ -231,6 +231,11 @@ class AbsoluteReport:
             return None
         last = [row for row in self.ladder if row.kept][-1]
         return self.steps[0].before_mm, last.after_mm
+
+    @property
+    def worse(self) -> bool:
+        """Whether the calibrated arm foretells held-out readings worse than the arm as drawn."""
+        return self.held_out_mm is not None and self.held_out_mm[1] > FAR * self.total_before.rms_mm
 
     @property
     def paying(self) -> list[str]:

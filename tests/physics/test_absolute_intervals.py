@@ -82,3 +82,19 @@ def test_the_truth_is_an_answer_to_readings_without_noise(kr500):
     true = moved(own.state, own.own, true_unknowns(own.own.unknowns, truth)[own.own.columns])
     here = place(true, belief_of(own), series[0], np.arange(series[0].rows))
     assert np.sqrt(np.mean(np.square(residuals(here.state, series[0])))) < 3e-6
+
+
+def test_readings_of_one_pose_under_two_loads_scatter_as_those_alone_do(kr500):
+    """A model without links leaves much open; with them the scatter of a single reading is its own again.
+
+    Held-out positions are off by that and what few poses leave open, in whatever pairs they were read.
+    """
+    asked = ASKED.model_copy(update={"masses": (0.0, 460.0), "poses": 150})
+    series, _ = simulate_series(kr500, asked, 510)
+    own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=4))
+    assert "links" in {step.name for step in own.chosen.steps if step.kept}
+    noise, sigma = own.noise, series[0].sigma
+    assert np.hypot(sigma, noise.open_position) * noise.factor[0] == pytest.approx(sigma, rel=0.15)
+    assert np.mean(own.pulls[0] < 1) < 0.03
+    kept = [step.after for step in own.chosen.steps if step.kept][-1]
+    assert sigma < kept < 1.5 * sigma

@@ -217,7 +217,7 @@ def test_another_arm_or_a_pickle_in_the_folder_is_one_line(name, words, made, re
 
 
 def few(path, folder):
-    (folder / "few.csv").write_text("\n".join(path.read_text().splitlines()[:5]) + "\n")
+    (folder / "few.csv").write_text("\n".join(path.read_text().splitlines()[:25]) + "\n")
     return folder / "few.csv"
 
 
@@ -242,3 +242,14 @@ def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm):
     """Meshes stay behind: numbers need none."""
     assert not (made[0] / "meshes").exists()
     assert load_arm(made[0]).joints == load_arm(arm).joints
+
+
+def test_a_model_that_foretells_worse_than_the_drawing_says_so(tmp_path):
+    """Twelve poses of a real arm are fitted well, and tell nothing of any other."""
+    rows = (ROOT / "models" / "ur10" / "readings" / "series_C.csv").read_text().splitlines()[:13]
+    few = tmp_path / "few.csv"
+    few.write_text("\n".join(rows) + "\n")
+    done = run("calibrate", "ur10", few, "--orders", 5, "--without", "links", "--out", tmp_path / "model")
+    words = " ".join(done.stdout.split())
+    assert "Too few readings: held-out ones are" in words, words + done.stderr
+    assert "Joint errors, ratio, play and stiffening do not pay." in words

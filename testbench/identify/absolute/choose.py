@@ -85,31 +85,31 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
     return found
 
 
-def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], unit: float) -> Chosen:
+def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], unit: Array) -> Chosen:
     """Try candidates one after the other.
 
     Args:
         unknowns: All that there might be.
         reduced: The readings, in blocks.
         candidates: What to try, in order; geometry is always on.
-        unit: Standard deviation of a whitened position [m].
+        unit: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
     """
     kinds, elastic = GEOMETRY, None
-    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)))
+    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
     steps: list[Step] = []
     kept: list[Candidate] = []
     for one in candidates:
         more = kinds | one.kinds, one.elastic or elastic
-        other = _tried(choice(unknowns, *more), reduced, tried.learnt)
-        step = _step(one, tried, other, unit)
+        other = _tried(choice(unknowns, *more), reduced, tried.learnt, unit)
+        step = _step(one, tried, other)
         steps.append(step)
         if step.kept:
             tried, (kinds, elastic), kept = other, more, [*kept, one]
     for one in kept[:-1]:  # the next one that was kept may explain the same
         if one.kinds and not one.sure:
             fewer = kinds - one.kinds
-            other = _tried(choice(unknowns, fewer, elastic), reduced, tried.learnt)
-            again = _step(one, other, tried, unit)
+            other = _tried(choice(unknowns, fewer, elastic), reduced, tried.learnt, unit)
+            again = _step(one, other, tried)
             if not again.kept:
                 tried, kinds = other, fewer
                 steps = [again if step.name == one.name else step for step in steps]
@@ -120,11 +120,12 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
 class _Tried:
     own: Choice
     learnt: Learnt
-    blocks: Array  #: Sum of squares of every block that was held out, and its equations, (blocks, 2).
-    series: Array  #: The same of every series, (series, 2).
+    #: Of every held-out block its equations and its sums of squares, whitened and in m^2, (blocks, 3).
+    blocks: Array
+    series: Array  #: The same of every series, (series, 3).
 
 
-def _tried(own: Choice, reduced: Reduced, start: Learnt) -> _Tried:
+def _tried(own: Choice, reduced: Reduced, start: Learnt, unit: Array) -> _Tried:
     S = squares(own, reduced.gram)
     learnt = learn(own, S, reduced.counts, start)
     held = [_held_out(own, S, part, learnt) for part in _foldable(reduced.parts)]
@@ -133,17 +134,18 @@ def _tried(own: Choice, reduced: Reduced, start: Learnt) -> _Tried:
     for place in places if len(places) > 1 else []:
         some = [part for part in reduced.parts if part.series == place]
         series.append(_realigned(own, S, some, learnt))
-    return _Tried(own, learnt, _positions(reduced, held), _positions(reduced, series))
+    return _Tried(own, learnt, _positions(reduced, held, unit), _positions(reduced, series, unit))
 
 
 _Sums = tuple[Array, Array]
 """Sum of squares of what was held out, of every kind of equations, and their numbers, (kinds,) each."""
 
 
-def _positions(reduced: Reduced, found: Sequence[_Sums]) -> Array:
-    """Of all that was held out the squares and numbers of positions, (held out, 2)."""
+def _positions(reduced: Reduced, found: Sequence[_Sums], unit: Array) -> Array:
+    """Of all that was held out the numbers and sums of squares of positions, (held out, 3)."""
     some = reduced.positions
-    return np.array([(sums[some].sum(), counts[some].sum()) for sums, counts in found]).reshape(-1, 2)
+    every = [(n[some].sum(), sums[some].sum(), (unit[some] ** 2 * sums[some]).sum()) for sums, n in found]
+    return np.array(every).reshape(-1, 3)
 
 
 def _foldable(parts: Sequence[Part]) -> list[Part]:
@@ -175,26 +177,26 @@ def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> 
     return T @ v @ v, np.asarray(sum(part.counts for part in parts))
 
 
-def _step(tried: Candidate, before: _Tried, after: _Tried, unit: float) -> Step:
-    count = max(before.blocks[:, 1].sum(), 1.0)
-    saved = (before.blocks[:, 0] - after.blocks[:, 0]) / count
+def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
+    count = max(before.blocks[:, 0].sum(), 1.0)
+    saved = (before.blocks[:, 1] - after.blocks[:, 1]) / count
     folds = len(saved)
     deviation = float(np.sqrt(folds * saved.var(ddof=1))) if folds > 1 else np.inf
-    old, new = (max(x.blocks[:, 0].sum(), 1e-300) / count for x in (before, after))
-    whole = [_rms(x.series) for x in (before, after)]
-    gain = 1 - (whole[1] / whole[0]) ** 2 if len(before.series) else 0.0
+    old, new = (max(x.blocks[:, 1].sum(), 1e-300) / count for x in (before, after))
+    gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
     pays = (blocks > max(PAYS, deviation / old) or gain > PAYS) and min(blocks, gain) > -HURTS
     return Step(
         name=tried.name,
         kept=bool(pays or tried.sure),
-        before=unit * float(np.sqrt(old)),
-        after=unit * float(np.sqrt(new)),
+        before=_rms(before.blocks),
+        after=_rms(after.blocks),
         deviation=deviation / old,
-        series_before=unit * whole[0],
-        series_after=unit * whole[1],
+        series_before=_rms(before.series),
+        series_after=_rms(after.series),
     )
 
 
 def _rms(sums: Array) -> float:
-    return float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum())) if len(sums) else float("nan")
+    """Along an axis [m]."""
+    return float(np.sqrt(sums[:, 2].sum() / max(sums[:, 0].sum(), 1.0))) if len(sums) else float("nan")

@@ -22,7 +22,7 @@ from testbench.identify.absolute.inner import Inner, eliminate
 from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
-from testbench.identify.absolute.scatter import distance, pulls_of, scatter, unit
+from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
 from testbench.identify.absolute.shared import alike
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
@@ -156,12 +156,14 @@ def explain(found: Gathered, options: Options) -> Calibration:
     """
     series, reduced, vjm = found.series, found.reduced, found.vjm
     candidates = _candidates(vjm, found.prior, options)
-    chosen = _choose(found.unknowns, reduced, candidates, options, unit(series, found.noise))
+    chosen = _choose(
+        found.unknowns, reduced, candidates, options, units(series, found.noise)[list(reduced.kinds)]
+    )
     solved = eliminate(chosen.own, reduced, chosen.learnt, Inner(options.constraint, options.strength))
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
-    noise = replace(found.noise, factor=factor)
+    noise = single(replace(found.noise, factor=factor), series)
     step = distance(found.state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(
@@ -216,7 +218,7 @@ def _candidates(vjm: Vjm, prior: Prior, options: Options) -> list[Candidate]:
 
 
 def _choose(
-    unknowns: Unknowns, reduced: Reduced, candidates: list[Candidate], options: Options, unit: float
+    unknowns: Unknowns, reduced: Reduced, candidates: list[Candidate], options: Options, unit: Array
 ) -> Chosen:
     if options.only is None:
         return choose(unknowns, reduced, candidates, unit)

@@ -7,7 +7,16 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.noise import KINDS, Noise, lengths, plan_of, pull, roots, spread
+from testbench.identify.absolute.noise import (
+    KINDS,
+    Noise,
+    lengths,
+    multiplicity,
+    plan_of,
+    pull,
+    roots,
+    spread,
+)
 from testbench.identify.absolute.rows import left_over
 from testbench.identify.absolute.state import State, tell
 
@@ -52,10 +61,35 @@ def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
     return Noise(found[0], found[1], np.ones(len(KINDS)))
 
 
-def unit(series: Sequence[Series], noise: Noise) -> float:
-    """Standard deviation of a whitened position [m]."""
-    sigma = np.sqrt(np.mean([one.sigma**2 for one in series]))
-    return float(np.hypot(sigma, noise.open_position))
+def single(noise: Noise, series: Sequence[Series]) -> Noise:
+    """The same scatter, as a reading alone in its pose has it.
+
+    A factor below 1 was learnt from means of k readings, of variance factor^2 (sigma^2 + k s^2): what is left
+    open is less than s. Readings are better than they are said to be only if s = 0 is still too much.
+    """
+    own, k = _expected(series)
+    factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
+    for kind in np.flatnonzero((factor[:2] < 1) & (own > 0)):
+        whole = factor[kind] ** 2 * (own[kind] + k * opened[kind] ** 2)
+        opened[kind] = float(np.sqrt(max(0.0, whole - own[kind]) / k))
+        factor[kind] = np.sqrt(whole / (own[kind] + k * opened[kind] ** 2))
+    return Noise(opened[0], opened[1], factor)
+
+
+def _expected(series: Sequence[Series]) -> tuple[Array, float]:
+    """Mean variance of positions and orientations, (2,) [m^2, rad^2], and readings behind a mean [1]."""
+    behind = [multiplicity(plan_of(one), one.rows) for one in series]
+    position = np.mean([one.sigma**2 for one in series])
+    turns = [one.sigma_rotation**2 for one in series if one.sigma_rotation is not None]
+    k = float(np.concatenate([x[x > 0] for x in behind]).mean())
+    return np.array([position, np.mean(turns) if turns else 0.0]), k
+
+
+def units(series: Sequence[Series], noise: Noise) -> Array:
+    """Standard deviations of whitened equations of every kind, (kinds,) [m, rad]."""
+    own, k = _expected(series)
+    opened = np.array([noise.open_position, noise.open_rotation])
+    return np.asarray(np.sqrt(np.r_[own + k * opened**2, own]))
 
 
 def distance(before: State, after: State, series: Sequence[Series]) -> float:
