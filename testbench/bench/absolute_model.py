@@ -4,14 +4,22 @@ import shutil
 import zipfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from testbench import files
-from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
+from testbench.bench.absolute_document import (
+    Document,
+    ErrorsRow,
+    FrameRow,
+    MountRow,
+    NoiseRow,
+    Rows,
+    WeightsRow,
+)
 from testbench.errors import Array, BenchError, InputError, check_array, read_text
 from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.fit import Calibration
@@ -29,61 +37,9 @@ from testbench.model.weights import Weights
 DOCUMENT, POSTERIOR = "model.json", "posterior.npz"
 ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.
 MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
+TURN = 1e-6  #: Most that a rotation of a file differs from one [1].
 STRUCTURES = {"joints": joints_only, "links": all153}
 """Compliances that a model may have."""
-
-Numbers = list[float]
-Rows = list[Numbers]
-Few = Annotated[int, Field(ge=0, le=10_000)]
-
-
-class _Frame(Strict):
-    rotation: Rows
-    translation_m: Numbers
-
-
-class _Mount(Strict):
-    markers: list[str]
-    points_m: Rows
-    rotation: Rows
-
-
-class _Errors(Strict):
-    orders: list[Few]
-    ratio: bool
-    play: bool
-    stiffening: bool
-    coefficients: Rows
-    torque_scale: Numbers
-
-
-class _Noise(Strict):
-    open_position_m: float
-    open_rotation_rad: float
-    factor: Numbers
-
-
-class _Weights(Strict):
-    mass_kg: Numbers
-    centre_m: Rows
-
-
-class Document(Strict):
-    """model.json."""
-
-    format: Literal[1]
-    kind: Literal["absolute calibration"]
-    arm: str
-    digests: dict[str, str]
-    compliances: Literal["none", "joints", "links"]
-    theta_0: Numbers
-    C_theta: Rows
-    errors: _Errors
-    weights: _Weights
-    noise: _Noise
-    columns: list[Few]
-    frames: dict[str, _Frame]
-    mounts: dict[str, _Mount]
 
 
 def write_model(calibration: Calibration, arm: Path, folder: Path) -> None:
@@ -92,7 +48,9 @@ def write_model(calibration: Calibration, arm: Path, folder: Path) -> None:
         shutil.copyfile(arm / name, folder / name)
     belief = belief_of(calibration)
     files.write_json(_document(calibration, belief, folder).model_dump(), folder / DOCUMENT)
-    np.savez_compressed(folder / POSTERIOR, root=belief.root)
+    elastic = belief.own.elastic
+    L = np.zeros((0, 0)) if elastic is None else elastic.L
+    np.savez_compressed(folder / POSTERIOR, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:
@@ -122,7 +80,7 @@ def _document(calibration: Calibration, belief: Belief, folder: Path) -> Documen
         compliances=kind,
         theta_0=state.theta_0.tolist(),
         C_theta=state.C_theta.tolist(),
-        errors=_Errors(
+        errors=ErrorsRow(
             orders=list(state.errors.orders),
             ratio=state.errors.ratio,
             play=state.errors.play,
@@ -130,19 +88,19 @@ def _document(calibration: Calibration, belief: Belief, folder: Path) -> Documen
             coefficients=state.n.tolist(),
             torque_scale=state.torque_scale.tolist(),
         ),
-        weights=_Weights(mass_kg=state.weights.mass.tolist(), centre_m=state.weights.centre.tolist()),
-        noise=_Noise(
+        weights=WeightsRow(mass_kg=state.weights.mass.tolist(), centre_m=state.weights.centre.tolist()),
+        noise=NoiseRow(
             open_position_m=float(calibration.noise.open_position),
             open_rotation_rad=float(calibration.noise.open_rotation),
             factor=calibration.noise.factor.tolist(),
         ),
         columns=belief.columns.tolist(),
         frames={
-            name: _Frame(rotation=one.rotation.tolist(), translation_m=one.translation.tolist())
+            name: FrameRow(rotation=one.rotation.tolist(), translation_m=one.translation.tolist())
             for name, one in state.frames.items()
         },
         mounts={
-            name: _Mount(
+            name: MountRow(
                 markers=list(one.markers), points_m=one.points.tolist(), rotation=one.rotation.tolist()
             )
             for name, one in state.mounts.items()
@@ -173,14 +131,16 @@ def read_model(folder: Path) -> tuple[State, Belief]:
         if not (folder / name).is_file() or files.digest(folder / name) != found.digests.get(name):
             raise InputError(folder / name, "", "is not the arm that was calibrated; it has changed")
     arm = replace(load_arm(folder), name=found.arm)
-    root = _root(folder / POSTERIOR)
+    root, L = _posterior(folder / POSTERIOR)
     try:
-        return _state(found, arm, root)
+        state = _state(found, arm)
+        return state, _belief(found, state, root, L)
     except (BenchError, ValueError, IndexError) as err:
         raise InputError(path, "", f"numbers do not belong together: {err}") from err
 
 
-def _root(path: Path) -> Array:
+def _posterior(path: Path) -> tuple[Array, ...]:
+    """Root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
     try:
         if path.stat().st_size > MAX_ROOT:
             raise InputError(path, "", f"expected at most {MAX_ROOT} bytes")
@@ -188,19 +148,21 @@ def _root(path: Path) -> Array:
             if sum(entry.file_size for entry in packed.infolist()) > MAX_ROOT:
                 raise InputError(path, "", f"expected at most {MAX_ROOT} bytes when unpacked")
         with np.load(path, allow_pickle=False) as data:
-            return check_array(data["root"], (None, None), "root")
+            return tuple(check_array(data[name], (None, None), name) for name in ("root", "L"))
     except InputError:
         raise
     except (BenchError, OSError, ValueError, KeyError, MemoryError, zipfile.BadZipFile) as err:
         raise InputError(path, "", f"expected the posterior of a calibration: {err}") from err
 
 
-def _state(found: Document, arm: Arm, root: Array) -> tuple[State, Belief]:
+def _state(found: Document, arm: Arm) -> State:
     vjm, n, joints = build_vjm(arm), arm.n_theta, arm.n_joints
     own = found.errors
     errors = JointErrors(tuple(own.orders), own.ratio, own.play, own.stiffening)
     C = check_array(np.array(found.C_theta), (n, n), "C_theta [m/N, rad/(N m)]")
-    state = State(
+    if not np.array_equal(C, C.T):
+        raise ValueError("C_theta: expected a symmetric matrix")
+    return State(
         vjm=vjm,
         weights=Weights(
             check_array(np.array(found.weights.mass_kg), (joints + 2,), "mass [kg]"),
@@ -213,7 +175,7 @@ def _state(found: Document, arm: Arm, root: Array) -> tuple[State, Belief]:
         torque_scale=check_array(np.array(own.torque_scale), (joints,), "torque_scale [N m, N]"),
         frames={
             name: Frame(
-                check_array(np.array(one.rotation), (3, 3), f"frame {name}"),
+                _rotation(one.rotation, f"frame {name}"),
                 check_array(np.array(one.translation_m), (3,), f"frame {name} [m]"),
             )
             for name, one in found.frames.items()
@@ -221,18 +183,35 @@ def _state(found: Document, arm: Arm, root: Array) -> tuple[State, Belief]:
         mounts={
             name: Mount(
                 check_array(np.array(one.points_m), (len(one.markers), 3), f"mount {name} [m]"),
-                check_array(np.array(one.rotation), (3, 3), f"mount {name}"),
+                _rotation(one.rotation, f"mount {name}"),
                 tuple(one.markers),
             )
             for name, one in found.mounts.items()
         },
     )
-    structure = STRUCTURES[found.compliances if found.compliances != "none" else "joints"](arm)
-    unknowns = Unknowns(vjm, (), {}, errors, structure)
-    elastic = None if found.compliances == "none" else metric(cad_prior(arm), vjm, structure)
-    columns = np.array(found.columns, dtype=int)
-    if len(columns) != len(root) or root.shape[0] != root.shape[1] or columns.max(initial=0) >= unknowns.size:
-        raise ValueError(f"{len(columns)} unknowns, posterior of {root.shape}")
-    check_array(np.array(found.noise.factor), (len(KINDS),), "factor")
-    noise = Noise(found.noise.open_position_m, found.noise.open_rotation_rad, np.array(found.noise.factor))
-    return state, Belief(Choice(unknowns, columns, elastic), root, noise)
+
+
+def _belief(found: Document, state: State, root: Array, L: Array) -> Belief:
+    """The metric is that of the day of the calibration, whatever it has become since."""
+    rigid, arm = found.compliances == "none", state.vjm.arm
+    structure = STRUCTURES["joints" if found.compliances == "none" else found.compliances](arm)
+    unknowns = Unknowns(state.vjm, (), {}, state.errors, structure)
+    columns, e = np.array(found.columns, dtype=int), 0 if rigid else structure.n
+    if (np.diff(columns, append=unknowns.size) <= 0).any() or (
+        columns >= unknowns.starts["elastic"]
+    ).sum() != e:
+        raise ValueError(f"columns: expected rising ones, those of {e} compliances last")
+    check_array(root, (len(columns), len(columns)), "root")
+    if np.tril(root, -1).any() or not np.diag(root).all():
+        raise ValueError("root: expected an upper triangle without zeros on its diagonal")
+    elastic = replace(metric(cad_prior(arm), state.vjm, structure), L=check_array(L, (e, e), "L"))
+    factor = check_array(np.array(found.noise.factor), (len(KINDS),), "factor")
+    noise = Noise(found.noise.open_position_m, found.noise.open_rotation_rad, factor)
+    return Belief(Choice(unknowns, columns, None if rigid else elastic), root, noise)
+
+
+def _rotation(rows: Rows, name: str) -> Array:
+    R = check_array(np.array(rows), (3, 3), name)
+    if np.abs(R @ R.T - np.eye(3)).max() > TURN or np.linalg.det(R) < 0:
+        raise ValueError(f"{name}: expected a rotation")
+    return R

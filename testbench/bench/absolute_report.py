@@ -35,13 +35,13 @@ class StepRow:
     """A kind of error that was tried beside those kept before it.
 
     RMS distances of readings that were held out, blocks of joint space and whole series realigned; the latter
-    None of a single series.
+    None of a single series, the former where poses are too few to hold any out.
     """
 
     name: str
     kept: bool
-    before_mm: float
-    after_mm: float
+    before_mm: float | None
+    after_mm: float | None
     series_before_mm: float | None
     series_after_mm: float | None
 
@@ -229,8 +229,8 @@ class AbsoluteReport:
         """RMS distance of held-out readings by geometry alone and by all that was kept; None if not tried."""
         if not self.steps:
             return None
-        last = [row for row in self.ladder if row.kept][-1]
-        return self.steps[0].before_mm, last.after_mm
+        first, last = self.steps[0].before_mm, [row for row in self.ladder if row.kept][-1].after_mm
+        return None if first is None or last is None else (first, last)
 
     @property
     def worse(self) -> bool:
@@ -240,7 +240,7 @@ class AbsoluteReport:
     @property
     def paying(self) -> list[str]:
         """Names of what pays: joint springs are kept even where they do not."""
-        return [row.name for row in self.steps if row.kept and row.after_mm < row.before_mm]
+        return [row.name for row in self.steps if row.kept and (row.after_mm or 0.0) < (row.before_mm or 0.0)]
 
     @property
     def declined(self) -> list[str]:

@@ -105,9 +105,8 @@ def _q(series: Sequence[Series]) -> Array:
 def _step(step: Step) -> StepRow:
     """Root mean squares along an axis as those of distances."""
     every = (step.before, step.after, step.series_before, step.series_after)
-    before, after, *whole = (MM * math.sqrt(3) * x for x in every)
-    first, second = (x if math.isfinite(x) else None for x in whole)
-    return StepRow(step.name, step.kept, before, after, first, second)
+    mm = [MM * math.sqrt(3) * x if math.isfinite(x) else None for x in every]
+    return StepRow(step.name, step.kept, *mm)
 
 
 def _spectrum(calibration: Calibration) -> list[SpectrumRow]:

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,14 @@ from read_back import chunks_of, columns, document, panes, rerun, series, views
 from run_here import here
 
 from testbench.arm.folder import load_arm
+from testbench.bench import absolute_model
 from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
 from testbench.cli.program import program
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal
+from testbench.identify.prior import cad_prior
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))
 from strangers import write_stl
@@ -176,9 +179,15 @@ def whole(document):
     return json.dumps(document)
 
 
+FLAT = {"rotation": [[1.0, 1.0, 1.0]] * 3}
 TAMPERED = {
     "theta_0 [m, rad]: expected shape": lambda d: whole({**d, "theta_0": d["theta_0"][:-1]}),
-    "posterior of": lambda d: whole({**d, "columns": d["columns"][:-2]}),
+    "those of 6 compliances last": lambda d: whole({**d, "columns": d["columns"][:-2]}),
+    "root: expected shape": lambda d: whole({**d, "columns": d["columns"][2:]}),
+    "those of 0 compliances last": lambda d: whole({**d, "compliances": "none"}),
+    "expected a rotation": lambda d: whole({**d, "frames": {"f": {**FLAT, "translation_m": [0.0] * 3}}}),
+    "expected a symmetric matrix": lambda d: whole({**d, "C_theta": np.tri(len(d["C_theta"])).tolist()}),
+    "factor": lambda d: whole({**d, "noise": {**d["noise"], "factor": [0.0] * 4}}),
     "Invalid JSON": lambda d: whole(d)[:-40],
     "compliances": lambda d: whole({**d, "compliances": "feathers"}),
     "digests": lambda d: whole({k: v for k, v in d.items() if k != "digests"}),
@@ -216,8 +225,17 @@ def test_another_arm_or_a_pickle_in_the_folder_is_one_line(name, words, made, re
     check_refused(folder, readings, words)
 
 
+def test_a_model_keeps_the_metric_of_its_day(made, readings, monkeypatch):
+    """Expected compliances that the library holds twice as large in time change no interval."""
+    state, belief = read_model(made[0])
+    series, _ = read_all(readings[2:], state.vjm.arm, None, None)
+    later = replace(cad_prior(state.vjm.arm), C_theta=2 * cad_prior(state.vjm.arm).C_theta)
+    monkeypatch.setattr(absolute_model, "cad_prior", lambda arm: later)
+    assert score(*read_model(made[0]), series, 20) == score(state, belief, series, 20)
+
+
 def few(path, folder):
-    (folder / "few.csv").write_text("\n".join(path.read_text().splitlines()[:25]) + "\n")
+    (folder / "few.csv").write_text("\n".join(path.read_text().splitlines()[:5]) + "\n")
     return folder / "few.csv"
 
 
@@ -253,3 +271,16 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(tmp_path):
     words = " ".join(done.stdout.split())
     assert "Too few readings: held-out ones are" in words, words + done.stderr
     assert "Joint errors, ratio, play and stiffening do not pay." in words
+
+
+def test_so_few_poses_that_none_can_be_held_out_have_a_report(tmp_path):
+    """Nothing but joint springs is kept, and no held-out error is claimed."""
+    rows = (ROOT / "models" / "ur10" / "readings" / "series_C.csv").read_text().splitlines()[:10]
+    (tmp_path / "few.csv").write_text("\n".join(rows) + "\n")
+    flags = ("--orders", 5, "--without", "links", "--out", tmp_path / "model")
+    done = run("calibrate", "ur10", tmp_path / "few.csv", *flags)
+    assert done.returncode == 0, done.stderr
+    assert "Held out:" not in done.stdout
+    steps = json.loads((tmp_path / "model" / "report.json").read_text())["steps"]
+    assert [step["name"] for step in steps if step["kept"]] == ["joint springs"]
+    assert {step["after_mm"] for step in steps} == {None}

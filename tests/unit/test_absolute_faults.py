@@ -268,6 +268,8 @@ def test_few_poses_read_often_are_one_block(ur10):
     (one,) = read(ur10, poses=7, masses=(0.0, 5.0))
     again = select_rows(one, np.repeat(np.arange(one.rows), 4))
     assert not blocks_of((again,))[0].any()
+    (some,) = read(ur10, poses=12, masses=(0.0, 5.0))
+    assert np.bincount(blocks_of((some,))[0]).tolist() == [12, 12]
     (more,) = read(ur10, poses=30, masses=(0.0, 5.0))
     label = blocks_of((more,))[0]
     assert len(np.unique(label)) > 1

@@ -66,7 +66,10 @@ class Candidate:
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
-    """Block of joint space of every row, by k-means on sine and cosine; rows of a pose share theirs."""
+    """Block of joint space of every row, by k-means on sine and cosine; rows of a pose share theirs.
+
+    Two halves where it leaves too few poses beside a block.
+    """
     from scipy.cluster.vq import kmeans2  # here: it takes long to import, and few runs need it
 
     rows = sum(one.rows for one in series)
@@ -80,8 +83,9 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
         label = np.zeros(one.rows, dtype=int)
         if k > 1:
             label = kmeans2(place, k, minit="++", seed=seed)[1].astype(int)
-        few = len(first) - np.bincount(label[first]).max() < LEAST
-        found.append(np.zeros_like(label) if few else label[first[pose]])
+        if k > 1 and len(first) - np.bincount(label[first]).max() < LEAST:
+            label[first] = 2 * np.arange(len(first)) // len(first)
+        found.append(label[first[pose]])
     return found
 
 
