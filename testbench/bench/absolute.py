@@ -52,7 +52,8 @@ def read_all(
     """Absolute readings of several files, and what was understood.
 
     Raises:
-        InputError: When a file cannot be read, or two would share frame and target by their names alone.
+        InputError: When a file cannot be read, two would share frame and target by their names alone, or most
+            rows of one stand in another.
     """
     series: list[Series] = []
     notes: list[str] = []
@@ -60,9 +61,27 @@ def read_all(
         if path.stem in [other.stem for other in paths[:k]]:
             raise InputError(path, "", f"expected another name: a file called {path.stem} was read already")
         found = read_series(path, arm, mapping, sigma)
+        _check_new(path, found.series, series)
         series += found.series
         notes += [f"{path.name}: {note}" for note in found.notes]
     return tuple(series), tuple(notes)
+
+
+def _check_new(path: Path, series: Sequence[Series], before: Sequence[Series]) -> None:
+    """Refuse a file whose readings were read already: held out, they would be no news."""
+    known = {reading for one in before for reading in _readings(one)}
+    own = [reading for one in series for reading in _readings(one)]
+    again = sum(reading in known for reading in own)
+    if again > len(own) / 2:
+        raise InputError(
+            path, "", f"expected new readings: {again} of its {len(own)} stand in another file too"
+        )
+
+
+def _readings(series: Series) -> list[bytes]:
+    """Joints and positions of every row that was read."""
+    rows = np.hstack([series.q, series.wrench[:, :3], series.position.reshape(series.rows, -1)])
+    return [row.tobytes() for row in rows[series.seen.any(axis=1)].round(9) + 0.0]
 
 
 def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:

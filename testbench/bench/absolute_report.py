@@ -227,15 +227,17 @@ class AbsoluteReport:
     @property
     def held_out_mm(self) -> tuple[float, float] | None:
         """RMS distance of held-out readings by geometry alone and by all that was kept; None if not tried."""
-        if not self.steps:
+        kept = [row.after_mm for row in self.ladder if row.kept]
+        if not kept or kept[0] is None or kept[-1] is None:
             return None
-        first, last = self.steps[0].before_mm, [row for row in self.ladder if row.kept][-1].after_mm
-        return None if first is None or last is None else (first, last)
+        return kept[0], kept[-1]
 
     @property
     def worse(self) -> bool:
-        """Whether the calibrated arm foretells held-out readings worse than the arm as drawn."""
-        return self.held_out_mm is not None and self.held_out_mm[1] > FAR * self.total_before.rms_mm
+        """Whether the calibrated arm foretells readings worse than the arm as drawn, or nothing says."""
+        if self.held_out_mm is None:
+            return bool(self.steps) and self.steps[0].series_after_mm is None
+        return self.held_out_mm[1] > FAR * self.total_before.rms_mm
 
     @property
     def paying(self) -> list[str]:

@@ -212,9 +212,12 @@ def _numbered(ignored: Sequence[str], count: int) -> str:
     units = dict(split_unit(name) or (name, None) for name in ignored)
     for name, unit in units.items():
         before, one, after = name.rpartition("1")
-        if one and all(f"{before}{k}{after}" in units for k in range(1, count + 1)):
-            ours = f"joint_{{n}}_{unit.name if unit else 'deg'}"
-            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{{n}}{after}\""""
+        if one and all(f"{before}{k}{after}" in units for k in range(1, count)):
+            n = "{n}" if f"{before}{count}{after}" in units else "{n0}"
+            if n == "{n0}" and f"{before}0{after}" not in units:
+                continue
+            ours = f"joint_{n}_{unit.name if unit else 'deg'}"
+            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{n}{after}\""""
     return ""
 
 

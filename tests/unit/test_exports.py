@@ -407,6 +407,21 @@ def test_a_line_for_numbered_joints_is_offered(tmp_path, name, line):
         read_export(own.data, ARM, own.map)
 
 
+def test_a_line_for_joints_numbered_from_0_is_offered_and_read(tmp_path):
+    own = files(tmp_path, "spreadsheet")
+    text = own.data.read_bytes()
+    for k in range(ARM.n_joints):
+        text = text.replace(f"A{k + 1}".encode(), f"A{k}".encode())
+    lines = own.map.read_text().splitlines()
+    renamed = files(tmp_path, "spreadsheet", text)
+    renamed.map.write_text("\n".join(line for line in lines if "joint" not in line))
+    said = '"joint_{n0}_deg" = "A{n0}"'
+    with pytest.raises(InputError, match=re.escape(f"map: {said}")):
+        read_export(renamed.data, ARM, renamed.map)
+    renamed.map.write_text("\n".join(said if "joint" in line else line for line in lines))
+    check_alike(read_export(renamed.data, ARM, renamed.map).data)
+
+
 def test_words_stand_for_loads(tmp_path):
     text = merged().decode().replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;")
     own = files(tmp_path, "merged", text.encode(), f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}')
