@@ -14,6 +14,7 @@ from testbench.identify.absolute.align import LEAST
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.outliers import outliers
 from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
+from testbench.identify.absolute.shared import far_off
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.torques import fit_weights
 from testbench.identify.prior import cad_prior
@@ -114,6 +115,11 @@ def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: i
         mount = state.mounts.get(one.target)
         seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
         if frame_poses is None and seen_before:
+            if off := far_off(state, one):
+                raise BenchError(
+                    f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from frame "
+                    f"{one.frame!r} of the calibration; with --frame-poses it gets a frame of its own"
+                )
             placed = known(state, belief, one)
         else:
             some = frame_poses or min(FRAME_POSES, max(LEAST, one.rows // 2))

@@ -26,11 +26,11 @@ from testbench.bench.absolute_report import (
 from testbench.bench.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.choose import Step
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.intervals import Interval, deviations_root, intervals, own_values
 from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import State, nominal
 from testbench.model.vjm import Vjm
 

@@ -17,8 +17,8 @@ from testbench.bench import absolute_model
 from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
 from testbench.cli.program import program
-from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal
 from testbench.identify.prior import cad_prior
 
@@ -300,3 +300,12 @@ def test_a_file_whose_rows_stand_in_another_is_refused(arm, readings):
     done = run("calibrate", arm, *readings[1:], part, "--out", arm.parent / "twice")
     assert done.returncode == 2
     assert "part.csv: expected new readings: 40 of its 40 stand in another file too" in done.stderr
+
+
+def test_a_new_series_by_the_name_of_a_known_one_is_refused_without_frame_poses(made, readings, tmp_path):
+    """Its tracker stands elsewhere."""
+    same = shutil.copyfile(readings[2], tmp_path / readings[0].name)
+    done = run("score", made[0], same)
+    assert done.returncode == 2
+    assert "with --frame-poses it gets a frame of its own" in " ".join(done.stderr.split())
+    assert run("score", made[0], same, "--frame-poses", 20).returncode == 0

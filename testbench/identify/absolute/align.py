@@ -14,8 +14,6 @@ from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.faults import explained, renamed
-from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.shared import read_only
 from testbench.identify.absolute.state import Frame, Mount, State, tell
 from testbench.identify.frames import Found, points, starts, unloaded
 from testbench.identify.registration import register
@@ -33,52 +31,6 @@ FAR = 0.02
 """Median distance of readings from the nominal arm, over the tool's distance from its base, beyond which it
 is another arm, or its joint angles are in another unit."""
 TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
-
-
-def aligned(state: State, series: tuple[Series, ...]) -> State:
-    """The state with a frame and a mount for every series; those that it has are kept.
-
-    Raises:
-        BenchError: When a series has too few rows, or does not fit the arm.
-    """
-    frames, mounts = dict(state.frames), dict(state.mounts)
-    for one in sorted(series, key=lambda one: not one.turned.any()):  # who reads orientations knows the mount
-        known = mounts.get(one.target)
-        if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
-            continue
-        frame, mount = align(state, read_only(one))
-        frames.setdefault(one.frame, frame)
-        mounts[one.target] = mount if known is None else _joined(known, mount)
-    found = replace(state, frames=frames, mounts=mounts)
-    _check_shared(found, series)
-    return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
-
-
-def _check_shared(state: State, series: tuple[Series, ...]) -> None:
-    """Refuse a series that does not fit the frame or mount that it shares with another, by BenchError.
-
-    A quarter of its readings does where something moved in mid-series.
-    """
-    for one in series:
-        others = [other for other in series if other is not one]
-        what = [f"frame {one.frame!r}"] * any(other.frame == one.frame for other in others)
-        what += [f"mount {one.target!r}"] * any(other.target == one.target for other in others)
-        if not what:
-            continue
-        left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
-        off = float(np.percentile(left, 25)) if len(left) else 0.0
-        if off > 2 * FAR * _reach(state.vjm, one):
-            raise BenchError(
-                f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
-                f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
-            )
-
-
-def _joined(known: Mount, more: Mount) -> Mount:
-    """A mount with the targets that another reading of it has beside."""
-    new = [k for k, name in enumerate(more.markers) if name not in known.markers]
-    markers = (*known.markers, *(more.markers[k] for k in new))
-    return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
 
 
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
@@ -154,11 +106,12 @@ def _tried(state: State, series: Series, most: int) -> Aligned | BenchError:
     mount = _mean(turns) if len(turns) else np.eye(3)
     turn = float(np.median(_angle(mount.T @ turns))) if len(turns) else 0.0
     return Aligned(
-        frame, Mount(found.targets[order], mount, series.markers), found.typical, turn, _reach(vjm, some)
+        frame, Mount(found.targets[order], mount, series.markers), found.typical, turn, reach(vjm, some)
     )
 
 
-def _reach(vjm: Vjm, series: Series) -> float:
+def reach(vjm: Vjm, series: Series) -> float:
+    """Median distance of the tool from the arm's base in the poses of a series [m]."""
     tool, _ = tool_pose(vjm, series.q)
     return float(np.median(np.linalg.norm(tool - vjm.base[:3, 3], axis=1)))
 
@@ -252,7 +205,7 @@ def _fits_roughly(state: State, series: Series) -> bool:
         typical = float(np.median(np.linalg.norm(seen.y - x, axis=1)))
         turns = _turns(state, series, found.rotation[0])
         turn = float(np.median(_angle(_mean(turns).T @ turns))) if len(turns) else 0.0
-        return typical < FAR * _reach(state.vjm, series) and turn < TURNED
+        return typical < FAR * reach(state.vjm, series) and turn < TURNED
     return False
 
 

@@ -11,12 +11,13 @@ from scipy.linalg import solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.align import LEAST, aligned
+from testbench.identify.absolute.align import LEAST
 from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.moved import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import pulls_of, residuals
+from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.model.structure import Ids

@@ -1,4 +1,4 @@
-"""Targets of a mount that several series share: each by its name, lost where a series does not have it."""
+"""Frames and mounts that several series share: targets by name, lost where a series does not have them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.align import FAR, align, reach
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.state import Mount, State
 
 
 def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
@@ -56,3 +59,55 @@ def _precision(series: Series) -> Array:
     if series.precision is not None:
         return series.precision
     return np.broadcast_to(np.eye(3) / series.sigma**2, (*series.position.shape[:2], 3, 3))
+
+
+def aligned(state: State, series: tuple[Series, ...]) -> State:
+    """The state with a frame and a mount for every series; those that it has are kept.
+
+    Raises:
+        BenchError: When a series has too few rows, or does not fit the arm.
+    """
+    frames, mounts = dict(state.frames), dict(state.mounts)
+    for one in sorted(series, key=lambda one: not one.turned.any()):  # who reads orientations knows the mount
+        known = mounts.get(one.target)
+        if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
+            continue
+        frame, mount = align(state, read_only(one))
+        frames.setdefault(one.frame, frame)
+        mounts[one.target] = mount if known is None else _joined(known, mount)
+    found = replace(state, frames=frames, mounts=mounts)
+    _check_shared(found, series)
+    return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
+
+
+def _check_shared(state: State, series: tuple[Series, ...]) -> None:
+    """Refuse a series that does not fit the frame or mount that it shares with another, by BenchError."""
+    for one in series:
+        others = [other for other in series if other is not one]
+        what = [f"frame {one.frame!r}"] * any(other.frame == one.frame for other in others)
+        what += [f"mount {one.target!r}"] * any(other.target == one.target for other in others)
+        if not what:
+            continue
+        off = far_off(state, one)
+        if off:
+            raise BenchError(
+                f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
+                f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
+            )
+
+
+def far_off(state: State, series: Series) -> float:
+    """How far three quarters of a series are from its frame and mount at least [m]; 0 where these may be its.
+
+    Those of a quarter are where something moved in mid-series.
+    """
+    left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
+    off = float(np.percentile(left, 25)) if len(left) else 0.0
+    return off if off > 2 * FAR * reach(state.vjm, series) else 0.0
+
+
+def _joined(known: Mount, more: Mount) -> Mount:
+    """A mount with the targets that another reading of it has beside."""
+    new = [k for k, name in enumerate(more.markers) if name not in known.markers]
+    markers = (*known.markers, *(more.markers[k] for k in new))
+    return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
