@@ -113,5 +113,6 @@ def _campaigns(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
     axes.set_xticks(range(len(rows)), [f"{row.campaign}\n{row.poses} poses" for row in rows])
     axes.set(ylabel="RMS error [mm]")
     axes.set_title(f"{arm}: {report.featured} readings, all errors on", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend(frameon=False, fontsize="small", loc="upper left")
+    axes.margins(y=0.2)
     quiet(axes)
