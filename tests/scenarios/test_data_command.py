@@ -94,7 +94,7 @@ def test_damaged_files_are_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("frame =", "fame =", "fame: unknown key; keys are frame, file, columns, cells, words, values"),
+        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, columns, optional"),
         ('"tracker"', '"moon"', "frame: Input should be 'base' or 'tracker', got 'moon'"),
         (
             '"Point"',
