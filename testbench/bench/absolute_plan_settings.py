@@ -11,15 +11,14 @@ from testbench.bench.plan_settings import (
     MOST_CANDIDATES,
     MOST_POSES,
     Place,
+    Site,
     check_range,
 )
 from testbench.bench.rows import UM
 from testbench.data.export import SIGMA_RANGE
-from testbench.data.station import Station
 from testbench.design.absolute import CRITERIA
 from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
-from testbench.model.poses import WorkArea
 from testbench.plant import Payload
 
 HIGHEST_ORDER = 30  #: Of the periodic errors that joints have, as true arms of the bench.
@@ -27,7 +26,7 @@ MOST_ORDERS = 12  #: Of those that are unknowns of a plan.
 
 
 @dataclass(frozen=True, kw_only=True)
-class AbsolutePlanSettings:
+class AbsolutePlanSettings(Site):
     """What is asked for."""
 
     model: str = EVERY  #: Name of the model of the compliances.
@@ -66,28 +65,12 @@ class AbsolutePlanSettings:
         check_range("--orders", self.orders, 0, MOST_ORDERS)
         if self.floor_z_m is not None:
             check_range("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST)
-        if self.acceptance_deg is not None and self.tracker_m is None:
-            raise BenchError("--acceptance-deg: expected --tracker with it")
-        if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
-            raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
+        self.check_site()
 
     @property
     def rest_urad(self) -> float:
         """Standard deviation of what a joint does beyond the orders that are identified."""
         return self.gear_urad * math.sqrt(HIGHEST_ORDER - self.orders)
-
-    @property
-    def station(self) -> Station | None:
-        """The tracker."""
-        if self.tracker_m is None:
-            return None
-        half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
-        return Station(self.tracker_m, acceptance=half)
-
-    @property
-    def area(self) -> WorkArea | None:
-        """Where the tool may be."""
-        return None if self.box_m is None else WorkArea(*self.box_m)
 
     @property
     def conditions(self) -> Conditions:

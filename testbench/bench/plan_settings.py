@@ -22,8 +22,36 @@ HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a sl
 MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
 
+class Site:
+    """Where poses may be and what reads them: what settings of plans share."""
+
+    tracker_m: Place | None  #: Where the tracker stands [m].
+    acceptance_deg: float | None  #: Half angle in which a target returns the beam [deg].
+    box_m: tuple[Place, Place] | None  #: Corners of the box that holds the tool [m].
+
+    def check_site(self) -> None:
+        """Refuse an acceptance without a tracker, and a box that is turned over, by BenchError."""
+        if self.acceptance_deg is not None and self.tracker_m is None:
+            raise BenchError("--acceptance-deg: expected --tracker with it")
+        if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
+            raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
+
+    @property
+    def station(self) -> Station | None:
+        """The tracker."""
+        if self.tracker_m is None:
+            return None
+        half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
+        return Station(self.tracker_m, acceptance=half)
+
+    @property
+    def area(self) -> WorkArea | None:
+        """Where the tool may be."""
+        return None if self.box_m is None else WorkArea(*self.box_m)
+
+
 @dataclass(frozen=True, kw_only=True)
-class PlanSettings:
+class PlanSettings(Site):
     """What is asked for."""
 
     #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
@@ -56,28 +84,12 @@ class PlanSettings:
             check_range("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1])
         if self.floor_z_m is not None:
             check_range("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST)
-        if self.acceptance_deg is not None and self.tracker_m is None:
-            raise BenchError("--acceptance-deg: expected --tracker with it")
-        if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
-            raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
-
-    @property
-    def station(self) -> Station | None:
-        """The tracker."""
-        if self.tracker_m is None:
-            return None
-        half = None if self.acceptance_deg is None else math.radians(self.acceptance_deg)
-        return Station(self.tracker_m, acceptance=half)
+        self.check_site()
 
     @property
     def conditions(self) -> Conditions:
         """What a pose must satisfy; under the largest load, as the others hang inside its outline."""
         return Conditions(self.area, self.station, Payload(max(self.loads_kg), self.sling_m))
-
-    @property
-    def area(self) -> WorkArea | None:
-        """Where the tool may be."""
-        return None if self.box_m is None else WorkArea(*self.box_m)
 
 
 def check_range(what: str, value: float, low: float, high: float) -> None:

@@ -15,7 +15,7 @@ WIDTH = 2.0  #: Largest median half width over the ideal one.
 TOLD = 0.9  #: Share of priors ten times off that must raise a doubt.
 
 
-def bars(advice: Sequence[Advice], cover: Sequence[CoverAt], doubts: Sequence[DoubtAt]) -> list[Bar]:
+def bars(advised: Sequence[Advice], cover: Sequence[CoverAt], doubts: Sequence[DoubtAt]) -> list[Bar]:
     """All of them, in the order of the report."""
     own = [c for c in cover if c.method == CHOSEN]
     [every] = [c for c in own if c.every]
@@ -30,9 +30,9 @@ def bars(advice: Sequence[Advice], cover: Sequence[CoverAt], doubts: Sequence[Do
                 None,
                 OVER_BEST,
             )
-            for a in advice
+            for a in advised
         ),
-        *(Bar(f"loses to joints alone, {a.poses} poses", a.default.loses, None, LOSES) for a in advice),
+        *(Bar(f"loses to joints alone, {a.poses} poses", a.default.loses, None, LOSES) for a in advised),
         Bar("covered", every.covered, *COVERED),
         *(Bar(f"covered, {c.where}", c.covered, AT_LEAST, None) for c in far),
         Bar("half width over the ideal, median", every.over_ideal.median, None, WIDTH),
