@@ -13,7 +13,7 @@ FLOORS = (
     {"files", "output", "arm"},
     {"data", "model", "trials"},
     {"plant", "identify"},
-    {"design"},
+    {"design", "correct"},
     {"bench"},
     {"views", "shell"},
     {"studies"},

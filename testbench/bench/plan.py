@@ -19,12 +19,13 @@ from testbench.data.station import Station
 from testbench.design.forecast import Forecast, open_to, widened, without_bound
 from testbench.design.planning import Plan, candidate_set, make_plan
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment, Load
+from testbench.design.rows import Experiment
 from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
+from testbench.model.load import Load
 from testbench.plant import build_site, contacts
 
 WORKSPACE = 200  #: Poses that stand for the workspace.

@@ -11,9 +11,9 @@ from testbench.bench.plan_settings import LOAD_RANGE, Place
 from testbench.data.columns import Columns, axes, find_columns, joint_coordinates
 from testbench.data.mapping import read_map
 from testbench.data.table import read_table
-from testbench.design.rows import Load
 from testbench.design.specification import Tasks
 from testbench.errors import Array, BenchError, InputError
+from testbench.model.load import Load
 from testbench.plant import collisions
 
 MAX_TASKS = 1000

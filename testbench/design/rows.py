@@ -12,7 +12,8 @@ from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.weighed import marker_motion
-from testbench.model.vjm import Vjm, chain, generalised_load, parameter_rows, twist_rows
+from testbench.model.load import Load, on_joints
+from testbench.model.vjm import Vjm, chain, parameter_rows, twist_rows
 
 Ids = npt.NDArray[np.int_]
 
@@ -23,14 +24,6 @@ RIDGE = 1e-13
 
 The weakest direction that MGCO56 shows under gravity has 2e-11 of the strongest one's information.
 """
-
-
-@dataclass(frozen=True)
-class Load:
-    """What hangs or pushes at the tool, in every pose the same or in each its own."""
-
-    wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
-    point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
 
 
 @dataclass(frozen=True)
@@ -81,8 +74,7 @@ def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
 
 def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
     where = chain(experiment.vjm, q)
-    wrench, point = np.broadcast_to(load.wrench, (len(q), 6)), np.broadcast_to(load.point, (len(q), 3))
-    u = generalised_load(where, wrench, point)
+    u = on_joints(where, [load.over(len(q))])
     J = np.tensordot(motion, twist_rows(where), axes=1)
     A = np.stack([*parameter_rows(experiment.metric.structure, J, u)])
     rows: Array = np.ascontiguousarray(A.transpose(2, 0, 1)) @ experiment.metric.L

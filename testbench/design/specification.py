@@ -8,7 +8,6 @@ from testbench.design.forecast import Forecast, forecast
 from testbench.design.rows import (
     Experiment,
     Ids,
-    Load,
     Problem,
     build_problem,
     deflection_rows,
@@ -16,6 +15,7 @@ from testbench.design.rows import (
     reading_rows,
 )
 from testbench.errors import Array
+from testbench.model.load import Load
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.design.forecast import Forecast, forecast_of
-from testbench.design.rows import SCALE_UNCERTAINTY, Experiment, Ids, Load, deflection_rows, reading_rows
+from testbench.design.rows import SCALE_UNCERTAINTY, Experiment, Ids, deflection_rows, reading_rows
 from testbench.design.specification import Specification, loads_of, measured_rows
 from testbench.errors import Array
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
+from testbench.model.load import Load
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from testbench.design.criteria import Determinant, Linear, criterion_e
 from testbench.design.exchange import exchange
 from testbench.design.planning import CRITERIA, DETOUR, _order, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment, Load, build_problem, deflection_rows, information, reading_rows
+from testbench.design.rows import Experiment, build_problem, deflection_rows, information, reading_rows
 from testbench.design.specification import Specification, Tasks, promise_of, task_rows
 from testbench.design.whole_arm import fit_of, promise_on
 from testbench.errors import BenchError
@@ -21,6 +21,7 @@ from testbench.identify import least_squares, reduce, with_prior
 from testbench.identify.evaluate import predict
 from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.prior import Strength, cad_prior
+from testbench.model.load import Load
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation

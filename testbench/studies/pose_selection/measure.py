@@ -10,11 +10,11 @@ from testbench.bench.rows import MM, dataset_row, error_row, fit_row
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_positions
-from testbench.design.rows import Load
 from testbench.design.specification import Specification, loads_of
 from testbench.errors import Array
 from testbench.identify import Estimate
 from testbench.identify.evaluate import Score, predict, predict_all, score
+from testbench.model.load import Load
 from testbench.plant import Equilibrium
 from testbench.studies.pose_selection.rows import Model, Where
 from testbench.studies.pose_selection.settings import Settings

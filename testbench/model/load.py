@@ -1,0 +1,45 @@
+"""What hangs or pushes at the tool."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array, BenchError, check_array
+from testbench.model.vjm import Chain, generalised_load
+
+
+@dataclass(frozen=True)
+class Load:
+    """What hangs or pushes at the tool, in every pose the same or in each its own."""
+
+    wrench: Array  #: Force and moment, world axes, (6,) or (poses, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (3,) or (poses, 3) [m].
+
+    def over(self, poses: int) -> "Load":
+        """The same with a row a pose.
+
+        Raises:
+            BenchError: When it has another number of poses, or a number that is not finite.
+        """
+        try:
+            wrench, point = np.broadcast_to(self.wrench, (poses, 6)), np.broadcast_to(self.point, (poses, 3))
+        except ValueError:
+            shapes = f"{np.shape(self.wrench)} and {np.shape(self.point)}"
+            problem = f"expected a wrench and a point, or one for each of {poses} poses, got {shapes}"
+            raise BenchError(f"load: {problem}") from None
+        check_array(wrench, (poses, 6), "wrench [N, N m]")
+        check_array(point, (poses, 3), "point [m]")
+        return Load(wrench, point)
+
+    def of(self, some: slice | Array) -> "Load":
+        """That of some poses, where there is a row a pose."""
+        return Load(self.wrench[some], self.point[some])
+
+
+def on_joints(where: Chain, loads: Sequence[Load]) -> Array:
+    """Sum of J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; every load has a row a pose."""
+    u = np.zeros(where.J_theta.shape[1:])
+    for load in loads:
+        u += generalised_load(where, load.wrench, load.point)
+    return u
