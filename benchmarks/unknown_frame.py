@@ -22,7 +22,7 @@ from testbench.bench.tracker_runs import by_trackers
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
-from testbench.identify.evaluate import predict, score
+from testbench.identify.evaluate import deflections, score
 from testbench.identify.frames import kabsch
 from testbench.identify.in_base import in_base
 from testbench.identify.prior import Strength, cad_prior, distorted
@@ -57,7 +57,7 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     fit, structure = with_prior(gco, prior, Strength(0.3)), mgco68(cell.arm)
 
     def error(vjm: Vjm, runs: Dataset) -> float:
-        return score(predict(vjm, fit(vjm, structure, runs), truth), truth.deflection).rms
+        return score(deflections(vjm, fit(vjm, structure, runs), truth), truth.deflection).rms
 
     at, seen = (
         x.before.reshape(-1, 3) for x in (clean, data)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
     from testbench.identify.absolute.fit import calibrate as calibrate
-    from testbench.identify.evaluate import predict as predict
+    from testbench.identify.evaluate import deflections as deflections
     from testbench.identify.evaluate import score as score
     from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.registered import registered as registered
@@ -63,7 +63,7 @@ HOMES = {
     "make_estimate": "identify",
     "certify": "identify",
     "intervals": "identify",
-    "predict": "identify.evaluate",
+    "deflections": "identify.evaluate",
     "score": "identify.evaluate",
     "calibrate": "identify.absolute.fit",
     "PlanSettings": "bench.plan_settings",

@@ -18,7 +18,7 @@ from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked
 from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
-from testbench.identify.evaluate import predict, score
+from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
 
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
@@ -115,7 +115,7 @@ def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *,
     estimate, seconds = timed
 
     def judge(data: Dataset) -> ErrorRow:
-        return error_row(score(predict(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
+        return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
 
     C = estimate.C_theta
     return Fitted(

@@ -8,7 +8,7 @@ from testbench.bench.models import Model
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, Method
-from testbench.identify.evaluate import Score, predict_all, score
+from testbench.identify.evaluate import Score, all_deflections, score
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,9 @@ def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seco
 def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> list[Errors]:
     """The errors of several estimates of one campaign."""
     fitted, check, truth = campaign.identification, campaign.check, campaign.truth
-    predicted = [predict_all(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)]
+    predicted = [
+        all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)
+    ]
     return [
         Errors(
             identification=score(own[0], fitted.deflection),

@@ -37,7 +37,7 @@ class Normality:
     p_value: float  #: Of the Lilliefors test; below 0.05 normality is rejected [1].
 
 
-def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
+def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
     """Deflections of a dataset's markers by a model, Eq. (11).
 
     Args:
@@ -48,10 +48,10 @@ def predict(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
     Returns:
         World x, y and z of every marker in every run, (runs, m, 3) [m].
     """
-    return np.asarray(predict_all(vjm, [estimate], data)[0])
+    return np.asarray(all_deflections(vjm, [estimate], data)[0])
 
 
-def predict_all(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
+def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
     """The same by several models, (models, runs, m, 3) [m]: where the arm is, is worked out once."""
     C = np.array([estimate.C_theta for estimate in estimates])
     points = marker_points(vjm, data.markers)
@@ -72,7 +72,7 @@ def score(predicted: Array, reference: Array) -> Score:
     """Distance errors of predictions against measured (or true) deflections.
 
     Args:
-        predicted: Such as `predict` returns, (runs, m, 3) [m].
+        predicted: Such as `deflections` returns, (runs, m, 3) [m].
         reference: Such as `Dataset.deflection`, (runs, m, 3) [m]; index both with `Dataset.seen` where
             targets were lost.
 

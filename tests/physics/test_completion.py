@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench import cad_prior, completed_least_squares, gco, least_squares, predict, robust, with_prior
+from testbench import cad_prior, completed_least_squares, deflections, gco, least_squares, robust, with_prior
 from testbench.bench.campaign import Scenario
 from testbench.bench.campaign import simulate as calibrate
 from testbench.bench.full_pose import FullPose, simulate
@@ -31,7 +31,7 @@ def test_of_section_5_2_most_models_of_least_squares_are_conservative_at_no_cost
     assert filled.conservative
     assert (filled.status, filled.constraint) == ("solved", "free")
     assert filled.f_m == pytest.approx(plain.f_m, rel=1e-7)
-    moved = [predict(arm_6r.vjm, e, data) for e in (plain, filled)]
+    moved = [deflections(arm_6r.vjm, e, data) for e in (plain, filled)]
     np.testing.assert_allclose(*moved, rtol=0, atol=1e-10)  # of millimetres: readings agree to 1e-7
     assert np.abs(filled.pi - plain.pi).max() > 0.1 * np.abs(plain.pi).max()  # and yet another model
 
@@ -94,7 +94,7 @@ def deflected(cell, structure, pi):
     runs = calibrate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 1).identification
     estimate = least_squares(cell.vjm, structure, runs)
     made = replace(estimate, pi=pi, C_theta=structure.matrix(pi))
-    return replace(imagined(runs), after=predict(cell.vjm, made, runs))
+    return replace(imagined(runs), after=deflections(cell.vjm, made, runs))
 
 
 def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):

@@ -13,7 +13,7 @@ from testbench.bench.judged import identify
 from testbench.bench.models import Model, named_models
 from testbench.errors import BenchError, PoseError
 from testbench.identify import gco, least_squares, reduce
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, observation, rotation_observation
 
@@ -61,7 +61,7 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
         np.testing.assert_array_equal(noisy.check_true.q, noisy.check.q)
         assert np.abs(noisy.check.deflection - noisy.check_true.deflection).max() > scenario.sigma
         [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), clock)
-        error = predict(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
+        error = deflections(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
         rms = np.sqrt((error**2).sum(axis=-1).mean())
         assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
 

@@ -12,7 +12,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds, gradient_dual
-from testbench.identify.evaluate import LILLIEFORS_SAMPLES, normality, predict, score
+from testbench.identify.evaluate import LILLIEFORS_SAMPLES, deflections, normality, score
 from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation, rotation_observation
@@ -180,7 +180,7 @@ def test_predictions_are_recovered_from_noise_free_linear_data(kr500, estimator,
         data = gravity_data(kr500, seed, noise=False).identification
         estimate = estimator(kr500.vjm, structure(kr500.arm), data)
         assert estimate.status == "solved"
-        error = predict(kr500.vjm, estimate, data) - data.deflection
+        error = deflections(kr500.vjm, estimate, data) - data.deflection
         assert np.abs(error).max() < 1e-9
 
 
@@ -190,7 +190,7 @@ def test_predictions_at_unseen_poses_are_recovered_where_the_data_see_all(arm_6r
     for estimator in (least_squares, gco):
         estimate = estimator(arm_6r.vjm, template56(arm_6r.arm), data)
         assert estimate.regression.rank == 32
-        assert np.abs(predict(arm_6r.vjm, estimate, unseen) - unseen.deflection).max() < 1e-9
+        assert np.abs(deflections(arm_6r.vjm, estimate, unseen) - unseen.deflection).max() < 1e-9
 
 
 @pytest.mark.parametrize("structure", [mgco47, mgco68])
@@ -310,7 +310,7 @@ def test_a_users_own_estimator_plugs_in(kr500):
     assert estimate.conservative
     assert estimate.status == "not certified"
     assert "wrong structure, sigma, load" in " ".join(estimate.advice)
-    assert score(predict(kr500.vjm, estimate, data), data.deflection).max_relative == pytest.approx(1)
+    assert score(deflections(kr500.vjm, estimate, data), data.deflection).max_relative == pytest.approx(1)
     with pytest.raises(BenchError, match="finite"):
         make_estimate(estimate.regression, np.full(47, np.nan), method="broken")
 

@@ -28,7 +28,7 @@ def runs(kr500, model):
 
 def moved(cell, structure, data):
     plain = tb.least_squares(cell.vjm, structure, data)
-    return tb.predict(cell.vjm, replace(plain, pi=TRUE, C_theta=structure.matrix(TRUE)), data)
+    return tb.deflections(cell.vjm, replace(plain, pi=TRUE, C_theta=structure.matrix(TRUE)), data)
 
 
 def test_gravity_leaves_joint_1_at_zero_and_finds_the_others(kr500, model, runs):

@@ -12,7 +12,7 @@ from testbench.bench.models import Model, named_models
 from testbench.data.outliers import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.hierarchy import learn
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.metric import metric, rescaled
@@ -133,7 +133,7 @@ def test_datasets_fitted_together_are_fitted_as_each_alone(kr500, campaign, prio
         for own, runs in zip(method.each(kr500.vjm, structure, datasets), datasets, strict=True):
             alone = method(kr500.vjm, structure, runs)
             assert (own.status, own.advice, own.rejected) == (alone.status, alone.advice, alone.rejected)
-            moved = [predict(kr500.vjm, e, runs) for e in (own, alone)]  # where the data hold the fit
+            moved = [deflections(kr500.vjm, e, runs) for e in (own, alone)]  # where the data hold the fit
             np.testing.assert_allclose(*moved, rtol=0, atol=1e-6 * np.abs(moved[1]).max())
 
 
@@ -158,6 +158,6 @@ def test_last_digits_of_the_readings_move_no_prediction(kr500, campaign, prior, 
     for model in named_models(kr500, ["MGCO56", "MGCO47", "MGCO68"]):
         one, two = (method(kr500.vjm, model.structure, runs) for runs in (data, other))
         for where in (data, campaign.truth) if with_a_prior else (data,):
-            moved = predict(kr500.vjm, one, where)
-            change = np.abs(predict(kr500.vjm, two, where) - moved).max()
+            moved = deflections(kr500.vjm, one, where)
+            change = np.abs(deflections(kr500.vjm, two, where) - moved).max()
             assert change <= 1e-9 * np.abs(moved).max()

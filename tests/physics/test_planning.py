@@ -18,7 +18,7 @@ from testbench.design.specification import Specification, Tasks, promise_of, tas
 from testbench.design.whole_arm import fit_of, promise_on
 from testbench.errors import BenchError
 from testbench.identify import least_squares, reduce, with_prior
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.load import Load
@@ -249,7 +249,7 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
         runs = measure(own, setup, hanging(own, q, np.arange(9) + 1, 460.3), rng)
         true = measure(own, setup, hanging(own, spec.tasks.q, np.arange(10) + 1, 460.3))
         for name, (_, structure, method) in fits.items():
-            off = predict(cell.vjm, method(cell.vjm, structure, runs), true) - true.deflection
+            off = deflections(cell.vjm, method(cell.vjm, structure, runs), true) - true.deflection
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
         fit = fit_of(replace(spec.experiment, metric=whole), 0.3, model, q, load)

@@ -21,7 +21,7 @@ from testbench.identify.crossval import (
     one_standard_error,
     unless_beaten,
 )
-from testbench.identify.evaluate import predict, score
+from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric, precision_root, rescaled, whitened
 from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, distorted
 from testbench.identify.regression import f_m
@@ -42,7 +42,7 @@ def campaign(cell, seed, **changes):
 
 
 def workspace(cell, run, estimate):
-    return score(predict(cell.vjm, estimate, run.truth), run.truth.deflection).rms
+    return score(deflections(cell.vjm, estimate, run.truth), run.truth.deflection).rms
 
 
 @pytest.fixture(params=[mgco147, all153, mgco68, template56])

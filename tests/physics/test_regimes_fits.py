@@ -11,7 +11,7 @@ from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.identify import reduce
 from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.completion import completed
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.prior import aggregate
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, mgco68, template56
@@ -93,7 +93,7 @@ def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_g
     np.testing.assert_allclose(A @ lent.pi, A @ ls.pi, atol=1e-9 * np.abs(A @ ls.pi).max())
     # here a conservative model fits as well: GCO has the fit of least squares, and the rest from `lent`
     assert not found.binds[0]
-    moved = [predict(kr500.vjm, own, clean.judge) for own in (ls, gco, lent)]
+    moved = [deflections(kr500.vjm, own, clean.judge) for own in (ls, gco, lent)]
     size = np.abs(moved[1]).max()
     assert np.abs(moved[2] - moved[1]).max() < 1e-3 * size
     assert np.abs(moved[0] - moved[1]).max() > 0.1 * size
@@ -120,6 +120,6 @@ def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):
     rng, draws = stream(SEEDS[0], 1), 300
     seen = [reduce(kr500.vjm, structure, reread(clean.runs, sigma, rng)) for _ in range(draws)]
     found = fit_each([exact, *seen], "none", [None] * (draws + 1))
-    moved = np.array([predict(kr500.vjm, own, clean.judge) for own in found])
+    moved = np.array([deflections(kr500.vjm, own, clean.judge) for own in found])
     error = 1e6 * np.sqrt(np.square(moved[1:] - moved[0]).sum(axis=3).mean())
     assert error == pytest.approx(expected, rel=0.2)  # of one direction 300 draws tell it to 4 %

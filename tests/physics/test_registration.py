@@ -12,7 +12,7 @@ from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import gco
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.frames import MOST
 from testbench.identify.frames import unloaded as run_means
 from testbench.identify.in_base import in_base
@@ -253,7 +253,7 @@ def test_model_is_that_of_readings_in_the_bases_frame(kr500, rng):
     method = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))
     own = {"rotation_before": None, "rotation_after": None, "sigma_rotation": None}
     model = [
-        predict(vjm, method(vjm, mgco68(vjm.arm), replace(runs, **own)), campaign.truth)
+        deflections(vjm, method(vjm, mgco68(vjm.arm), replace(runs, **own)), campaign.truth)
         for vjm, runs in ((kr500.vjm, data), (found.vjm, found.data))
     ]
     off = np.linalg.norm(model[1] - model[0], axis=-1)

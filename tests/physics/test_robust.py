@@ -12,7 +12,7 @@ from testbench.data.outliers import spoil
 from testbench.errors import BenchError
 from testbench.identify import cone, gco, huber, least_squares, readings, reduce
 from testbench.identify.estimate import TOOL
-from testbench.identify.evaluate import predict, score
+from testbench.identify.evaluate import deflections, score
 from testbench.identify.huber import DELTA, REJECT, without_outliers
 from testbench.identify.metric import Belief, metric, precision_root
 from testbench.identify.prior import Strength, cad_prior, distorted
@@ -160,7 +160,7 @@ def test_five_percent_of_readings_off_by_a_millimetre_cost_at_most_a_fifth(kr500
         assert fit.conservative
 
         def rms(estimate, run=run):
-            return score(predict(kr500.vjm, estimate, run.truth), run.truth.deflection).rms
+            return score(deflections(kr500.vjm, estimate, run.truth), run.truth.deflection).rms
 
         clean = rms(gco_with(reduce(kr500.vjm, s, run.identification), units, STRENGTH))
         ratios.append(rms(fit) / clean)
@@ -194,7 +194,7 @@ def test_f_m_of_a_robust_fit_is_eq_19_over_the_readings_that_are_left(kr500):
     fit = robustly(kr500, template56(kr500.arm), data, "none")
     assert found(fit) >= planted(data, mask)
     left = np.array([[(run, name) not in found(fit) for name in data.markers] for run in data.run])
-    residual = (predict(kr500.vjm, fit, data) - data.deflection)[left]
+    residual = (deflections(kr500.vjm, fit, data) - data.deflection)[left]
     expected = np.sqrt((residual**2).sum() / len(residual)) / (np.sqrt(2) * data.sigma)
     assert fit.f_m == pytest.approx(expected, rel=1e-9)
     assert fit.f_m == pytest.approx(f_m(fit.regression, fit.pi))

@@ -19,7 +19,7 @@ from testbench.bench.truths import (
 )
 from testbench.bench.wrong_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 from testbench.errors import BenchError
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import TEMPLATE, all153
@@ -123,10 +123,10 @@ def test_mujoco_and_the_model_agree_to_first_order_on_every_truth(kr500, name):
     estimate = model.estimator(cell.vjm, model.structure, campaign.identification)
     true = replace(estimate, C_theta=cell.plant.arm.C_theta)
     moved = campaign.truth.deflection
-    apart = np.abs(predict(cell.vjm, true, campaign.truth) - moved).max()
+    apart = np.abs(deflections(cell.vjm, true, campaign.truth) - moved).max()
     assert apart < 1e-8 * np.abs(moved).max()
     folders = replace(estimate, C_theta=kr500.arm.C_theta)
-    differs = np.abs(predict(cell.vjm, folders, campaign.truth) - moved).max()
+    differs = np.abs(deflections(cell.vjm, folders, campaign.truth) - moved).max()
     assert (differs > 1e-3 * np.abs(moved).max()) == (name != "tubes")
 
 

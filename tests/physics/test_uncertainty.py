@@ -12,7 +12,7 @@ from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
 from testbench.identify.bootstrap import bootstrap, resampler
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.intervals import CURVED, curvature, linearise
 from testbench.identify.least_squares import minimum_norm, solve
 from testbench.identify.metric import metric
@@ -233,7 +233,7 @@ def test_intervals_of_predicted_deflections_are_those_of_their_rows(kr500, gravi
     s, where = template56(kr500.arm), gravity.truth
     estimate = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))(kr500.vjm, s, gravity.identification)
     found = intervals(kr500.vjm, estimate, where)
-    np.testing.assert_allclose(found.centre, predict(kr500.vjm, estimate, where), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.centre, deflections(kr500.vjm, estimate, where), rtol=0, atol=1e-12)
     one = where.deflection.shape
     assert found.lower.shape == found.upper.shape == one
     rows = rows_of(kr500, s, where, kr500.vjm.markers).reshape(*one, s.n)

@@ -11,7 +11,7 @@ from testbench.data.dataset import select
 from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, reduce, with_prior
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.identify.least_squares import solve
 from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.readings import weigh
@@ -151,7 +151,7 @@ def test_the_last_digit_of_a_marker_moves_no_prediction(cell, prior):
         before, after = (read_positions(tracker, p, noise) for p in true)
         data = replace(clean, before=before, after=after, precision=precision(tracker, before, after))
         estimate = method(cell.vjm, template56(cell.arm), data)
-        predicted.append(predict(cell.vjm, estimate, campaign.truth))
+        predicted.append(deflections(cell.vjm, estimate, campaign.truth))
     assert (predicted[0] != predicted[1]).any()
     # of 10 mm: the conic solver stops at 1e-8 of the cost, least squares at rounding
     np.testing.assert_allclose(predicted[1], predicted[0], rtol=0, atol=1e-9 if prior else 1e-12)

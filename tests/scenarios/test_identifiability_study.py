@@ -8,7 +8,7 @@ from run_here import ROOT, app_of_study, check_files, here, quick_study
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.identify import gco, least_squares, with_prior
-from testbench.identify.evaluate import predict, score
+from testbench.identify.evaluate import deflections, score
 from testbench.studies.identifiability.methods import STRUCTURES, Asked, fit_each
 
 APP = app_of_study("identifiability")
@@ -116,5 +116,5 @@ def test_a_fit_of_a_campaign_is_made_once_and_is_what_its_method_makes_alone(kr5
         )
         alone = method(kr500.vjm, STRUCTURES[own.structure](kr500), campaign.identification)
         assert fit.estimate.belief.strength == alone.belief.strength
-        error = score(predict(kr500.vjm, alone, campaign.truth), campaign.truth.deflection)
+        error = score(deflections(kr500.vjm, alone, campaign.truth), campaign.truth.deflection)
         assert fit.row.workspace.rms_mm == pytest.approx(1e3 * error.rms, rel=1e-6)

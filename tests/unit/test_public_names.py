@@ -80,7 +80,7 @@ def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_p
     }
     found = {name: method(cell.vjm, structure, runs.identification) for name, method in methods.items()}
     rms = {
-        name: tb.score(tb.predict(cell.vjm, e, runs.truth), runs.truth.deflection).rms
+        name: tb.score(tb.deflections(cell.vjm, e, runs.truth), runs.truth.deflection).rms
         for name, e in found.items()
     }
     assert rms["prior"] < rms["LS"] / 2  # the prior is the truth: ten times better here

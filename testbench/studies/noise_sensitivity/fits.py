@@ -16,7 +16,7 @@ from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.identify import Constraint, Estimate
-from testbench.identify.evaluate import predict_all, score
+from testbench.identify.evaluate import all_deflections, score
 from testbench.trials.spread import Number, Share, middle, spread
 
 ANGLE_PER_LENGTH = 10.0
@@ -85,7 +85,7 @@ def summed(rows: Sequence[F]) -> F:
 
 def judged(cell: Cell, model: Model, estimates: Sequence[Estimate], truth: Dataset) -> list[FitRow]:
     """A model's estimates judged by the same true deflections."""
-    errors = [score(moved, truth.deflection) for moved in predict_all(cell.vjm, estimates, truth)]
+    errors = [score(moved, truth.deflection) for moved in all_deflections(cell.vjm, estimates, truth)]
     return [
         FitRow(
             model=model.name,

@@ -17,7 +17,7 @@ from testbench.data.dataset import Dataset
 from testbench.design.forecast import Forecast, widened
 from testbench.design.whole_arm import promise_on
 from testbench.identify import Estimate
-from testbench.identify.evaluate import predict
+from testbench.identify.evaluate import deflections
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection.measure import Bench
 from testbench.studies.pose_selection.rows import Kept, Row
@@ -52,7 +52,7 @@ def of_promise(bench: Bench, asked: Settings, seed: int, measured: tuple[str, Ch
 def _against(bench: Bench, promise: Forecast, estimate: Estimate) -> tuple[float, float]:
     """RMS error at the tasks [mm], and the share of deflections along an axis inside their half widths."""
     vjm, tasks = bench.cell.vjm, bench.tasks
-    off = predict(vjm, estimate, tasks) - tasks.deflection
+    off = deflections(vjm, estimate, tasks) - tasks.deflection
     own = (off @ chain(vjm, tasks.q).rotation).reshape(len(off), -1)  # along the tool's axes, as promised
     rms = float(np.sqrt(np.square(off).sum(axis=2).mean()))
     return MM * rms, float((np.abs(own) <= half_widths(promise)).mean())

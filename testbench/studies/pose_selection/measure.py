@@ -13,7 +13,7 @@ from testbench.data.tracker import Tracker, read_positions
 from testbench.design.specification import Specification, loads_of
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.evaluate import Score, predict, predict_all, score
+from testbench.identify.evaluate import Score, all_deflections, deflections, score
 from testbench.model.load import Load
 from testbench.plant import Equilibrium
 from testbench.studies.pose_selection.rows import Model, Where
@@ -33,12 +33,12 @@ class Bench:
 
     def score(self, estimate: Estimate, data: Dataset) -> Score:
         """Errors of predicted deflections."""
-        return score(predict(self.cell.vjm, estimate, data), data.deflection)
+        return score(deflections(self.cell.vjm, estimate, data), data.deflection)
 
     def errors_mm(self, estimates: Sequence[Estimate]) -> list[tuple[float, float]]:
         """RMS distances of predicted from true deflections, at the tasks and over the workspace [mm]."""
         tasks, workspace = (
-            [MM * score(own, data.deflection).rms for own in predict_all(self.cell.vjm, estimates, data)]
+            [MM * score(own, data.deflection).rms for own in all_deflections(self.cell.vjm, estimates, data)]
             for data in (self.tasks, self.workspace)
         )
         return list(zip(tasks, workspace, strict=True))
@@ -110,5 +110,5 @@ def model_row(bench: Bench, name: str, estimate: Estimate, data: Dataset) -> Mod
 
 def pose_by_pose(bench: Bench, estimate: Estimate) -> Where:
     """RMS distance over the markers of every task and every pose of the workspace [mm]."""
-    errors = [predict(bench.cell.vjm, estimate, d) - d.deflection for d in (bench.tasks, bench.workspace)]
+    errors = [deflections(bench.cell.vjm, estimate, d) - d.deflection for d in (bench.tasks, bench.workspace)]
     return Where(*(tuple((MM * np.sqrt(np.square(e).sum(axis=2).mean(axis=1))).tolist()) for e in errors))

@@ -8,7 +8,7 @@ import numpy as np
 from testbench.bench.rows import UM
 from testbench.errors import Array
 from testbench.identify import Estimate, reduce
-from testbench.identify.evaluate import predict_all
+from testbench.identify.evaluate import all_deflections
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.model.vjm import Vjm
 from testbench.studies.regimes.campaigns import Clean, Grid
@@ -54,19 +54,21 @@ class Judge:
     def anywhere(self, estimates: Sequence[Estimate]) -> Array:
         """RMS error in poses never measured, of an estimate a cell, (cells,) [um]."""
         data = self.clean.judge
-        error = predict_all(self.vjm, estimates, data) - data.deflection
+        error = all_deflections(self.vjm, estimates, data) - data.deflection
         return np.asarray(UM * np.sqrt(np.square(error).sum(axis=3).mean(axis=(1, 2))))
 
     def fitted(self, estimates: Sequence[Estimate]) -> Array:
         """RMS error in the runs that each was identified from, against the truth, (cells,) [um]."""
         data = self.clean.runs
-        square = np.square(predict_all(self.vjm, estimates, data) - data.deflection).sum(axis=3).mean(axis=2)
+        square = (
+            np.square(all_deflections(self.vjm, estimates, data) - data.deflection).sum(axis=3).mean(axis=2)
+        )
         first = [self.clean.first(poses) for poses, _ in self.grid.cells]
         return np.array([UM * np.sqrt(own[k].mean()) for own, k in zip(square, first, strict=True)])
 
     def moved(self, estimates: Sequence[Estimate]) -> Array:
         """RMS deflection that each predicts in poses never measured, (cells,) [um]."""
-        moved = predict_all(self.vjm, estimates, self.clean.judge)
+        moved = all_deflections(self.vjm, estimates, self.clean.judge)
         return np.asarray(UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
 
     def expected(self, regressions: Sequence[Regression]) -> Array:

@@ -13,7 +13,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals
 from testbench.identify.contradiction import Unchecked, contradicted, unchecked
-from testbench.identify.evaluate import predict_all, score
+from testbench.identify.evaluate import all_deflections, score
 from testbench.identify.hierarchy import KIND
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
@@ -38,7 +38,7 @@ def case_of(cell: Cell, names: tuple[str, str], campaign: Campaign, estimate: Es
 
 def errors_mm(cell: Cell, estimates: Sequence[Estimate], truth: Dataset) -> list[float]:
     """RMS errors against true deflections [mm]."""
-    moved = predict_all(cell.vjm, estimates, truth)
+    moved = all_deflections(cell.vjm, estimates, truth)
     return [MM * score(own, truth.deflection).rms for own in moved]
 
 
@@ -93,7 +93,7 @@ def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
     C, at = cell.plant.arm.C_theta, slice(6 * link, 6 * link + 6)
     own = np.zeros_like(C)
     own[at, at] = C[at, at]
-    part, whole = predict_all(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
+    part, whole = all_deflections(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
     return float(np.linalg.norm(part) / np.linalg.norm(whole))
 
 
