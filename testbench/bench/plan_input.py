@@ -2,13 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.bench.plan_settings import LOAD_RANGE, Place
-from testbench.data.columns import Columns, axes, find_columns, joint_coordinates
+from testbench.data.columns import Columns, find_columns, joint_coordinates
+from testbench.data.components import vector
 from testbench.data.mapping import read_map
 from testbench.data.table import read_table
 from testbench.design.specification import Tasks
@@ -18,9 +18,6 @@ from testbench.plant import collisions
 
 MAX_TASKS = 1000
 LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
-Vector = Literal["force", "moment", "point"]
-FARTHEST: dict[Vector, float] = {"force": 1e6, "moment": 1e6, "point": 10.0}
-"""Largest components of a task's load [N, N m] and of where it acts [m]; beyond them a unit is a slip."""
 
 
 def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
@@ -52,34 +49,21 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
 def _read_load(columns: Columns, hung: Load) -> Load:
     """The load of every task."""
     table = columns.table
-    found = {what: axes(columns, what) for what in FARTHEST}
-    there = {what for what, own in found.items() if any(own)}
-    if there == {"point"}:
+    force, moment, point = vector(columns, "force"), vector(columns, "moment"), vector(columns, "point")
+    if force is None and moment is None:
+        if point is None:
+            return hung
         raise InputError(
             table.path,
             f"line {table.header}",
             "expected force_x_N, force_y_N, force_z_N where point_x_m, point_y_m, point_z_m are given",
         )
-    if not there:
-        return hung
-
-    def three(what: Vector, default: Array) -> Array:
-        if what not in there:
-            return np.tile(default, (table.rows, 1))
-        most = FARTHEST[what]
-        values = np.column_stack([columns.full(c) if c else np.zeros(table.rows) for c in found[what]])
-        far = np.argwhere(np.abs(values) > most)
-        if len(far):
-            i, k = far[0]
-            name = next(c.name for c in found[what] if c and c.slot.index == k)
-            raise table.error(i, name, f"expected {-most:g} to {most:g}, got {values[i, k]:g}")
-        return values
-
-    wrench = np.hstack([three("force", np.zeros(3)), three("moment", np.zeros(3))])
+    none = np.zeros((table.rows, 3))
+    wrench = np.hstack([none if part is None else part for part in (force, moment)])
     idle = np.flatnonzero(~wrench.any(axis=1))
     if len(idle):
         raise table.error(idle[0], "", "expected a load, got zero force and moment")
-    return Load(wrench, three("point", hung.point))
+    return Load(wrench, np.tile(hung.point, (table.rows, 1)) if point is None else point)
 
 
 def read_payload(path: Path) -> Array | None:

@@ -9,14 +9,13 @@ from testbench.arm.folder import Arm
 from testbench.data.axis_rows import join_axes
 from testbench.data.combined import take_apart
 from testbench.data.mapping import Named, Names
-from testbench.data.names import DEFLECTION, SI, XYZ, Slot, What
+from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What
 from testbench.data.table import Table
 from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, InputError
 
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
-ROTATIONS: tuple[What, ...] = ("rotation", "quaternion", "matrix")
 READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
 """Quantities whose cells are blank, or hold a word, where a target was lost."""
 

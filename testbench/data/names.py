@@ -19,6 +19,9 @@ STATES = {"before": ("before", "unloaded"), "after": ("after", "loaded")}
 DEFLECTION = "deflection"
 """What stands in the place of a state where a file has loaded minus unloaded positions."""
 
+ALONG = ("feed", "cross", "axial")
+"""Parts of a process force: along the feed, across it, along the spindle."""
+
 WHOLE = -1  #: Index of a position whose axis a column of axes says.
 
 What = Literal[
@@ -48,7 +51,12 @@ What = Literal[
     "series",
     "series_frame",
     "series_target",
+    "set_point",
+    "process",
+    "label",
 ]
+ROTATIONS: tuple[What, ...] = ("rotation", "quaternion", "matrix")
+"""Notations of an orientation."""
 SI: Mapping[What, tuple[str, ...]] = {
     "joint": ("rad", "m"),
     "mass": ("kg",),
@@ -63,6 +71,8 @@ SI: Mapping[What, tuple[str, ...]] = {
     "turn_deviation": ("rad",),
     "spread": ("m2",),
     "torque": ("Nm", "N"),
+    "set_point": ("m",),
+    "process": ("N",),
 }
 """Of every quantity with a unit what its unit may be a multiple of."""
 
@@ -122,6 +132,18 @@ def series_names(arm: Arm) -> dict[str, Slot]:
     found |= {f"torque_{k}": Slot("torque", k - 1) for k in range(1, arm.n_joints + 1)}
     found |= {f"torque_{joint.name}": Slot("torque", k) for k, joint in enumerate(arm.joints)}
     return {squeeze(name): slot for name, slot in found.items()} | our_names(arm)
+
+
+def program_names(arm: Arm) -> dict[str, Slot]:
+    """Every quantity of a robot's program by its squeezed name, without unit."""
+    shared = ("joint", "mass", "force", "moment", "point", *ROTATIONS)
+    kept = {name: slot for name, slot in series_names(arm).items() if slot.what in shared and not slot.when}
+    found = {name: Slot("label") for name in ("label", "point", "name")}
+    for k, axis in enumerate(XYZ):
+        found |= {f"{what}{axis}": Slot("set_point", k) for what in ("", "position_")}
+    for k, along in enumerate(ALONG):
+        found |= {f"{along}{what}": Slot("process", k) for what in ("", "_force")}
+    return kept | {squeeze(name): slot for name, slot in found.items()}
 
 
 def recognise(name: str, known: Mapping[str, Slot]) -> tuple[Slot, Unit | None] | None:

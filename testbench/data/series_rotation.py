@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from testbench.data.columns import ROTATIONS, Column, Columns
+from testbench.data.columns import Column, Columns
 from testbench.data.dataset import Ids, Mask
-from testbench.data.names import XYZ, Slot
+from testbench.data.names import ROTATIONS, XYZ, Slot
 from testbench.errors import Array, InputError
 
 UNIT_NORM = 5e-3

@@ -3,10 +3,10 @@
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import ROTATIONS, Columns
+from testbench.data.columns import Columns
 from testbench.data.conditions import Conditions, number_rows
 from testbench.data.dataset import Ids
-from testbench.data.names import Slot
+from testbench.data.names import ROTATIONS, Slot
 from testbench.data.pairing import HELD, repeats
 from testbench.data.series import Series, select_rows
 from testbench.data.series_beside import read_temperature, read_time, read_torques

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.columns import ROTATIONS, Columns
+from testbench.data.columns import Columns
 from testbench.data.export import SIGMA, SIGMA_RANGE
-from testbench.data.names import ENTRIES, XYZ, Slot, What
+from testbench.data.names import ENTRIES, ROTATIONS, XYZ, Slot, What
 from testbench.errors import Array, InputError
 
 SIGMA_ROTATION = 2e-4  #: Standard deviation of an orientation about an axis where nobody says it [rad].

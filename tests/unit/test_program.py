@@ -1,0 +1,142 @@
+"""Programs as tables: every notation says the same points, and what is wrong is named by its line."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testbench.data.program import read_program
+from testbench.errors import InputError
+from testbench.model.vjm import tool_pose
+
+DEG = ",".join(f"joint_{k}_deg" for k in range(1, 7))
+PLACE = "x_mm,y_mm,z_mm"
+Q = np.radians([[10, -80, 100, 5, 60, 0], [12, -81, 101, 5, 61, -3], [15, -83, 102, 6, 62, -5]])
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Writes a table and gives its path."""
+
+    def done(header, rows):
+        lines = [",".join(x if isinstance(x, str) else repr(float(x)) for x in row) for row in rows]
+        path = tmp_path / "program.csv"
+        path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+        return path
+
+    return done
+
+
+def test_joints_loads_labels_and_other_columns_are_read(kr500, write):
+    header = f"speed,point,{DEG},force_z_kN,point_x_mm,point_y_mm,point_z_mm,feed_N,axial_N,mass_kg,comment"
+    rows = [
+        ["fast", f"P{k}", *q, -1.5, 40, 0, -5, 100, -2, 7, "cut, then lift"[:3]]
+        for k, q in enumerate(np.degrees(Q))
+    ]
+    program = read_program(write(header, rows), kr500.arm)
+    np.testing.assert_allclose(program.q, Q, rtol=0, atol=1e-15)
+    assert program.position is None
+    assert program.rotation is None
+    assert program.name == "program"
+    assert program.labels == ("P0", "P1", "P2")
+    assert program.line.tolist() == [2, 3, 4]
+    assert program.other == ("speed", "comment")
+    assert program.wrench.tolist() == [[0, 0, -1500, 0, 0, 0]] * 3
+    assert program.along.tolist() == [[100, 0, -2]] * 3
+    assert program.mass.tolist() == [7] * 3
+    np.testing.assert_allclose(program.point, [[0.04, 0, -0.005]] * 3)
+
+
+NOTATIONS = {
+    "quaternion": (
+        "quaternion_w,quaternion_x,quaternion_y,quaternion_z",
+        lambda R: R.as_quat(scalar_first=True),
+    ),
+    "q": ("qw,qx,qy,qz", lambda R: -R.as_quat(scalar_first=True)),
+    "vector": ("rotation_x_deg,rotation_y_deg,rotation_z_deg", lambda R: np.degrees(R.as_rotvec())),
+    "matrix": (
+        ",".join(f"rotation_{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
+        lambda R: R.as_matrix().reshape(-1, 9),
+    ),
+}
+
+
+@pytest.mark.parametrize("notation", NOTATIONS)
+def test_poses_of_the_tool_are_read_in_every_notation(kr500, write, notation):
+    position, rotation = tool_pose(kr500.vjm, Q)
+    header, numbers = NOTATIONS[notation]
+    rows = np.hstack([1e3 * position, numbers(Rotation.from_matrix(rotation))])
+    program = read_program(write(f"{PLACE},{header}", rows), kr500.arm)
+    assert program.q is None
+    np.testing.assert_allclose(program.position, position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(program.rotation, rotation, rtol=0, atol=1e-14)
+    assert program.labels == ("1", "2", "3")
+
+
+def test_a_map_says_what_a_controllers_angles_are(kr500, write, tmp_path):
+    position, rotation = tool_pose(kr500.vjm, Q)
+    rows = np.hstack([1e3 * position, Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True)])
+    mapping = tmp_path / "map.toml"
+    mapping.write_text(
+        '[columns]\nrotation_1_deg = "A"\nrotation_2_deg = "B"\nrotation_3_deg = "C"\n'
+        '[series]\nrotation = "intrinsic zyx"\n[values]\nmass_kg = 12\n',
+        encoding="utf-8",
+    )
+    program = read_program(write("X [mm],Y [mm],Z [mm],A,B,C", rows), kr500.arm, mapping)
+    np.testing.assert_allclose(program.rotation, rotation, rtol=0, atol=1e-14)
+    assert program.mass.tolist() == [12] * 3
+
+
+def changed(row, column, value):
+    rows = np.degrees(Q).round(6).tolist()
+    rows = [[*q, 100.0] for q in rows]
+    rows[row][column] = value
+    return rows
+
+
+POSE = [2000.0, 0.0, 1200.0, 1.0, 0.0, 0.0, 0.0]
+QUATERNION = "qw,qx,qy,qz"
+WRONG = {
+    "line 3, column joint_2_deg: expected a finite number, got 'nan'": (
+        DEG + ",feed_N",
+        changed(1, 1, "nan"),
+    ),
+    "line 4, column joint_3_deg: expected .* deg, got 220": (DEG + ",feed_N", changed(2, 2, 220)),
+    "lines 2 and 3: the path jumps, joint_1 from 10 to 60 deg: expected at most 45 deg .*--jumps": (
+        DEG + ",feed_N",
+        changed(1, 0, 60),
+    ),
+    "line 2, column feed_N: expected -1e.06 to 1e.06 N, got 2e.06": (DEG + ",feed_N", changed(0, 6, 2e6)),
+    "line 2, column mass_kg: expected a mass of at least 0": (DEG + ",mass_kg", changed(0, 6, -1)),
+    r"missing columns \['joint_6_rad'\]": (DEG.removesuffix(",joint_6_deg"), [changed(0, 6, 1)[0][:5]]),
+    r"missing columns \['joint_1_deg', .*or x_mm": ("feed_N,axial_N", [[1, 2]]),
+    "line 2: expected 1 to 1000000 points, got 0": (DEG, []),
+    "line 2, column x_mm: expected -100 to 100 m, got 2000": (f"{PLACE},{QUATERNION}", [[2e6, *POSE[1:]]]),
+    "line 3, column qw: expected a unit quaternion, got one of norm 0": (
+        f"{PLACE},{QUATERNION}",
+        [POSE, [*POSE[:3], 0, 0, 0, 0]],
+    ),
+    "line 2, column qw: expected an orientation": (f"{PLACE},{QUATERNION}", [[*POSE[:3], "", "", "", ""]]),
+    "lines 2 and 3: the path jumps, the tool by 1.5 m": (
+        f"{PLACE},{QUATERNION}",
+        [POSE, [POSE[0], 1500, *POSE[2:]]],
+    ),
+    "lines 2 and 3: the path jumps, the tool by 90 deg": (
+        f"{PLACE},{QUATERNION}",
+        [POSE, [*POSE[:3], 0.70710678, 0.70710678, 0, 0]],
+    ),
+    r"missing columns \['quaternion_w'": (PLACE, [POSE[:3]]),
+    r"missing columns \['z_mm'\]": (f"x_mm,y_mm,{QUATERNION}", [[*POSE[:2], *POSE[3:]]]),
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_is_wrong_is_named(kr500, write, message):
+    header, rows = WRONG[message]
+    rows = [[x if isinstance(x, str) else float(x) for x in row] for row in rows]
+    with pytest.raises(InputError, match=message):
+        read_program(write(header, rows), kr500.arm)
+
+
+def test_jumps_are_read_where_they_are_allowed(kr500, write):
+    path = write(DEG + ",feed_N", changed(1, 0, 60))
+    assert read_program(path, kr500.arm, jumps=True).points == 3
