@@ -38,6 +38,7 @@ class Program:
     mass: Array  #: Hung mass, (points,) [kg].
     point: Array  #: Where wrench and process force act, in the tool's frame, (points, 3) [m].
     other: tuple[str, ...]  #: Columns that are carried through, in the order of the file.
+    arm: Arm = field(repr=False)  #: The arm that it is for.
     table: Table = field(repr=False)  #: The file's cells.
     #: The column of every joint, (n,); None where the file has none.
     joints: tuple[Column | None, ...] = field(repr=False)
@@ -92,6 +93,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         mass=mass,
         point=_or_zero(vector(columns, "point"), table.rows),
         other=columns.ignored,
+        arm=arm,
         table=table,
         joints=tuple(columns.get(Slot("joint", k)) for k in range(arm.n_joints)),
         mark=columns.mark,

@@ -1,10 +1,13 @@
 """Programs as tables: every notation says the same points, and what is wrong is named by its line."""
 
+import time
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.data.program import read_program
+from testbench.data.program_corrected import write_program
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 
@@ -140,3 +143,50 @@ def test_what_is_wrong_is_named(kr500, write, message):
 def test_jumps_are_read_where_they_are_allowed(kr500, write):
     path = write(DEG + ",feed_N", changed(1, 0, 60))
     assert read_program(path, kr500.arm, jumps=True).points == 3
+
+
+def test_a_corrected_program_keeps_what_it_was_and_gives_its_joints_back(kr500, write, tmp_path):
+    """In the file's units and order; every cell but the joints is as it was."""
+    header = f"speed,{DEG.replace('joint_3_deg', 'joint_3_rad')},comment"
+    shown = np.degrees(Q)
+    shown[:, 2] = Q[:, 2]
+    program = read_program(write(header, [["100", *row, '"a, b"'] for row in shown]), kr500.arm)
+    q, out = program.q + np.pi * 1e-4, tmp_path / "corrected.csv"
+    write_program(out, program, q, {"left_mm": np.array([0.1, np.nan, 1 / 3]), "why": ["a", "", "b"]})
+    back = read_program(out, kr500.arm)
+    np.testing.assert_allclose(back.q, q, rtol=0, atol=1e-15)
+    assert back.table.names == (*program.table.names, "left_mm", "why")
+    assert back.table.texts(7) == ["a, b"] * 3
+    assert back.table.texts(8) == ["0.1", "", repr(1 / 3)]
+    with pytest.raises(InputError, match="line 1: there is a column 'left_mm' already; was"):
+        write_program(out, back, q, {"left_mm": np.zeros(3)})
+    assert read_program(out, kr500.arm).labels == ("1", "2", "3")
+
+
+def test_a_corrected_program_of_a_spreadsheet_is_read_by_it(kr500, tmp_path):
+    """Decimal commas and a line of units stay; poses of the tool get joints beside them."""
+    path = tmp_path / "sheet.csv"
+    position = tool_pose(kr500.vjm, Q)[0]
+    rows = [[*map(str, p), "1,0", "0", "0", "0", "12,5"] for p in np.round(1e3 * position, 3)]
+    text = "\n".join([";".join(row).replace(".", ",") for row in rows])
+    path.write_text(f"X;Y;Z;qw;qx;qy;qz;v\nmm;mm;mm;;;;;\n{text}\n", encoding="utf-8")
+    program = read_program(path, kr500.arm)
+    out = tmp_path / "corrected.csv"
+    write_program(out, program, Q)
+    back = read_program(out, kr500.arm)
+    np.testing.assert_allclose(back.q, Q, rtol=0, atol=1e-15)
+    assert (back.position == program.position).all()
+    assert back.table.units[:3] == program.table.units[:3]
+    assert back.table.names == (*program.table.names, *DEG.split(","))
+
+
+def test_ten_thousand_points_are_read_and_written_fast(kr500, write, tmp_path):
+    """Under 0.3 s each on an idle core; a slow machine has ten times that."""
+    t = np.linspace(0, 1, 10_000)[:, None]
+    q = Q[0] + 0.3 * np.sin(t * np.arange(1, 7))
+    path, out = write(f"{DEG},feed_N", np.hstack([np.degrees(q), 100 + t])), tmp_path / "corrected.csv"
+    start = time.perf_counter()
+    program = read_program(path, kr500.arm)
+    write_program(out, program, q, {f"correction_joint_{k}_deg": q[:, k - 1] for k in range(1, 7)})
+    assert time.perf_counter() - start < 3
+    assert np.abs(read_program(out, kr500.arm).q - program.q).max() < 1e-14
