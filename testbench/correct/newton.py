@@ -1,0 +1,203 @@
+"""Joints for which the loaded tool is where it was asked to be, many points at once.
+
+Both unknowns go together: the virtual joints theta to the equilibrium of `rest`, the commanded joints q to
+the target. Every step evaluates the bent arm once; it foretells by J_theta where the new theta brings the
+tool, and moves q by what is left then. What it neglects is a hundredth on heavy arms, so five steps reach
+1e-10 m. The operator of `step` is that of the start as long as joints move little; a point that does not
+come to rest takes new ones, in steps of bounded length (a damped Newton).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.correct.rest import TOGETHER, loads_at, unbent
+from testbench.correct.step import Hold, solutions
+from testbench.errors import Array, check_array
+from testbench.identify.absolute.state import State
+from testbench.model.load import Load
+from testbench.model.vjm import Chain, chain, cross
+
+TOLERANCE = 1e-10  #: Of the position of a point, and of its equilibrium [m, rad].
+QUICK, MOST = 12, 80  #: Steps with one operator, and steps in all.
+STILL = 1e-9  #: A step of all joints below this is the last [rad, m].
+LONGEST = 0.1  #: Of a step of one joint [rad, m].
+SPINDLE = (1.0, 0.0, 0.0)  #: Its axis in the tool's frame, where nothing else is said.
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the tool point is asked to be."""
+
+    position: Array  #: World, (points, 3) [m].
+    rotation: Array  #: World from tool, (points, 3, 3).
+
+    def of(self, some: slice | npt.NDArray[np.int_]) -> "Target":
+        """That of some points."""
+        return Target(self.position[some], self.rotation[some])
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What is put right, and about which point of the tool."""
+
+    hold: Hold = "pose"
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame [m].
+    spindle: tuple[float, float, float] = SPINDLE  #: Unit vector in the tool's frame.
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Joints that put the tool right."""
+
+    q: Array  #: To command, (points, n) [rad, m].
+    theta: Array  #: Virtual joints there, (points, n_theta) [m, rad].
+    left: Array  #: Asked minus foretold position of the tool point, world, (points, 3) [m].
+    #: The same of its turn, or of the turn of its spindle's axis, rotation vectors, world, (points, 3) [rad].
+    turned: Array
+    balance: Array  #: Largest virtual joint out of its equilibrium, (points,) [m, rad].
+    steps: npt.NDArray[np.int_]  #: Evaluations of the bent arm, (points,).
+
+    @property
+    def solved(self) -> npt.NDArray[np.bool_]:
+        """Which points are met within `TOLERANCE`, (points,); a turn that was damped is not counted."""
+        far = np.maximum(np.linalg.norm(self.left, axis=1), self.balance)
+        return np.asarray(far <= TOLERANCE)
+
+
+def correct(
+    state: State, q: Array, loads: Sequence[Load], target: Target, aim: Aim | None = None
+) -> Corrected:
+    """Joints for which the loaded tool is on its target.
+
+    Args:
+        state: The arm.
+        q: Joints to start from, those of the program, (points, n) [rad, m].
+        loads: What acts, each in all points alike or with a row a point.
+        target: Where the tool point has to be.
+        aim: What is put right; the whole pose of the tool's origin if not given.
+
+    Returns:
+        Joints without regard to limits; `solved` says which points were reached.
+
+    Raises:
+        BenchError: When shapes do not fit.
+    """
+    arm = state.vjm.arm
+    q = check_array(q, (None, arm.n_joints), "q [rad, m]")
+    check_array(target.position, (len(q), 3), "target [m]")
+    check_array(target.rotation, (len(q), 3, 3), "target's rotation")
+    every = [load.over(len(q)) for load in loads]
+    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
+    found = [
+        _correct(_Points(state, q[p], [load.of(p) for load in every], target.of(p), aim or Aim()))
+        for p in parts
+    ]
+    return Corrected(*(np.concatenate([getattr(f, name) for f in found]) for name in FIELDS))
+
+
+FIELDS = Corrected.__match_args__
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Some points that are solved together."""
+
+    state: State
+    start: Array
+    loads: Sequence[Load]
+    target: Target
+    aim: Aim
+
+    def of(self, some: npt.NDArray[np.int_]) -> "_Points":
+        loads = [load.of(some) for load in self.loads]
+        return replace(self, start=self.start[some], loads=loads, target=self.target.of(some))
+
+
+@dataclass(frozen=True)
+class _Off:
+    """How far points are off."""
+
+    where: Chain
+    left: Array  #: Asked minus foretold, (points, 3) [m].
+    turned: Array  #: (points, 3) [rad].
+    springs: Array  #: Where the springs want theta minus where it is, (points, n_theta).
+
+
+def _off(points: _Points, q: Array, theta: Array) -> _Off:
+    """One evaluation of the bent arm."""
+    state = points.state
+    where = chain(state.vjm, q, theta)
+    u = loads_at(state, where, points.loads)
+    springs = unbent(state, q, points.loads) + (state.C_theta @ u).T - theta
+    position = where.position + where.rotation @ np.array(points.aim.point)
+    turned = _turned(points, where.rotation)
+    return _Off(where, points.target.position - position, turned, springs)
+
+
+def _turned(points: _Points, rotation: Array) -> Array:
+    """What of the turn is left; where the spindle may turn about itself, the turn of its axis alone."""
+    if points.aim.hold != "axis":
+        return turn_between(rotation, points.target.rotation)
+    spindle = np.array(points.aim.spindle)
+    return _vectors(cross((rotation @ spindle).T, (points.target.rotation @ spindle).T).T)
+
+
+def turn_between(start: Array, end: Array) -> Array:
+    """Rotation vector in the world that takes one orientation to another, (points, 3) [rad]."""
+    R = end @ start.swapaxes(1, 2)
+    sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
+    return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+
+
+def _vectors(sine: Array, cosine: Array | None = None) -> Array:
+    """Rotation vectors from axes times sines; of less than a right angle where no cosines are given."""
+    size = np.linalg.norm(sine, axis=1)
+    if cosine is None:
+        cosine = np.sqrt(np.maximum(0, 1 - size**2))
+    angle = np.arctan2(size, cosine)
+    return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
+
+
+def _correct(points: _Points) -> Corrected:
+    runs = len(points.start)
+    q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
+    found = Corrected(q, theta, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
+    moving, now = np.arange(runs), points
+    G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
+    for step in range(MOST):
+        off = _off(now, q[moving], theta[moving])
+        found.left[moving], found.turned[moving] = off.left, off.turned
+        found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
+        if step == 0 or step > QUICK:
+            J = _jacobian(now.aim, off.where, slice(-q.shape[1], None))
+            G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
+        move = _move(now, off, q[moving], G, J)
+        still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
+        go = np.flatnonzero(~still & np.isfinite(off.left).all(axis=1))
+        if not len(go):
+            break
+        q[moving[go]] += move[go]
+        theta[moving[go]] += off.springs[go]
+        if len(go) < len(moving):
+            moving, now, G, J = moving[go], now.of(go), G[go], J[go]
+    return found
+
+
+def _jacobian(aim: Aim, where: Chain, columns: slice) -> Array:
+    """Of some virtual joints at the tool point, translation first, (points, 6, k) [1, m]."""
+    v, omega = where.J_theta[:3, columns], where.J_theta[3:, columns]
+    arm = (where.rotation @ np.array(aim.point)).T[:, None]
+    return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
+
+
+def _move(points: _Points, off: _Off, q: Array, G: Array, J: Array) -> Array:
+    """How far to move the joints, (points, n): by what is left when the springs have followed."""
+    arm = (off.where.rotation @ np.array(points.aim.point)).T
+    v, omega = np.einsum("xtr,rt->xr", off.where.J_theta, off.springs).reshape(2, 3, -1)
+    left = np.hstack([off.left - (v + cross(omega, arm)).T, off.turned - omega.T])
+    gone = q - points.start
+    move = np.matvec(G, left + np.matvec(J, gone)) - gone
+    return np.asarray(move * np.minimum(1, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None])

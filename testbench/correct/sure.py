@@ -1,0 +1,102 @@
+"""How sure a model is of where it has the tool: intervals of positions, and of how far they move.
+
+A position is linear in what is unknown as far as that is still open: its rows are those of the bent arm,
+Eq. (12) for compliances. What two poses share in them cancels in their difference.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.correct.arm_model import ArmModel
+from testbench.correct.rest import TOGETHER, loads_at, rest
+from testbench.errors import Array, BenchError
+from testbench.identify.intervals import CONFIDENCE, check_confidence, quantile
+from testbench.model.joint_errors import basis
+from testbench.model.load import Load
+from testbench.model.loaded import displacement
+from testbench.model.vjm import chain, parameter_rows, translation_rows
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Poses of the arm and what acts in them."""
+
+    q: Array  #: Joints as commanded, (poses, n) [rad, m].
+    loads: Sequence[Load] = ()
+
+    def of(self, some: slice) -> "Stand":
+        """Some of the poses."""
+        return Stand(self.q[some], [load.over(len(self.q)).of(some) for load in self.loads])
+
+
+def half_widths(
+    model: ArmModel, end: Stand, start: Stand | None, points: Array, confidence: float = CONFIDENCE
+) -> Array:
+    """Half the interval of where points of the tool are, or of how far they are from where they were.
+
+    Args:
+        model: The arm.
+        end: Where the tool is.
+        start: Where it was, as many poses; None for positions in the world, of an absolute model.
+        points: In the tool's frame, (k, 3) [m].
+        confidence: Of each interval by itself.
+
+    Returns:
+        Along world x, y, z, (poses, k, 3) [m]; infinite where the model has not seen what decides.
+
+    Raises:
+        BenchError: When a model of compliances alone is asked for positions.
+        NoEquilibrium: When the arm cannot bear a load.
+    """
+    check_confidence(confidence)
+    if start is None and not model.absolute:
+        raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
+    wide = quantile(model.spread.tail, (1 + confidence) / 2)
+    found = []
+    for first in range(0, max(len(end.q), 1), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        rows = _rows(model, end.of(some), points)
+        if start is not None:
+            rows = rows - _rows(model, start.of(some), points)
+        half = wide * model.spread.deviations(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
+        if not model.absolute:
+            half = np.hypot(half, curvature(model, end.of(some), points))
+        elif start is None:
+            half = np.hypot(half, wide * model.scatter)
+        found.append(half)
+    return np.concatenate(found)
+
+
+def _rows(model: ArmModel, stand: Stand, points: Array) -> Array:
+    """Positions per unit of every uncertain column, (poses, k, 3, c)."""
+    state, unknowns = model.state, model.unknowns
+    theta = rest(state, stand.q, stand.loads).theta
+    where = chain(model.vjm, stand.q, theta)
+    u = loads_at(state, where, [load.over(len(stand.q)) for load in stand.loads])
+    J = translation_rows(where, points)
+    A = np.zeros((len(J), unknowns.size, len(stand.q)))
+    A[:, unknowns.columns("geometry")] = J[:, unknowns.inner]
+    if state.errors.size:
+        n = model.arm.n_joints
+        phi = basis(state.errors, model.arm, stand.q, u[-n:], state.torque_scale)
+        own = J[:, -n:, None] * phi
+        A[:, unknowns.columns("errors")] = own.reshape(len(J), -1, len(stand.q))
+    for row, line in zip(A, parameter_rows(model.structure, J, u), strict=True):
+        row[unknowns.columns("elastic")] = line
+    return A[:, model.columns].transpose(2, 0, 1).reshape(len(stand.q), len(points), 3, -1)
+
+
+def curvature(model: ArmModel, stand: Stand, points: Array) -> Array:
+    """What a linear model leaves out of deflections, (poses, k, 3) [m]: what its fit put elsewhere.
+
+    Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
+    """
+    state, loads = model.state, [load.over(len(stand.q)) for load in stand.loads]
+    before, after = rest(state, stand.q), rest(state, stand.q, loads)
+    bent = np.einsum("rxy,py->rpx", after.rotation - before.rotation, points)
+    bent += (after.position - before.position)[:, None]
+    where = chain(model.vjm, stand.q, state.theta_0 + np.zeros_like(before.theta))
+    u = loads_at(state, where, loads) - loads_at(state, where, ())
+    return np.asarray(np.abs(bent - displacement(where, (state.C_theta @ u).T, points)))

@@ -1,0 +1,142 @@
+"""The loaded tool put right: MuJoCo executes what the model commands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import testbench as tb
+from testbench.correct.arm_model import bending, of_estimate
+from testbench.correct.newton import Aim, Target, correct
+from testbench.correct.rest import rest
+from testbench.correct.step import SMALL
+from testbench.correct.sure import Stand, half_widths
+from testbench.correct.target import asked
+from testbench.errors import BenchError
+from testbench.model.load import Load
+from testbench.model.vjm import chain, tool_pose
+from testbench.model.weights import read_weights
+from testbench.plant import settle
+
+TIP = np.array([0.2, 0.0, 0.1])
+POINTS = 60
+AIM = Aim(point=tuple(TIP))
+HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return tb.build_cell("kr500_l480")
+
+
+@pytest.fixture(scope="module")
+def state(cell):
+    return bending(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+
+
+def drawn(cell, rng):
+    """Poses all over the limits, singular ones among them, and forces of 1 to 3 kN."""
+    q = rng.uniform(*cell.arm.limits, (POINTS, 6))
+    force = rng.normal(size=(POINTS, 3))
+    force *= rng.uniform(1e3, 3e3, (POINTS, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
+    return q, [Load(np.hstack([force, np.zeros((POINTS, 3))]), TIP), HUNG]
+
+
+def regular(cell, q):
+    """Poses in which turns of the tool cost joints little while its tip stays."""
+    J = chain(cell.vjm, q).J_theta.transpose(2, 0, 1)[:, :, -6:].copy()
+    R = tool_pose(cell.vjm, q)[1]
+    J[:, :3] += np.cross(J[:, 3:], (R @ TIP)[:, :, None], axisa=1, axisb=1, axisc=1)
+    stay = np.linalg.svd(J[:, :3])[2][:, 3:].swapaxes(1, 2)
+    return np.linalg.svd(J[:, 3:] @ stay)[1][:, -1] > 1.5 * SMALL
+
+
+def tip(true):
+    return true.tool + true.rotation @ TIP
+
+
+def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(cell, state):
+    """The loop itself is exact: another code's arm of the same springs leaves less than 1e-8 m."""
+    q, loads = drawn(cell, np.random.default_rng(5))
+    found = correct(state, q, loads, asked(state, q, "unloaded", TIP), AIM)
+    assert found.solved.all()
+    wrench, point = loads[0].wrench + loads[1].wrench, np.tile(TIP, (POINTS, 1))
+    true = settle(cell.plant, found.q, wrench, point)
+    assert np.abs(tip(true) - tip(settle(cell.plant, q))).max() < 1e-8
+    uncorrected = np.abs(tip(settle(cell.plant, q, wrench, point)) - tip(settle(cell.plant, q)))
+    assert np.median(uncorrected) > 3e-4
+
+
+def test_the_whole_pose_is_met_away_from_singular_ones_and_the_position_everywhere(cell, state):
+    q, loads = drawn(cell, np.random.default_rng(6))
+    q[0, 4] = 0.0  # a stretched wrist: joints 4 and 6 on one line
+    found = correct(state, q, loads, asked(state, q, "unloaded", TIP), AIM)
+    away = regular(cell, q)
+    turned = np.linalg.norm(found.turned, axis=1)
+    assert found.solved.all()
+    assert turned[away].max() < 1e-8
+    assert 1e-6 < turned[0] < 5e-3
+    assert np.abs(found.q - q).max() < 0.3  # at the stretched wrist a full turn would cost any motion
+
+
+def test_neighbours_on_a_path_through_a_singular_pose_stay_neighbours(cell, state):
+    q = np.tile([0.2, -1.4, 1.5, 0.4, 0.0, 0.3], (400, 1))
+    q[:, 4] = np.linspace(-0.2, 0.2, 400)
+    load = [Load(np.array([800.0, -1500, 900, 0, 0, 0]), TIP)]
+    found = correct(state, q, load, asked(state, q, "unloaded", TIP), AIM)
+    step = np.abs(np.diff(found.q - q, axis=0)).max(axis=1)
+    assert found.solved.all()
+    assert step.max() < 2e-3  # a step of the program is 1e-3 rad
+
+
+@pytest.mark.parametrize("hold", ["axis", "position"])
+def test_what_is_free_makes_the_way_shorter(cell, state, hold):
+    q, loads = drawn(cell, np.random.default_rng(7))
+    target = asked(state, q, "unloaded", TIP)
+    whole, freer = (
+        correct(state, q, loads, target, AIM),
+        correct(state, q, loads, target, replace(AIM, hold=hold)),
+    )
+    assert freer.solved.all()
+    away = regular(cell, q)
+    assert (np.linalg.norm(freer.q - q, axis=1) <= np.linalg.norm(whole.q - q, axis=1) + 1e-9)[away].all()
+    if hold == "axis":
+        now, wanted = (rest(state, one, load).rotation[:, :, 0] for one, load in ((freer.q, loads), (q, ())))
+        assert np.abs(np.cross(now, wanted))[away].max() < 1e-8
+
+
+def test_out_of_reach_is_not_called_solved(cell, state):
+    q = np.array([[0.1, -1.2, 1.6, 0.2, 0.5, 0.0], [0.1, -1.2, 1.6, 0.2, 0.5, 0.0]])
+    target = asked(state, q, "unloaded", TIP)
+    far = Target(target.position + np.array([[0.0, 0, 0], [9.0, 0, 0]]), target.rotation)
+    found = correct(state, q, [], far, AIM)
+    assert found.solved.tolist() == [True, False]
+    assert np.linalg.norm(found.left[1]) > 1
+
+
+def test_an_absolute_model_is_put_where_the_drawing_has_the_tool(cell, state):
+    """Errors of geometry and own weight are put right too."""
+    rng = np.random.default_rng(8)
+    wrong = replace(state, theta_0=state.theta_0 + 5e-4 * rng.normal(size=state.theta_0.shape))
+    q, loads = drawn(cell, rng)
+    target = asked(wrong, q, "drawn", TIP)
+    found = correct(wrong, q, loads, target, AIM)
+    met = rest(wrong, found.q, loads).at(TIP)
+    position, R = tool_pose(cell.vjm, q)
+    assert found.solved.all()
+    assert np.abs(met - position - R @ TIP).max() < 1e-9
+
+
+def test_half_widths_are_those_of_the_estimate(cell):
+    """Rows of the bent arm in place of those of the unbent one change them by a few per cent at most."""
+    campaign = tb.simulate(cell, seed=11)
+    method = tb.with_prior(tb.gco, tb.cad_prior(cell.arm))
+    estimate = method(cell.vjm, tb.MODELS["ALL153"](cell).structure, campaign.identification)
+    model = of_estimate(cell.vjm, estimate, read_weights(cell.arm))
+    q = campaign.truth.q[:40]
+    load = [Load(campaign.truth.wrench[:40], campaign.truth.point[:40])]
+    half = half_widths(model, Stand(q, load), Stand(q), cell.vjm.markers)
+    own = tb.intervals(cell.vjm, estimate, campaign.truth)
+    assert np.allclose(half, ((own.upper - own.lower) / 2)[:40], rtol=0.1)  # linear at the unbent arm
+    with pytest.raises(BenchError, match="expected an absolute model"):
+        half_widths(model, Stand(q, load), None, cell.vjm.markers)
