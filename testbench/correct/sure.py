@@ -14,7 +14,7 @@ from testbench.correct.rest import TOGETHER, loads_at, rest
 from testbench.errors import Array, BenchError
 from testbench.identify.intervals import CONFIDENCE, check_confidence, quantile
 from testbench.model.joint_errors import basis
-from testbench.model.load import Load
+from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, parameter_rows, translation_rows
 
@@ -57,9 +57,10 @@ def half_widths(
     found = []
     for first in range(0, max(len(end.q), 1), TOGETHER):
         some = slice(first, first + TOGETHER)
-        rows = _rows(model, end.of(some), points)
+        rows_of = _rows if model.absolute else _linear_rows
+        rows = rows_of(model, end.of(some), points)
         if start is not None:
-            rows = rows - _rows(model, start.of(some), points)
+            rows = rows - rows_of(model, start.of(some), points)
         half = wide * model.spread.deviations(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
             half = np.hypot(half, curvature(model, end.of(some), points))
@@ -86,6 +87,18 @@ def _rows(model: ArmModel, stand: Stand, points: Array) -> Array:
     for row, line in zip(A, parameter_rows(model.structure, J, u), strict=True):
         row[unknowns.columns("elastic")] = line
     return A[:, model.columns].transpose(2, 0, 1).reshape(len(stand.q), len(points), 3, -1)
+
+
+def _linear_rows(model: ArmModel, stand: Stand, points: Array) -> Array:
+    """The same of a model of compliances alone, as Eq. (12) identified it: of loads on the unbent arm.
+
+    Bending and own weight mix a little of every direction into every other; of one that the data have not
+    seen that little would be infinite. What is left out here is in `curvature`.
+    """
+    where = chain(model.vjm, stand.q, np.tile(model.state.theta_0, (len(stand.q), 1)))
+    u = on_joints(where, [load.over(len(stand.q)) for load in stand.loads])
+    A = np.stack([*parameter_rows(model.structure, translation_rows(where, points), u)])
+    return A.transpose(2, 0, 1).reshape(len(stand.q), len(points), 3, -1)
 
 
 def curvature(model: ArmModel, stand: Stand, points: Array) -> Array:
