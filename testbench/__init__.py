@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from testbench.bench.models import MODELS as MODELS
     from testbench.bench.plan import plan as plan
     from testbench.bench.plan_settings import PlanSettings as PlanSettings
+    from testbench.correct.predicted import predict as predict
+    from testbench.correct.stiffness import stiffness as stiffness
     from testbench.data.csvfile import read_csv as read_csv
     from testbench.data.csvfile import write_csv as write_csv
     from testbench.data.dataset import Dataset as Dataset
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from testbench.identify.evaluate import score as score
     from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.registered import registered as registered
+    from testbench.model.load import Load as Load
     from testbench.model.structure import Structure as Structure
 
 HOMES = {
@@ -66,6 +69,9 @@ HOMES = {
     "deflections": "identify.evaluate",
     "score": "identify.evaluate",
     "calibrate": "identify.absolute.fit",
+    "Load": "model.load",
+    "predict": "correct.predicted",
+    "stiffness": "correct.stiffness",
     "PlanSettings": "bench.plan_settings",
     "plan": "bench.plan",
     "BenchError": "errors",

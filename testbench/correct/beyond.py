@@ -1,0 +1,50 @@
+"""Loads beyond those that a model was identified under: what it says of them is extrapolated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.correct.arm_model import ArmModel
+from testbench.errors import Array
+from testbench.model.load import Load
+from testbench.model.vjm import tool_pose
+
+SLACK = 1.05  #: Up to so many times the largest load nothing is said.
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The largest loads of some poses beside those of a model's data."""
+
+    force: float  #: Largest force in a pose, all loads together [N].
+    moment: float  #: Largest moment about the tool's origin [N m].
+    force_ratio: float | None  #: Over the largest that the model was identified under; None if unknown [1].
+    moment_ratio: float | None  #: The same of the moment [1].
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is extrapolated, with its number."""
+        parts = (
+            ("force", self.force, "N", self.force_ratio),
+            ("moment", self.moment, "N m", self.moment_ratio),
+        )
+        return tuple(
+            f"extrapolated: {value:.4g} {unit} are {ratio:.2g} times the largest {what} that the model was "
+            f"identified under"
+            for what, value, unit, ratio in parts
+            if ratio is not None and ratio > SLACK
+        )
+
+
+def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
+    """How large loads are, and how many times those of the model's data; q (poses, n) [rad, m]."""
+    _, rotation = tool_pose(model.vjm, q)
+    force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
+    for load in (one.over(len(q)) for one in loads):
+        force += load.wrench[:, :3]
+        moment += load.wrench[:, 3:] + np.cross(np.matvec(rotation, load.point), load.wrench[:, :3])
+    largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in (force, moment)]
+    known = (model.about.force, model.about.moment)
+    ratios = [value / most if most else None for value, most in zip(largest, known, strict=True)]
+    return Extent(*largest, *ratios)

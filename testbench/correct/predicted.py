@@ -1,0 +1,105 @@
+"""Where the tool goes under its loads, and how sure that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.correct.arm_model import ArmModel
+from testbench.correct.rest import Rest, rest
+from testbench.correct.sure import Stand, curvature, half_widths
+from testbench.errors import Array, check_array
+from testbench.identify.intervals import CONFIDENCE, CURVED
+from testbench.model.load import Load, on_joints
+from testbench.model.loaded import displacement
+from testbench.model.vjm import chain
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Points of the tool, its origin first, with and without loads; own weight acts in both."""
+
+    deflection: Array  #: Loaded minus unloaded, world axes, (poses, 1 + m, 3) [m].
+    half: Array  #: Half widths of its intervals, the same shape [m]; infinite where nothing was seen.
+    turn: Array  #: Rotation vector of the tool, loaded against unloaded, world axes, (poses, 3) [rad].
+    position: Array  #: Loaded, in the world, (poses, 1 + m, 3) [m]; as drawn where the model is.
+    rotation: Array  #: Of the loaded tool, world from tool, (poses, 3, 3).
+    confidence: float  #: Of each interval by itself [1].
+
+    @property
+    def size(self) -> Array:
+        """Lengths of the deflections, (poses, 1 + m) [m]."""
+        return np.asarray(np.linalg.norm(self.deflection, axis=2))
+
+    @property
+    def widest(self) -> Array:
+        """Widest half width of every point's three, (poses, 1 + m) [m]."""
+        return np.asarray(self.half.max(axis=2))
+
+
+def predict(  # noqa: PLR0913 - all but two have defaults
+    model: ArmModel,
+    q: Array,
+    loads: Sequence[Load] = (),
+    *,
+    points: Array | None = None,
+    linear: bool = False,
+    confidence: float = CONFIDENCE,
+) -> Prediction:
+    """Where loads bring the tool: by the equilibrium of Eq. (7), or by Eq. (6).
+
+    Args:
+        model: Of either kind, such as `load_model` reads it.
+        q: Joints as commanded, (poses, n) [rad, m].
+        loads: What acts beside own weight, each in all poses alike or with a row a pose.
+        points: Of the tool, in its own frame, (m, 3) [m]; the arm's markers if not given.
+        linear: Whether by Eq. (6), the compliance of the unloaded arm.
+        confidence: Of each interval by itself.
+
+    Raises:
+        NoEquilibrium: When the arm cannot bear the loads; names the pose.
+        BenchError: When an array has another shape or is not finite, or the confidence is outside (0, 1).
+    """
+    q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
+    points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
+    points = np.vstack([np.zeros(3), points])
+    loaded = Stand(q, [load.over(len(q)) for load in loads])
+    half = half_widths(model, loaded, Stand(q), points, confidence)
+    before, after = rest(model.state, q), rest(model.state, q, loaded.loads)
+    deflection, turn = _moved(before, after, points)
+    start = _places(before, points)
+    rotation = after.rotation
+    if linear:
+        curved = curvature(model, loaded, points)
+        half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
+        deflection, turn = _linear(model, loaded, points)
+        rotation = _turned(turn) @ before.rotation
+    return Prediction(deflection, half, turn, start + deflection, rotation, confidence)
+
+
+def _places(where: Rest, points: Array) -> Array:
+    """Points of the tool in the world, (poses, k, 3) [m]."""
+    return np.asarray(where.position[:, None] + np.einsum("rxy,py->rpx", where.rotation, points))
+
+
+def _moved(before: Rest, after: Rest, points: Array) -> tuple[Array, Array]:
+    """How far points, (poses, k, 3) [m], and the tool, (poses, 3) [rad], have moved."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
+    turn = Rotation.from_matrix(after.rotation @ before.rotation.swapaxes(1, 2)).as_rotvec()
+    return _places(after, points) - _places(before, points), np.asarray(turn)
+
+
+def _turned(turn: Array) -> Array:
+    """Rotations of rotation vectors, (poses, 3) to (poses, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(turn).as_matrix())
+
+
+def _linear(model: ArmModel, stand: Stand, points: Array) -> tuple[Array, Array]:
+    """The same to first order, Eq. (6), of the arm that no load has bent."""
+    state = model.state
+    where = chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))
+    theta = (state.C_theta @ on_joints(where, stand.loads)).T
+    return displacement(where, theta, points), np.einsum("xtr,rt->rx", where.J_theta[3:], theta)

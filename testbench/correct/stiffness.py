@@ -1,0 +1,83 @@
+"""How stiff the loaded tool is in every direction: the compliance of Eq. (7) and its ellipsoid."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.correct.arm_model import ArmModel
+from testbench.correct.rest import TOGETHER, rest
+from testbench.errors import Array
+from testbench.model.load import Load
+from testbench.model.loaded import geometric_stiffness, loaded_compliance
+from testbench.model.vjm import chain
+
+NEAR, MOSTLY = 10.0, 30.0  #: Angles up to which a direction is along an axis, and mostly along it [deg].
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """How the loaded tool gives way to a small further force at its origin."""
+
+    compliance: Array  #: Twist of the tool = compliance @ wrench, world axes, (poses, 6, 6).
+    #: Semi-axes of the ellipsoid that a force of 1 N in every direction moves the tool over, the longest
+    #: first, (poses, 3) [m/N].
+    give: Array
+    axes: Array  #: Their unit vectors as columns, world axes, (poses, 3, 3).
+
+    @property
+    def principal(self) -> Array:
+        """Principal stiffnesses, the softest first, (poses, 3) [N/m]; infinite where nothing gives."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / self.give)
+
+    @property
+    def softest(self) -> Array:
+        """Unit vector along which it gives most, its largest component above zero, (poses, 3)."""
+        found = self.axes[:, :, 0]
+        largest = np.take_along_axis(found, np.abs(found).argmax(axis=1)[:, None], axis=1)
+        return np.asarray(found * np.where(largest < 0, -1.0, 1.0))
+
+
+def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffness:
+    """The tangent at the loaded equilibrium, Eq. (7), and the ellipsoid of its translations.
+
+    K_w holds the loads alone. Left out is that of the own weight, which turns with the arm too: on a KR 500
+    it changes a compliance by less than a hundredth.
+
+    Args:
+        model: The arm.
+        q: Joints as commanded, (poses, n) [rad, m].
+        loads: What acts.
+
+    Raises:
+        NoEquilibrium: When there is none, or the arm is about to buckle.
+    """
+    theta = rest(model.state, q, loads).theta
+    loads = [load.over(len(q)) for load in loads]
+    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
+    found = [_compliance(model, q[some], theta[some], [load.of(some) for load in loads]) for some in parts]
+    compliance = np.concatenate(found)
+    axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
+    return Stiffness(compliance, give, axes)
+
+
+def _compliance(model: ArmModel, q: Array, theta: Array, loads: Sequence[Load]) -> Array:
+    where, n = chain(model.vjm, q, theta), len(model.state.C_theta)
+    K_w = np.zeros((len(q), n, n))
+    for load in loads:
+        K_w += geometric_stiffness(where, load.wrench, load.point)
+    return loaded_compliance(where.J_theta.transpose(2, 0, 1), model.state.C_theta, K_w)
+
+
+def direction_words(direction: Array) -> str:
+    """A direction in world axes, (3,), for people, such as "mostly along y" or "30 deg from x towards z"."""
+    size = np.abs(direction) / np.linalg.norm(direction)
+    first, second = np.argsort(-size)[:2]
+    angle = float(np.degrees(np.arccos(min(size[first], 1.0))))
+    if angle <= NEAR:
+        return f"along {'xyz'[first]}"
+    if angle <= MOSTLY:
+        return f"mostly along {'xyz'[first]}"
+    side = "" if direction[first] * direction[second] > 0 else "-"
+    return f"{angle:.0f} deg from {'xyz'[first]} towards {side}{'xyz'[second]}"

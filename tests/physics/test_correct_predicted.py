@@ -1,0 +1,130 @@
+"""What loads do to the tool: MuJoCo's truth, first-order limits, finite differences, what was not seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.correct.arm_model import About, bending, of_compliances
+from testbench.correct.beyond import extent
+from testbench.correct.predicted import predict
+from testbench.correct.rest import rest
+from testbench.correct.stiffness import direction_words, stiffness
+from testbench.identify.intervals import Linearised
+from testbench.model.load import Load
+from testbench.model.structure import all153
+from testbench.model.weights import Weights, read_weights
+from testbench.plant import settle
+
+POSES = 12
+
+
+def sure_of(structure, state, unseen=None):
+    """A belief of 1 % in every entry, and rows that nothing has seen."""
+    pi = structure.entries(state.C_theta)
+    rows = np.zeros((0, structure.n)) if unseen is None else unseen
+    return Linearised(pi, np.diag(0.01 * np.abs(pi)), rows, np.abs(pi) + 1e-30, np.inf, 0.0, False)
+
+
+@pytest.fixture(scope="module")
+def model(kr500):
+    """The true compliances, as a model."""
+    state, structure = bending(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm)), all153(kr500.arm)
+    return of_compliances(state, structure, sure_of(structure, state), About("truth", force=2000.0))
+
+
+@pytest.fixture(scope="module")
+def poses(kr500):
+    return np.random.default_rng(11).uniform(*(0.6 * kr500.arm.limits), (POSES, 6))
+
+
+@pytest.fixture(scope="module")
+def load(kr500):
+    rng = np.random.default_rng(12)
+    wrench = rng.normal(size=(POSES, 6)) * [2e3, 2e3, 2e3, 1e2, 1e2, 1e2]
+    return Load(wrench, 0.2 * rng.normal(size=(POSES, 3)))
+
+
+def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
+    """Markers and tool, loaded minus unloaded, own weight in both."""
+    found = predict(model, poses, [load])
+    true = [settle(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
+    moved = np.concatenate([true[1].tool[:, None], true[1].markers], axis=1) - np.concatenate(
+        [true[0].tool[:, None], true[0].markers], axis=1
+    )
+    assert np.abs(found.deflection - moved).max() < 1e-9
+    assert np.abs(found.position[:, 0] - true[1].tool).max() < 1e-9
+    assert np.abs(found.rotation - true[1].rotation).max() < 1e-9
+
+
+def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
+    """Of a weightless arm: what is left out falls with the square of the load."""
+    light = replace(model, state=replace(model.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
+    off = []
+    for share in (0.1, 0.01):
+        small = [Load(share * load.wrench, load.point)]
+        bent, linear = (predict(light, poses, small, linear=on) for on in (False, True))
+        off.append(
+            [np.abs(a - b).max() for a, b in ((bent.deflection, linear.deflection), (bent.turn, linear.turn))]
+        )
+        assert (linear.half >= bent.half).all()
+    np.testing.assert_allclose(np.divide(*off), 100, rtol=0.05)
+
+
+def test_the_ellipsoid_is_the_tangent_of_the_equilibrium(model, poses, load):
+    """A newton more along every principal axis; without own weight, whose K_w is left out."""
+    light = replace(model, state=replace(model.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
+    hung = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), model.vjm.load)
+    for own, most in ((light, 1e-6), (model, 0.01)):
+        found = stiffness(own, poses, [hung])
+        C = found.compliance[:, :3, :3]
+        for k in range(3):
+            axis, push = found.axes[:, :, k], np.zeros((POSES, 6))
+            push[:, :3] = axis
+            more, less = (
+                rest(own.state, poses, [hung, Load(sign * push, np.zeros(3))]).position for sign in (1, -1)
+            )
+            moved = (more - less) / 2
+            assert np.abs(moved - np.matvec(C, axis)).max() < most * found.give.max()
+            assert np.abs(moved - found.give[:, k, None] * axis).max() < most * found.give.max()
+    assert (np.diff(found.principal, axis=1) >= 0).all()
+
+
+def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
+    """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
+    structure = model.structure
+    first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
+    blind = replace(model, spread=sure_of(structure, model.state, first))
+    down, aside = (
+        predict(blind, poses, [Load(np.array([*f, 0, 0, 0]), model.vjm.load)])
+        for f in ((0, 0, -4500.0), (0, 4500.0, 0))
+    )
+    assert np.isinf(aside.half[:, :, :2]).any(axis=2).all()
+    assert np.isfinite(down.half).all()
+    assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
+    assert (down.widest < 0.05 * down.size).all()
+
+
+def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
+    pull = Load(np.array([0, 4200.0, 0, 0, 0, 0]), np.array([0, 0, 0.1]))
+    found = extent(model, poses, [pull])
+    assert found.force == pytest.approx(4200)
+    assert found.force_ratio == pytest.approx(2.1)
+    assert found.moment <= 420.0 + 1e-9
+    assert found.sentences == (
+        "extrapolated: 4200 N are 2.1 times the largest force that the model was identified under",
+    )
+    assert not extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]).sentences
+
+
+@pytest.mark.parametrize(
+    ("direction", "words"),
+    [
+        ((0.05, 0.99, 0), "along y"),
+        ((0.3, 0.9, 0), "mostly along y"),
+        ((1.0, 0, -0.9), "42 deg from x towards -z"),
+    ],
+)
+def test_directions_in_words(direction, words):
+    assert direction_words(np.array(direction)) == words
