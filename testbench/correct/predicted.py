@@ -56,6 +56,9 @@ def predict(  # noqa: PLR0913 - all but two have defaults
         linear: Whether by Eq. (6), the compliance of the unloaded arm.
         confidence: Of each interval by itself.
 
+    Returns:
+        Deflections of the tool's origin and the points, their intervals, and where the tool is.
+
     Raises:
         NoEquilibrium: When the arm cannot bear the loads; names the pose.
         BenchError: When an array has another shape or is not finite, or the confidence is outside (0, 1).

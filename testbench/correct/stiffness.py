@@ -48,7 +48,10 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
     Args:
         model: The arm.
         q: Joints as commanded, (poses, n) [rad, m].
-        loads: What acts.
+        loads: What acts beside own weight.
+
+    Returns:
+        Its compliance, and the ellipsoid of its translations.
 
     Raises:
         NoEquilibrium: When there is none, or the arm is about to buckle.
