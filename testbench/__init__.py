@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from testbench.bench.campaign import Scenario as Scenario
     from testbench.bench.campaign import build_cell as build_cell
     from testbench.bench.campaign import simulate as simulate
+    from testbench.bench.load_model import load_model as load_model
     from testbench.bench.models import MODELS as MODELS
     from testbench.bench.plan import plan as plan
     from testbench.bench.plan_settings import PlanSettings as PlanSettings
@@ -72,6 +73,7 @@ HOMES = {
     "Load": "model.load",
     "predict": "correct.predicted",
     "stiffness": "correct.stiffness",
+    "load_model": "bench.load_model",
     "PlanSettings": "bench.plan_settings",
     "plan": "bench.plan",
     "BenchError": "errors",

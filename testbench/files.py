@@ -40,9 +40,14 @@ def write_manifest(
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": {arm.resolve().name: digests(arm) for arm in arms},
-        "files": sorted({file.name for file in folder.iterdir()} | {"manifest.json"}),
+        "files": sorted({*inside(folder), "manifest.json"}),
     }
     write_json(manifest, folder / "manifest.json")
+
+
+def inside(folder: Path) -> list[str]:
+    """All files of a folder by their paths in it, those of folders in it too."""
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
 
 
 def versions() -> dict[str, str]:
@@ -61,8 +66,7 @@ def sources() -> str:
 
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 of every file of an arm's folder, by its path in it."""
-    files = sorted(p for p in folder.rglob("*") if p.is_file())
-    return {p.relative_to(folder).as_posix(): digest(p) for p in files}
+    return {name: digest(folder / name) for name in inside(folder)}
 
 
 def digest(file: Path) -> str:

@@ -107,6 +107,24 @@ def _check_files(path: Path, root: ET.Element) -> None:
                     )
 
 
+def assets(path: Path, root: ET.Element) -> list[str]:
+    """Files that the MJCF names, such as meshes, by their paths from its folder.
+
+    Raises:
+        InputError: When one is named by a path that no copy of the folder has.
+    """
+    folder, found = path.parent.absolute(), set()
+    meshdir = ([c.attrib["meshdir"] for c in root.iter("compiler") if "meshdir" in c.attrib] or [""])[-1]
+    for e in root.iter():
+        if "file" not in e.attrib:
+            continue
+        name = os.path.normpath(folder / meshdir / e.attrib["file"])
+        if Path(e.attrib["file"]).is_absolute() or not Path(name).is_relative_to(folder):
+            raise InputError(path, xml_place(path, e), "file: expected a path from the arm's folder")
+        found.add(Path(name).relative_to(folder).as_posix())
+    return sorted(found)
+
+
 def _finite(word: str) -> bool:
     try:
         return math.isfinite(float(word))

@@ -5,9 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from testbench.arm.document import Strict
+from testbench.bench.model_document import AboutRow, Document, Numbers, Rows
 
-Numbers = list[float]
-Rows = list[Numbers]
 Few = Annotated[int, Field(ge=0, le=10_000)]
 
 
@@ -45,26 +44,17 @@ class NoiseRow(Strict):
     factor: list[Annotated[float, Field(gt=0)]]
 
 
-class WeightsRow(Strict):
-    """Masses and centres of all bodies."""
+class CalibrationDocument(Document):
+    """model.json of `testbench calibrate`."""
 
-    mass_kg: list[Annotated[float, Field(ge=0)]]
-    centre_m: Rows
-
-
-class Document(Strict):
-    """model.json."""
-
-    format: Literal[1]
+    format: Literal[1, 2]
     kind: Literal["absolute calibration"]
-    arm: str
-    digests: dict[str, str]
     compliances: Literal["none", "joints", "links"]
     theta_0: Numbers
     C_theta: Rows
     errors: ErrorsRow
-    weights: WeightsRow
     noise: NoiseRow
     columns: list[Few]
     frames: dict[str, FrameRow]
     mounts: dict[str, MountRow]
+    about: AboutRow | None = None  #: Null in format 1.

@@ -1,26 +1,29 @@
 """A calibrated arm as a folder: model.json and posterior.npz beside the arm's rigid.xml and elastic.toml."""
 
-import shutil
-import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import ValidationError
 
 from testbench import files
-from testbench.arm.folder import Arm, load_arm
-from testbench.bench.absolute_document import (
-    Document,
-    ErrorsRow,
-    FrameRow,
-    MountRow,
-    NoiseRow,
-    Rows,
-    WeightsRow,
+from testbench.arm.folder import Arm
+from testbench.bench.absolute_document import CalibrationDocument, ErrorsRow, FrameRow, MountRow, NoiseRow
+from testbench.bench.model_document import AboutRow, Document, Rows, about_of, loaded_by, weights_row
+from testbench.bench.model_folder import (
+    DOCUMENT,
+    POSTERIOR,
+    Kind,
+    copy_arm,
+    numbers_of,
+    read_arm,
+    read_arrays,
+    read_document,
+    weights_of,
 )
-from testbench.errors import Array, BenchError, InputError, check_array, read_text
+from testbench.correct.arm_model import About
+from testbench.errors import Array, check_array
 from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.noise import KINDS, Noise
@@ -31,23 +34,34 @@ from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
+from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
-from testbench.model.weights import Weights
 
-DOCUMENT, POSTERIOR = "model.json", "posterior.npz"
-ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.
-MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
+CALIBRATION = Kind("absolute calibration", range(1, 3), CalibrationDocument, "testbench calibrate")
+ARRAYS = ("root", "L")
+"""Of posterior.npz: root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
 TURN = 1e-6  #: Most that a rotation of a file differs from one [1].
 STRUCTURES = {"joints": joints_only, "links": all153}
 """Compliances that a model may have."""
 
 
-def write_model(calibration: Calibration, arm: Path, folder: Path) -> None:
-    """Write a calibrated arm into a folder that exists."""
-    for name in ARM:
-        shutil.copyfile(arm / name, folder / name)
-    belief = belief_of(calibration)
-    files.write_json(_document(calibration, belief, folder).model_dump(), folder / DOCUMENT)
+def write_model(
+    calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
+) -> None:
+    """Write a calibrated arm into a folder that exists.
+
+    Args:
+        calibration: The arm.
+        data: SHA-256 of every file of readings, by its name.
+        doubts: What may be wrong with it, sentences.
+        folder: The model's.
+
+    Raises:
+        InputError: When a file of the arm cannot be copied.
+    """
+    belief, digests = belief_of(calibration), copy_arm(calibration.state.vjm.arm, folder)
+    document = _document(calibration, belief, digests, _about_row(calibration, data, doubts))
+    files.write_json(document.model_dump(), folder / DOCUMENT)
     elastic = belief.own.elastic
     L = np.zeros((0, 0)) if elastic is None else elastic.L
     np.savez_compressed(folder / POSTERIOR, root=belief.root, L=L)
@@ -68,15 +82,33 @@ def belief_of(calibration: Calibration) -> Belief:
     )
 
 
-def _document(calibration: Calibration, belief: Belief, folder: Path) -> Document:
+def _about_row(calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str]) -> AboutRow:
+    kept = [step.name for step in calibration.chosen.steps if step.kept]
+    loads = [
+        loaded_by(calibration.own.unknowns.vjm, s.q, Load(s.wrench, s.point)) for s in calibration.series
+    ]
+    force, moment = map(max, zip(*loads, strict=True))
+    return AboutRow(
+        method=f"absolute calibration: {', '.join(['geometry', *kept])}",
+        data=dict(data),
+        doubts=list(doubts),
+        force_N=force,
+        moment_Nm=moment,
+        versions=files.versions(),
+    )
+
+
+def _document(
+    calibration: Calibration, belief: Belief, digests: dict[str, str], about: AboutRow
+) -> CalibrationDocument:
     state, own = calibration.state, calibration.own
     rigid: Literal["none"] = "none"
     kind = rigid if own.elastic is None else _kind(own.elastic.structure.n == state.vjm.arm.n_joints)
-    return Document(
-        format=1,
+    return CalibrationDocument(
+        format=2,
         kind="absolute calibration",
         arm=state.vjm.arm.name,
-        digests={name: files.digest(folder / name) for name in ARM},
+        digests=digests,
         compliances=kind,
         theta_0=state.theta_0.tolist(),
         C_theta=state.C_theta.tolist(),
@@ -88,7 +120,7 @@ def _document(calibration: Calibration, belief: Belief, folder: Path) -> Documen
             coefficients=state.n.tolist(),
             torque_scale=state.torque_scale.tolist(),
         ),
-        weights=WeightsRow(mass_kg=state.weights.mass.tolist(), centre_m=state.weights.centre.tolist()),
+        weights=weights_row(state.weights),
         noise=NoiseRow(
             open_position_m=float(calibration.noise.open_position),
             open_rotation_rad=float(calibration.noise.open_rotation),
@@ -105,6 +137,7 @@ def _document(calibration: Calibration, belief: Belief, folder: Path) -> Documen
             )
             for name, one in state.mounts.items()
         },
+        about=about,
     )
 
 
@@ -118,44 +151,28 @@ def read_model(folder: Path) -> tuple[State, Belief]:
     Raises:
         InputError: When the folder is not one, or what it holds does not belong together.
     """
-    path = folder / DOCUMENT
-    if not folder.is_dir() or not path.is_file():
-        raise InputError(folder, "", f"expected the folder of a calibrated arm, with {DOCUMENT}")
-    try:
-        found = Document.model_validate_json(read_text(path, MAX_BYTES))
-    except ValidationError as err:
-        first = err.errors(include_url=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        raise InputError(path, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}") from err
-    for name in ARM:
-        if not (folder / name).is_file() or files.digest(folder / name) != found.digests.get(name):
-            raise InputError(folder / name, "", "is not the arm that was calibrated; it has changed")
-    arm = replace(load_arm(folder), name=found.arm)
-    root, L = _posterior(folder / POSTERIOR)
-    try:
+    state, belief, _ = read_whole(folder, read_document(folder, {CALIBRATION.name: CALIBRATION}))
+    return state, belief
+
+
+def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
+    """The arm of a folder whose model.json was read, and where it comes from.
+
+    Raises:
+        InputError: When what it holds does not belong together.
+    """
+    assert isinstance(found, CalibrationDocument)
+    arm = read_arm(folder, found, meshes=found.format > 1)
+    root, L = read_arrays(folder / POSTERIOR, ARRAYS)
+    with numbers_of(folder):
         state = _state(found, arm)
-        return state, _belief(found, state, root, L)
-    except (BenchError, ValueError, IndexError) as err:
-        raise InputError(path, "", f"numbers do not belong together: {err}") from err
+        if (found.about is None) != (found.format == 1):
+            raise ValueError("about: expected from format 2 on")
+        about = About("absolute calibration") if found.about is None else about_of(found.about)
+        return state, _belief(found, state, root, L), about
 
 
-def _posterior(path: Path) -> tuple[Array, ...]:
-    """Root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
-    try:
-        if path.stat().st_size > MAX_ROOT:
-            raise InputError(path, "", f"expected at most {MAX_ROOT} bytes")
-        with zipfile.ZipFile(path) as packed:
-            if sum(entry.file_size for entry in packed.infolist()) > MAX_ROOT:
-                raise InputError(path, "", f"expected at most {MAX_ROOT} bytes when unpacked")
-        with np.load(path, allow_pickle=False) as data:
-            return tuple(check_array(data[name], (None, None), name) for name in ("root", "L"))
-    except InputError:
-        raise
-    except (BenchError, OSError, ValueError, KeyError, MemoryError, zipfile.BadZipFile) as err:
-        raise InputError(path, "", f"expected the posterior of a calibration: {err}") from err
-
-
-def _state(found: Document, arm: Arm) -> State:
+def _state(found: CalibrationDocument, arm: Arm) -> State:
     vjm, n, joints = build_vjm(arm), arm.n_theta, arm.n_joints
     own = found.errors
     errors = JointErrors(tuple(own.orders), own.ratio, own.play, own.stiffening)
@@ -164,10 +181,7 @@ def _state(found: Document, arm: Arm) -> State:
         raise ValueError("C_theta: expected a symmetric matrix")
     return State(
         vjm=vjm,
-        weights=Weights(
-            check_array(np.array(found.weights.mass_kg), (joints + 2,), "mass [kg]"),
-            check_array(np.array(found.weights.centre_m), (joints + 2, 3), "centre [m]"),
-        ),
+        weights=weights_of(found.weights, arm),
         theta_0=check_array(np.array(found.theta_0), (n,), "theta_0 [m, rad]"),
         C_theta=C,
         errors=errors,
@@ -191,7 +205,7 @@ def _state(found: Document, arm: Arm) -> State:
     )
 
 
-def _belief(found: Document, state: State, root: Array, L: Array) -> Belief:
+def _belief(found: CalibrationDocument, state: State, root: Array, L: Array) -> Belief:
     """The metric is that of the day of the calibration, whatever it has become since."""
     rigid, arm = found.compliances == "none", state.vjm.arm
     structure = STRUCTURES["joints" if found.compliances == "none" else found.compliances](arm)

@@ -1,6 +1,6 @@
 """A user's runs fitted by several models, and which model to take."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,9 +37,22 @@ class Runs:
     looks: Looks = UNSEEN  #: What may be wrong with them.
 
 
+@dataclass(frozen=True)
+class Identified:
+    """Models fitted to a user's runs, and what there is to say of them."""
+
+    fits: Fits  #: Numbers and words.
+    estimates: Mapping[str, Estimate]  #: By the name of the model.
+
+    @property
+    def taken(self) -> Estimate:
+        """Of the model to take."""
+        return self.estimates[self.fits.recommended]
+
+
 def fit(
     cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float], *, widths: bool = False
-) -> Fits:
+) -> Identified:
     """Fit every model, judge it, and recommend one.
 
     Args:
@@ -68,7 +81,7 @@ def fit(
         _fit(cell, m, runs, timed, widths=own) for m, timed, own in zip(models, found, wanted, strict=True)
     ]
     [(model, best)] = [(m, e) for m, (e, _) in zip(models, found, strict=True) if m.name == taken.name]
-    return Fits(
+    fits = Fits(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs,
@@ -83,6 +96,7 @@ def fit(
         registration=runs.registration,
         scale=runs.looks.scale,
     )
+    return Identified(fits, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
 
 
 def _of_prior(

@@ -61,7 +61,8 @@ def command(asked: Options) -> None:
         found = calibrated(cell.vjm, series, tried, notes)
         status.update("writing")
         said = reported(found)
-        write(cell, said, arm, _plain(asked), asked.out)
+        readings = {path.name: files.digest(path) for path in asked.readings}
+        write(cell, said, readings, _plain(asked, readings), asked.out)
     text, out = words(said.report), asked.out
     console.print(text.block("answer"), style="bold", markup=False)
     if said.report.steps:
@@ -76,9 +77,8 @@ def command(asked: Options) -> None:
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _plain(asked: Options) -> dict[str, object]:
+def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:
     """What was asked for, but for the place of the results, and which files were read."""
     flags = {k: v for k, v in asdict(asked).items() if k not in ("arm", "out", "force", "readings")}
     mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    readings = {path.name: files.digest(path) for path in asked.readings}
     return {**flags, "readings": readings, "mapping": mapping}

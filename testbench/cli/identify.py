@@ -15,8 +15,10 @@ from testbench.bench.checked import check
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.fits import fit
 from testbench.bench.looks import check_strictly
+from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
+from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.errors import BenchError
 from testbench.identify import robust
@@ -27,7 +29,7 @@ from testbench.views import fits as views
 from testbench.views import terminal
 
 COMMAND = "testbench identify"  #: As manifest.json names it.
-OLD = frozenset(("models.json",))  #: All that earlier versions left.
+OLD = frozenset((FITS,))  #: All that earlier versions left.
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Options:
 
 @takes(Options)
 def command(asked: Options) -> None:
-    """Fit, judge, write models.json, and say which model to take."""
+    """Fit, judge, say which model to take, and write it."""
     arm = find_arm(asked.arm)
     inputs = [arm, *files_read(asked)]
     check_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force)
@@ -75,13 +77,19 @@ def command(asked: Options) -> None:
     models = _models(cell, asked)
     found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
     if asked.strict:
-        check_strictly((*check(asked.arm).doubts, *found.doubts))
+        check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
+    readings = {asked.dataset.name: files.digest(asked.dataset)}
     with whole_folder(asked.out) as folder:
-        files.write_json(asdict(found), folder / "models.json")
+        files.write_json(asdict(found.fits), folder / FITS)
+        write_stiffness(cell, found, runs, readings, folder)
         files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])
     console = Console(highlight=False)
-    terminal.print_words(console, views.words(found), list(views.tables(found).values()))
-    console.print(f"models     {asked.out / 'models.json'}", soft_wrap=True, markup=False)
+    terminal.print_words(console, views.words(found.fits), list(views.tables(found.fits).values()))
+    lines = [
+        f"model      {asked.out / DOCUMENT}: {found.fits.recommended}",
+        f"models     {asked.out / FITS}: all of them",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
 def _plain(asked: Options) -> dict[str, object]:

@@ -38,6 +38,17 @@ class Load:
         return Load(self.wrench[some], self.point[some])
 
 
+def resultant(where: Chain, loads: Sequence[Load]) -> Array:
+    """Sum of all loads, the moment about the tool's origin, world axes, (poses, 6) [N, N m]."""
+    total = np.zeros((len(where.position), 6))
+    for load in loads:
+        own = load.over(len(total))
+        lever = np.matvec(where.rotation, own.point)
+        total[:, :3] += own.wrench[:, :3]
+        total[:, 3:] += own.wrench[:, 3:] + np.cross(lever, own.wrench[:, :3])
+    return total
+
+
 def on_joints(where: Chain, loads: Sequence[Load]) -> Array:
     """Sum of J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; every load has a row a pose."""
     u = np.zeros(where.J_theta.shape[1:])

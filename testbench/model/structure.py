@@ -98,10 +98,8 @@ class Structure:
         pairs += [(6 * len(link_names) + k,) * 2 for k in j]
         if not pairs:
             raise BenchError("structure: expected at least one elastic link or joint")
-        axes = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
-        labels = [f"{name}.{axis}" for name in link_names for axis in axes] + joint_names
         a, b = np.array(pairs).T
-        return cls(name, arm.n_theta, a, b, tuple(labels), symmetric)
+        return cls(name, arm.n_theta, a, b, labels_of(arm), symmetric)
 
     @property
     def n(self) -> int:
@@ -202,6 +200,14 @@ class Structure:
     def keep(self, columns: Ids, name: str) -> "Structure":
         """The structure with only these parameters unknown; the dropped ones are zero."""
         return replace(self, name=name, a=self.a[columns], b=self.b[columns])
+
+
+def labels_of(arm: Arm) -> tuple[str, ...]:
+    """A name for each row of C_theta, (n_theta,): link and axis, then the joints."""
+    links = [
+        f"{link.name}.{axis}" for link in arm.links for axis in ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+    ]
+    return (*links, *(joint.name for joint in arm.joints))
 
 
 def _indices(kind: str, wanted: Iterable[str], names: Sequence[str], arm: str) -> list[int]:

@@ -12,7 +12,9 @@ class Manifest:
     """Of a run."""
 
     command: str | None  #: Whose run it is; None without a manifest of ours.
-    files: frozenset[str] | None  #: Names of its files; None where it does not say: in older ones.
+    files: (
+        frozenset[str] | None
+    )  #: Its files, by their paths in it; None where it does not say: in older ones.
 
 
 def read_manifest(folder: Path) -> Manifest:

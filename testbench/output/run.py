@@ -1,6 +1,7 @@
 """The folder of a run: all files of one run and nothing else; manifest.json says of which, and names them."""
 
 import contextlib
+import os
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -53,17 +54,25 @@ def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
     found = read_manifest(out)
     if found.command not in (command, None):
         raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {INSTEAD}")
-    for path in _entries(out):
+    for path in _entries(out, own, found.files or frozenset()):
         plain = path.is_file() and not path.is_symlink()
         named = path.suffix in SUFFIXES if found.files is None and found.command else False
-        if path.name in own or (plain and (named or path.name in (found.files or ()))):
+        if plain and (named or path.relative_to(out).as_posix() in (found.files or ())):
             continue
         raise InputError(path, "", f"is not of {command}, and a run folder holds only runs; {INSTEAD}")
 
 
-def _entries(out: Path) -> list[Path]:
+def _entries(out: Path, own: frozenset[str], named: frozenset[str]) -> Iterator[Path]:
+    """What lies in a run's folder, and in folders of it that hold named files; not what is its own."""
     try:
-        return sorted(path for path in out.iterdir() if not path.name.startswith(".new-"))
+        for path in sorted(out.iterdir()):
+            if path.name in own or path.name.startswith(".new-"):
+                continue
+            if path.is_dir() and not path.is_symlink() and any(f.startswith(f"{path.name}/") for f in named):
+                below = frozenset(f.removeprefix(f"{path.name}/") for f in named)
+                yield from _entries(path, frozenset(), below)
+            else:
+                yield path
     except OSError as err:
         raise InputError(out, "", f"cannot be read: {err.strerror}") from err
 
@@ -87,8 +96,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
         try:
             yield scratch
             with interrupts_wait():
-                files = sorted(scratch.iterdir(), key=lambda file: (file.name != manifest.NAME, file.name))
-                _replace(out, files)
+                _replace(out, scratch)
         finally:
             remove(scratch)
 
@@ -116,12 +124,18 @@ def new_folder(out: Path) -> Iterator[Path]:
             remove(scratch)
 
 
-def _replace(out: Path, made: Sequence[Path]) -> None:
+def _files(folder: Path) -> list[str]:
+    return [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
+
+
+def _replace(out: Path, scratch: Path) -> None:
     """The files of the new run for those of the earlier one; the manifest first, which names what follows."""
-    earlier = read_manifest(out).files or frozenset()
-    for name in earlier - {file.name for file in made}:
-        if Path(name).name == name:  # as it was written; a name that leads elsewhere was not
-            with contextlib.suppress(OSError):  # removed by hand
+    made = sorted(_files(scratch), key=lambda name: (name != manifest.NAME, name))
+    for name in (read_manifest(out).files or frozenset()) - set(made):
+        if inside((out / name).parent, out):  # as it was written; a name that leads elsewhere was not
+            with contextlib.suppress(OSError):  # removed by hand, or the folder of another file
                 (out / name).unlink()
-    for file in made:
-        file.replace(out / file.name)
+                os.removedirs((out / name).parent)
+    for name in made:
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (scratch / name).replace(out / name)

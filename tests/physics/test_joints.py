@@ -76,7 +76,7 @@ def test_identifiability_a_plan_and_a_users_fit_take_it(kr500, model, runs):
         [tb.MODELS[name](kr500) for name in ("Joints", "MLS56")],
         Runs("x", runs, runs, None),
         lambda: 0.0,
-    )
+    ).fits
     assert fits.recommended == "Joints"
     assert fits.models[0].joints == pytest.approx(
         dict(zip(model.structure.labels[-6:], np.r_[0, TRUE[1:]], strict=True))

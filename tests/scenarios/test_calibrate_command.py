@@ -12,15 +12,21 @@ import pytest
 from read_back import chunks_of, columns, document, panes, rerun, series, views
 from run_here import here
 
+import testbench as tb
 from testbench.arm.folder import load_arm
 from testbench.bench import absolute_model
 from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
 from testbench.cli.program import program
+from testbench.errors import InputError
+from testbench.identify.absolute.posterior import Placed, predict, without
+from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.prior import cad_prior
+from testbench.plant import build_plant
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "adopt"))
 from strangers import write_stl
@@ -30,6 +36,7 @@ FILES = {"model.json", "posterior.npz", "rigid.xml", "elastic.toml", "report.jso
     "calibration.png",
     "recording.rrd",
     "manifest.json",
+    "meshes",
 }
 GAP = 0.9, 1.7  #: Range of joint_1 without readings [rad].
 OFF = 4e-3  #: What one reading is off [m].
@@ -256,10 +263,57 @@ def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(arm, readings,
     assert not (tmp_path / "out").exists()
 
 
-def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm):
-    """Meshes stay behind: numbers need none."""
-    assert not (made[0] / "meshes").exists()
-    assert load_arm(made[0]).joints == load_arm(arm).joints
+def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm, tmp_path):
+    """With its meshes: collisions are found and it is drawn from the folder alone."""
+    model = tb.load_model(made[0], arm)
+    assert model.arm.joints == load_arm(arm).joints
+    assert model.arm.name == "flagged"
+    assert build_plant(model.arm).load.shape == (3,)
+    (folder := tmp_path / "model").mkdir()
+    shutil.copytree(made[0], folder, dirs_exist_ok=True)
+    (folder / "meshes" / "flag.stl").unlink()
+    with pytest.raises(InputError, match=r"flag.stl: is not the arm of the model"):
+        tb.load_model(folder)
+
+
+def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, readings):
+    """Positions are linear in what is open: their covariance is that of `predict` but for the scatter."""
+    state, belief = read_model(made[0])
+    model = tb.load_model(made[0])
+    [one], _ = read_all(readings[2:], state.vjm.arm, None, None)
+    a = len(belief.columns)
+    held = Placed(aligned(without(state, one), (one,)), np.zeros(0, int), np.zeros((0, a)), np.zeros((0, 0)))
+    far = replace(belief, noise=replace(belief.noise, factor=1e-9 * belief.noise.factor))
+    wanted = np.einsum("rmkk->rmk", predict(held, far, one).covariance)
+    unknowns = unknowns_of(state.vjm, (one,), state.errors, model.structure)
+    first = unknowns.starts["geometry"]
+    rows = rows_of(unknowns, held.state, one).A[: len(one.markers), :, first + model.columns]
+    found = model.spread.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, a))
+    np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
+    assert np.array_equal(model.spread.pi, model.unknowns.current(state)[model.columns])
+    assert model.absolute
+    assert model.scatter > 0
+
+
+def test_a_model_says_where_it_comes_from_and_one_of_format_1_does_not(made, readings, tmp_path):
+    about = tb.load_model(made[0]).about
+    assert about.method == "absolute calibration: geometry, joint springs, joint errors"
+    assert about.data == ("r_1.csv", "r_2.csv")
+    assert (about.force, about.moment) == (0, 0)
+    assert [doubt.split(":")[0] for doubt in about.doubts] == [
+        "Not read, hence extrapolated",
+        "Own weight is the only load",
+    ]
+    folder = shutil.copytree(made[0], tmp_path / "model")
+    document = json.loads((folder / "model.json").read_text())
+    shutil.rmtree(folder / "meshes")
+    digests = {name: document["digests"][name] for name in ("rigid.xml", "elastic.toml")}
+    old = {k: v for k, v in document.items() if k != "about"} | {"format": 1, "digests": digests}
+    (folder / "model.json").write_text(json.dumps(old))
+    model = tb.load_model(folder)
+    assert (model.about.force, model.about.data) == (None, ())
+    assert np.array_equal(model.state.C_theta, tb.load_model(made[0]).state.C_theta)
+    assert run("score", folder, readings[2], "--frame-poses", 20).returncode == 0
 
 
 @pytest.mark.parametrize(

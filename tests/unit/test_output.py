@@ -135,3 +135,33 @@ def test_what_killed_processes_left_goes_and_what_others_make_stays(write, tmp_p
     write(tmp_path)
     assert not left.exists()
     assert all(path.exists() for path in (*neighbours, tmp_path / ".new-mine"))
+
+
+def test_folders_of_a_run_are_replaced_with_it_and_guests_in_them_are_refused(tmp_path):
+    """An arm's meshes lie in a folder of their own."""
+    run, part = tmp_path / "run", tmp_path / "part"
+
+    def write(*names):
+        with whole_folder(run) as folder:
+            for name in names:
+                (folder / name).parent.mkdir(exist_ok=True, parents=True)
+                (folder / name).write_text("new")
+            said = {"command": OURS, "versions": {"testbench": "0"}, "files": [*names, "manifest.json"]}
+            (folder / "manifest.json").write_text(json.dumps(said))
+
+    write("a.json", "meshes/fine/1.stl", "meshes/2.stl")
+    check_folder(run, OURS, force=False)
+    write("a.json", "meshes/2.stl")
+    check_folder(run, OURS, force=False)
+    assert sorted(p.name for p in run.rglob("*")) == ["2.stl", "a.json", "manifest.json", "meshes"]
+    (run / "meshes" / "mine.stl").touch()
+    assert "meshes/mine.stl: is not of" in folder_refused(run, "mine.stl")
+    (run / "meshes" / "mine.stl").unlink()
+    part.mkdir()
+    (part / "b.json").touch()
+    (run / "manifest.json").write_text(
+        (run / "manifest.json").read_text().replace("a.json", "../part/b.json")
+    )
+    write("c.json")
+    assert (part / "b.json").exists()
+    assert not (run / "meshes").exists()

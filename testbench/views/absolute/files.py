@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from testbench import files
+from testbench.bench.absolute_doubts import doubts
 from testbench.bench.absolute_model import write_model
 from testbench.bench.absolute_summary import Reported
 from testbench.bench.campaign import Cell
@@ -15,13 +16,19 @@ from testbench.views.absolute.words import words
 COMMAND = "testbench calibrate"  #: As manifest.json names it.
 
 
-def write(cell: Cell, reported: Reported, arm: Path, asked: Mapping[str, object], out: Path) -> None:
+def write(
+    cell: Cell,
+    reported: Reported,
+    data: Mapping[str, str],
+    asked: Mapping[str, object],
+    out: Path,
+) -> None:
     """The model, its report, figure, recording and manifest.json.
 
     Args:
         cell: The arm.
         reported: Its calibration, and what there is to say of it.
-        arm: The arm's folder.
+        data: SHA-256 of every file of readings, by its name.
         asked: What was asked for, as plain data.
         out: Folder of the results.
 
@@ -34,11 +41,14 @@ def write(cell: Cell, reported: Reported, arm: Path, asked: Mapping[str, object]
     from testbench.views.recording.stream import Header
 
     report = reported.report
+    said = [f"{doubt.name.capitalize()}: {doubt.sentence}" for doubt in doubts(report)]
     with whole_folder(out) as folder:
-        write_model(reported.found.calibration, arm, folder)
+        write_model(reported.found.calibration, data, said, folder)
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
         overview(reported).savefig(folder / "calibration.png", dpi=120)
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         write_absolute(folder / "recording.rrd", header, scene(cell, reported))
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[arm])
+        files.write_manifest(
+            folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[cell.arm.rigid.parent]
+        )

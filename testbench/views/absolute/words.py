@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from testbench.bench.absolute_doubts import doubts
 from testbench.bench.absolute_report import AbsoluteReport
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
@@ -69,5 +70,5 @@ def tables(report: AbsoluteReport) -> dict[str, Table]:
 
 def words(report: AbsoluteReport) -> Words:
     """The words of a calibration."""
-    values = {"report": report, "tables": tables(report), "most": MOST}
+    values = {"report": report, "doubts": doubts(report), "tables": tables(report), "most": MOST}
     return Words(Path(__file__).parent, values, "absolute.md.j2")

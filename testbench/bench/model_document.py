@@ -1,0 +1,72 @@
+"""What every model.json says, whatever the kind of model: typed rows, the unit in the name."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from testbench.arm.document import Strict
+from testbench.correct.arm_model import About
+from testbench.errors import Array
+from testbench.model.load import Load, resultant
+from testbench.model.vjm import Vjm, chain
+from testbench.model.weights import Weights
+
+Numbers = list[float]
+Rows = list[Numbers]
+Size = Annotated[float, Field(ge=0)]
+
+
+class Head(Strict):
+    """What tells one kind of model from another."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="ignore")
+
+    kind: str
+    format: int
+
+
+class WeightsRow(Strict):
+    """Masses and centres of all bodies."""
+
+    mass_kg: list[Size]
+    centre_m: Rows
+
+
+class AboutRow(Strict):
+    """Where a model comes from."""
+
+    method: str
+    data: dict[str, str]  #: SHA-256 of every file of readings, by its name.
+    doubts: list[str]
+    force_N: Size | None
+    moment_Nm: Size | None
+    versions: dict[str, str]
+
+
+class Document(Strict):
+    """What all kinds have."""
+
+    kind: str
+    format: int
+    arm: str
+    digests: dict[str, str]
+    weights: WeightsRow
+
+
+def weights_row(weights: Weights) -> WeightsRow:
+    """Masses and centres as a row."""
+    return WeightsRow(mass_kg=weights.mass.tolist(), centre_m=weights.centre.tolist())
+
+
+def loaded_by(vjm: Vjm, q: Array, load: Load) -> tuple[float, float]:
+    """Largest force [N] and largest moment about the tool's origin [N m] over some poses, (poses, n)."""
+    total = resultant(chain(vjm, q), [load])
+    return float(np.linalg.norm(total[:, :3], axis=1).max()), float(
+        np.linalg.norm(total[:, 3:], axis=1).max()
+    )
+
+
+def about_of(row: AboutRow) -> About:
+    """Where a model comes from."""
+    return About(row.method, tuple(row.data), tuple(row.doubts), row.force_N, row.moment_Nm)

@@ -1,0 +1,181 @@
+"""The folder of a model of an arm: model.json and posterior.npz beside the files of the arm.
+
+What is common to all kinds of models: which files, whose arm, what is refused.
+"""
+
+import contextlib
+import io
+import shutil
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import ValidationError
+
+from testbench import files
+from testbench.arm.catalogue import find_arm
+from testbench.arm.document import Strict
+from testbench.arm.folder import Arm, load_arm
+from testbench.arm.mjcf import assets, read_mjcf
+from testbench.bench.model_document import Document, Head, WeightsRow
+from testbench.errors import Array, BenchError, InputError, check_array, read_bytes, read_text
+from testbench.model.weights import Weights
+
+DOCUMENT, POSTERIOR, FITS = "model.json", "posterior.npz", "models.json"
+ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.
+MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
+D = TypeVar("D", bound=Strict)
+BROKEN = (BenchError, OSError, ValueError, KeyError, MemoryError, EOFError, NotImplementedError, RuntimeError)
+"""What numpy and zipfile raise of a file that is none, beside errors of their own."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of model."""
+
+    name: str  #: As model.json has it.
+    formats: range  #: Those that are read, the last one is written.
+    document: type[Document]
+    command: str  #: That writes it.
+
+
+def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
+    """Copy the files of an arm, meshes among them; SHA-256 of each, by its path.
+
+    Raises:
+        InputError: When a file that rigid.xml names cannot be copied.
+    """
+    names, own = (*ARM, *assets(arm.rigid, read_mjcf(arm.rigid))), arm.rigid.parent
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        try:
+            shutil.copyfile(own / name, folder / name)
+        except OSError as err:
+            raise InputError(own / name, "", f"cannot be copied: {err.strerror}") from err
+    return {name: files.digest(folder / name) for name in names}
+
+
+def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
+    """What model.json says.
+
+    Args:
+        folder: The model's.
+        kinds: Those that are expected, by name.
+
+    Raises:
+        InputError: When there is none, or none of these kinds, of a format that nobody knows, or not whole.
+    """
+    path = folder / DOCUMENT
+    if not path.is_file():
+        problem = f"expected the folder of a model, with {DOCUMENT}"
+        if (folder / FITS).is_file():
+            problem = f"has fits of an earlier version and no {DOCUMENT}: identify again"
+        raise InputError(folder, "", problem)
+    text = read_text(path, MAX_BYTES)
+    head = _valid(Head, text, path)
+    kind = kinds.get(head.kind)
+    if kind is None:
+        expected = " or ".join(f"{name!r} ({own.command})" for name, own in kinds.items())
+        raise InputError(path, "kind", f"expected {expected}, got {head.kind[:80]!r}")
+    if head.format not in kind.formats:
+        known = " and ".join(map(str, kind.formats))
+        raise InputError(
+            path, "format", f"is a {head.kind} of format {head.format}, this version reads {known}"
+        )
+    return _valid(kind.document, text, path)
+
+
+def _valid(document: type[D], text: str, path: Path) -> D:
+    try:
+        return document.model_validate_json(text)
+    except ValidationError as err:
+        first = err.errors(include_url=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise InputError(path, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}") from err
+
+
+@contextlib.contextmanager
+def numbers_of(folder: Path) -> Iterator[None]:
+    """What the block cannot make of the numbers of a model is told as an InputError of its model.json."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (BenchError, ValueError, IndexError) as err:
+        raise InputError(folder / DOCUMENT, "", f"numbers do not belong together: {err}") from err
+
+
+def read_arm(folder: Path, found: Document, *, meshes: bool) -> Arm:
+    """The arm of a model.
+
+    Args:
+        folder: The model's.
+        found: Its model.json.
+        meshes: Whether the folder has the meshes of the arm.
+
+    Raises:
+        InputError: When a file of the arm has changed.
+    """
+    _check_same(folder, ARM, found)
+    if meshes:
+        _check_same(folder, assets(folder / ARM[0], read_mjcf(folder / ARM[0])), found)
+    return replace(load_arm(folder), name=found.arm)
+
+
+def _check_same(folder: Path, names: Sequence[str], found: Document) -> None:
+    for name in names:
+        if not (folder / name).is_file() or files.digest(folder / name) != found.digests.get(name):
+            raise InputError(folder / name, "", "is not the arm of the model; it has changed")
+
+
+def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
+    """Refuse a model of another arm than one in a folder, or of ours by its name.
+
+    Raises:
+        InputError: Names the file that differs.
+    """
+    place = find_arm(arm)
+    for name in ARM:
+        own = files.digest(place / name) if (place / name).is_file() else "none"
+        if own != found.digests.get(name):
+            digests = f"{name}: digest {str(found.digests.get(name))[:12]}, that of {place} has {own[:12]}"
+            raise InputError(folder, "", f"is a model of another arm, {found.arm} ({digests})")
+
+
+def read_arrays(path: Path, names: Sequence[str]) -> tuple[Array, ...]:
+    """Arrays of posterior.npz, of any size, finite.
+
+    Raises:
+        InputError: When it is too large, or lacks one of them.
+    """
+    raw = read_bytes(path, MAX_ROOT)
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as packed:
+            size = sum(entry.file_size for entry in packed.infolist())
+        if size > MAX_ROOT:
+            raise BenchError(f"at most {MAX_ROOT} bytes when unpacked, got {size}")
+        with np.load(io.BytesIO(raw), allow_pickle=False) as data:
+            return tuple(_numbers(data[name], name) for name in names)
+    except (*BROKEN, zipfile.BadZipFile, zlib.error, struct.error) as err:
+        raise InputError(path, "", f"expected the posterior of a model: {err}") from err
+
+
+def _numbers(array: npt.NDArray[np.generic], name: str) -> Array:
+    if array.dtype != np.float64:
+        raise BenchError(f"{name}: expected numbers of double precision, got {array.dtype}")
+    return check_array(array, (None,) * array.ndim, name)
+
+
+def weights_of(row: WeightsRow, arm: Arm) -> Weights:
+    """What the bodies weigh; BenchError for another number of them."""
+    bodies = arm.n_joints + 2
+    return Weights(
+        check_array(np.array(row.mass_kg), (bodies,), "mass [kg]"),
+        check_array(np.array(row.centre_m), (bodies, 3), "centre [m]"),
+    )

@@ -1,0 +1,215 @@
+"""A model is a file: what both commands leave is read back bit by bit, or refused in one line."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_here import here
+
+import testbench as tb
+from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.default import with_priors
+from testbench.bench.fits import Runs, fit
+from testbench.bench.models import named_models
+from testbench.bench.stiffness_write import write_stiffness
+from testbench.cli.program import program
+from testbench.errors import InputError
+from testbench.identify.intervals import CURVED, curvature, linearise
+from testbench.identify.weighed import marker_points
+from testbench.model.vjm import chain, observation
+
+ROOT = Path(__file__).resolve().parents[2]
+FORCE, LEVER = 460.3 * 9.81, 0.15  #: Of section 6 [N]; the load point is so far from the tool's origin [m].
+
+
+@pytest.fixture(scope="module")
+def runs(kr500):
+    scenario = Scenario(arm="kr500_l480", workspace_poses=1, check_runs=3)
+    return simulate(kr500, scenario, 7).identification
+
+
+def written(cell, runs, name, folder, prior=False):
+    folder.mkdir()
+    models = named_models(cell, [name])
+    models = with_priors(models, tb.cad_prior(cell.arm)) if prior else models
+    found = fit(cell, models, Runs("runs.csv", runs, runs, None), lambda: 0.0)
+    write_stiffness(cell, found, Runs("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
+    return found.taken
+
+
+@pytest.mark.parametrize(
+    ("name", "prior"),
+    [("MLS56", False), ("MLS32", False), ("MGCO47", False), ("MGCO56", False), ("ALL153", True)],
+)
+def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_path, name, prior):
+    estimate = written(kr500, runs, name, tmp_path / "model", prior=prior)
+    model = tb.load_model(tmp_path / "model", "kr500_l480")
+    assert not model.absolute
+    assert model.arm.joints == kr500.arm.joints
+    assert model.structure.name == estimate.structure.name
+    assert np.array_equal(model.state.C_theta, estimate.C_theta)
+    known, own = linearise(estimate), model.spread
+    assert all(np.array_equal(getattr(known, key), getattr(own, key)) for key in vars(known))
+    points = marker_points(kr500.vjm, runs.markers)
+    rows = observation(chain(model.vjm, runs.q), model.structure, runs.wrench, runs.point, points)
+    found = own.intervals(rows.reshape(-1, model.structure.n))
+    half = np.hypot(
+        found.upper - found.centre, CURVED * curvature(model.vjm, model.state.C_theta, runs).ravel()
+    )
+    wanted = tb.intervals(kr500.vjm, estimate, runs)
+    np.testing.assert_allclose(half, (wanted.upper - wanted.centre).ravel(), rtol=1e-12)
+    assert model.about.force == pytest.approx(FORCE)
+    assert model.about.data == ("runs.csv",)
+
+
+def test_what_least_squares_has_not_seen_stays_without_bound(kr500, runs, tmp_path):
+    """A force along the horizontal turns joint 1, which no weight of the campaign did."""
+    written(kr500, runs, "ALL153", tmp_path / "model")
+    model = tb.load_model(tmp_path / "model")
+    push = np.tile([1e3, 1e3, 0, 0, 0, 0], (runs.runs, 1))
+    rows = observation(chain(model.vjm, runs.q), model.structure, push, runs.point, np.zeros((1, 3)))
+    assert np.isinf(model.spread.deviations(rows.reshape(-1, 153))).any()
+
+
+@pytest.fixture(scope="module")
+def small(kr500, runs, tmp_path_factory):
+    """A model of few numbers, with a prior, to spoil."""
+    folder = tmp_path_factory.mktemp("small") / "model"
+    written(kr500, runs, "Joints", folder, prior=True)
+    return folder
+
+
+def paths(value, at=()):
+    """Where every value of a JSON document stands; of lists the first alone."""
+    yield at
+    keys = value if isinstance(value, dict) else range(min(len(value), 1)) if isinstance(value, list) else ()
+    for key in keys:
+        yield from paths(value[key], (*at, key))
+
+
+def refusal(folder):
+    """Why a model is refused; None where it is read."""
+    try:
+        tb.load_model(folder)
+    except InputError as err:
+        return str(err)
+
+
+def spoil(text, at, new):
+    document = json.loads(text)
+    inner = document
+    for key in at[:-1]:
+        inner = inner[key]
+    if new is KeyError:
+        del inner[at[-1]]
+    else:
+        inner[at[-1]] = new
+    return json.dumps(document)
+
+
+WRONG = (KeyError, None, "x", -1, 1e9, float("nan"), float("inf"), [], {}, [[1.0]])
+FREE = {"arm", "name", "units", "notes", "runs", "certificate", "prior", "unseen", "about", "spread", "kind"}
+"""Words, and numbers that nothing else depends on: another value of the same type may be read."""
+
+
+def test_a_model_with_any_key_spoiled_is_read_or_refused_in_one_line(small, tmp_path):
+    folder = shutil.copytree(small, tmp_path / "model")
+    text = (folder / "model.json").read_text()
+    read = set()
+    for at in list(paths(json.loads(text)))[1:]:
+        for new in WRONG:
+            (folder / "model.json").write_text(spoil(text, at, new))
+            said = refusal(folder)
+            read |= set() if said else {at}
+            assert said is None or (len(said.splitlines()) == 1 and "model" in said)
+    assert {at[0] for at in read} <= FREE | {"weights", "structure"}
+    assert not [at for at in read if at[:2] == ("structure", "entries")]
+
+
+ENTRY = ("structure", "entries", 0)
+TAMPERED = [
+    (("format",), 2, "format: is a stiffness of format 2, this version reads 1"),
+    (("kind",), "magic", "kind: expected 'stiffness' (testbench identify) or 'absolute calibration'"),
+    ((*ENTRY, "row"), "joint_9", "kr500_l480 has no 'joint_9'"),
+    ((*ENTRY, "value"), 1e-7, "are of two models"),
+    (("joints", "joint_2"), 1e-7, "joints: expected the compliances that structure.entries have"),
+    (("links", "link_2"), np.eye(6).tolist(), "links: expected the blocks that structure.entries have"),
+    (("weights", "mass_kg"), [1.0] * 7, "mass [kg]: expected shape (8), got (7,)"),
+    (("digests", "rigid.xml"), "0" * 64, "rigid.xml: is not the arm of the model; it has changed"),
+]
+
+
+@pytest.mark.parametrize(("at", "new", "words"), TAMPERED)
+def test_what_does_not_belong_together_is_said(small, tmp_path, at, new, words):
+    folder = shutil.copytree(small, tmp_path / "model")
+    (folder / "model.json").write_text(spoil((small / "model.json").read_text(), at, new))
+    with pytest.raises(InputError) as caught:
+        tb.load_model(folder)
+    assert words in str(caught.value)
+
+
+def posterior(folder, **changed):
+    with np.load(folder / "posterior.npz") as data:
+        arrays = {**data, **changed}
+    np.savez(folder / "posterior.npz", **arrays)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"root": np.zeros((3, 5))}, "root: expected shape (any, 6), got (3, 5)"),
+        ({"scale": np.full(6, np.nan)}, "scale: expected finite numbers"),
+        ({"root": np.array([[{}]], dtype=object)}, "expected the posterior of a model: Object arrays"),
+        ({"root": np.eye(6, dtype=complex)}, "root: expected numbers of double precision"),
+        ({"pi": np.full(6, -1e-7)}, "are of two models"),
+    ],
+)
+def test_a_posterior_that_is_none_is_one_line(small, tmp_path, changed, words):
+    folder = shutil.copytree(small, tmp_path / "model")
+    posterior(folder, **changed)
+    with pytest.raises(InputError) as caught:
+        tb.load_model(folder)
+    assert words in str(caught.value)
+
+
+def test_a_posterior_cut_anywhere_is_one_line(small, tmp_path):
+    folder, rng = shutil.copytree(small, tmp_path / "model"), np.random.default_rng(5)
+    whole = (folder / "posterior.npz").read_bytes()
+    for _ in range(60):
+        cut = rng.integers(len(whole), size=2)
+        broken = bytearray(whole)
+        broken[cut[0]] ^= 0xFF
+        (folder / "posterior.npz").write_bytes(broken[: cut[1]] if rng.integers(2) else broken)
+        assert "posterior.npz" in (refusal(folder) or "posterior.npz")
+
+
+def test_compliances_that_claim_to_be_conservative_are(small, tmp_path):
+    folder = shutil.copytree(small, tmp_path / "model")
+    document = json.loads((folder / "model.json").read_text())
+    for entry in document["structure"]["entries"]:
+        entry["value"] *= -1
+    document["joints"] = {name: -value for name, value in document["joints"].items()}
+    (folder / "model.json").write_text(json.dumps(document))
+    posterior(folder, pi=np.array([entry["value"] for entry in document["structure"]["entries"]]))
+    with pytest.raises(InputError, match="conservative: expected symmetric positive semi-definite"):
+        tb.load_model(folder)
+    document["conservative"] = False
+    (folder / "model.json").write_text(json.dumps(document))
+    assert tb.load_model(folder).spread.pi.max() < 0
+
+
+def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_path):
+    with pytest.raises(InputError, match=r"is a model of another arm, kr500_l480 \(rigid.xml: digest"):
+        tb.load_model(small, "ur10")
+    with pytest.raises(InputError, match="expected the folder of a model"):
+        tb.load_model(tmp_path)
+    (tmp_path / "models.json").touch()
+    with pytest.raises(InputError, match=r"fits of an earlier version and no model\.json: identify again"):
+        tb.load_model(tmp_path)
+    done = here(program(["score"]), "score", small, "none.csv")
+    assert done.returncode == 2
+    assert "expected 'absolute calibration' (testbench calibrate), got 'stiffness'" in " ".join(
+        done.stderr.split()
+    )
