@@ -1,0 +1,67 @@
+"""Forces of a process that turn with the tool's way: along the feed, across it, along the spindle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.errors import Array, BenchError, check_array
+
+SAME = 1e-7  #: Points closer than this are one [m]: the tool waits there.
+LEAST = 1e-3  #: Sum of two directions, or sine between feed and spindle, below which they tell none [1].
+
+
+def process_wrench(
+    along: Array, position: Array, spindle: Array, names: Sequence[str] | None = None
+) -> Array:
+    """Force of a process on the tool at every point of a path, (points, 6) [N, N m]; its moment is zero.
+
+    f = feed t + cross (s x t) / |s x t| + axial s, with the tangent t of the path and the spindle s. Seen
+    against s, a positive cross force points to the left of the feed. Resistance to the feed is negative; so
+    is the thrust of a drill whose s points into the work.
+
+    Args:
+        along: Forces along the feed, across it, along the spindle, (points, 3) [N].
+        position: Where they act, world, (points, 3) [m].
+        spindle: Unit vector of the spindle's axis, world, (points, 3).
+        names: Of the points, for messages.
+
+    Raises:
+        BenchError: At the first point with a force along or across a feed that the path does not tell.
+    """
+    along = check_array(along, (None, 3), "forces along feed, across, axial [N]")
+    position = check_array(position, (len(along), 3), "position [m]")
+    spindle = check_array(spindle, (len(along), 3), "spindle [1]")
+    feed = tangents(position)
+    across = np.cross(spindle, feed)
+    sine = np.linalg.norm(across, axis=1)
+    there = sine > LEAST
+    across[there] /= sine[there, None]
+    untold = (
+        ("feed", ~feed.any(axis=1), "the path stands still or turns back"),
+        ("cross", ~there, "the path stands still, turns back or runs along the spindle"),
+    )
+    for k, (name, lost, why) in enumerate(untold):
+        bad = np.flatnonzero(lost & (along[:, k] != 0))
+        if len(bad):
+            place = names[bad[0]] if names else f"point {bad[0] + 1}"
+            raise BenchError(f"{place}: no direction for its {name} force: {why}")
+    force = along[:, :1] * feed + along[:, 1:2] * across + along[:, 2:] * spindle
+    return np.hstack([force, np.zeros_like(force)])
+
+
+def tangents(position: Array) -> Array:
+    """Unit tangent of a path at every point, (points, 3); zero where there is none.
+
+    Halfway between the directions to and from a point; at the ends, and where the tool waits, of the nearest
+    point that differs.
+    """
+    step = np.diff(position, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    moves = length > SAME
+    unit = step[moves] / length[moves, None]
+    both = np.zeros((len(unit) + 1, 3))
+    both[:-1] += unit
+    both[1:] += unit
+    size = np.linalg.norm(both, axis=1, keepdims=True)
+    own = np.divide(both, size, out=np.zeros_like(both), where=size > LEAST)
+    return np.asarray(own[np.concatenate([[0], np.cumsum(moves)])])

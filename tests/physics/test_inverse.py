@@ -1,0 +1,135 @@
+"""Joints along a path of the tool, judged by the forward kinematics: there, continuous, within limits."""
+
+import numpy as np
+import pytest
+from serial_arms import write_arm
+
+from testbench.arm.folder import load_arm
+from testbench.correct.inverse import joints_along
+from testbench.correct.reach import THERE, reach, turn_between
+from testbench.model.kinematics import build_vjm
+from testbench.model.tool_motion import tool_motion
+from testbench.model.vjm import Vjm, chain, rotation, tool_pose
+
+ARMS = ("kr500_l480", "arm_6r", "ur10")
+
+
+@pytest.fixture(scope="module", params=ARMS)
+def vjm(request) -> Vjm:
+    return build_vjm(load_arm(request.param))
+
+
+def planted(vjm, rng, points):
+    """Joints of a smooth path between two random poses, (points, n), all within limits."""
+    lower, upper = vjm.arm.limits
+    first, last = rng.uniform(0.8 * lower, 0.8 * upper, (2, vjm.arm.n_joints))
+    way = (last - first) * min(1, 1.5 / np.abs(last - first).max())
+    t = np.linspace(0, 1, points)[:, None]
+    bent = 0.1 * np.sin(2 * np.pi * t * rng.integers(1, 4, vjm.arm.n_joints))
+    return np.clip(first + t * way + bent, lower, upper)
+
+
+def check_there(vjm, q, position, R):
+    """Far below any robot's resolution; rounding alone is 1e-15 m."""
+    p, own = tool_pose(vjm, q)
+    np.testing.assert_allclose(p, position, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(own, R, rtol=0, atol=1e-10)
+    lower, upper = vjm.arm.limits
+    assert ((q >= lower) & (q <= upper)).all()
+
+
+def test_the_joints_jacobian_is_that_of_the_virtual_joints_beside_them(vjm, rng):
+    q = planted(vjm, rng, 20)
+    where = chain(vjm, q)
+    position, R, J = tool_motion(vjm, q)
+    np.testing.assert_allclose(
+        J.transpose(1, 2, 0), where.J_theta[:, -vjm.arm.n_joints :], rtol=0, atol=1e-14
+    )
+    np.testing.assert_allclose(position, where.position, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(R, where.rotation, rtol=0, atol=1e-14)
+
+
+def test_a_rotation_vector_takes_one_orientation_to_the_other(rng):
+    axis = np.array([1, 2, 2]) / 3
+    for angle in (0.0, 1e-12, 1e-6, 0.3, 3.1):
+        D = rotation(axis, angle)
+        R = rotation(np.array([0, 0, 1.0]), rng.uniform(-3, 3))[None]
+        np.testing.assert_allclose(turn_between(R, D @ R), angle * axis[None], rtol=1e-9, atol=1e-16)
+
+
+def test_a_path_of_the_tool_gives_joints_back_without_a_jump(vjm, rng):
+    """From the first joints on one branch is followed; near singular poses wrists turn fast, yet steadily."""
+    for _ in range(3):
+        q = planted(vjm, rng, 500)
+        position, R = tool_pose(vjm, q)
+        found = joints_along(vjm, position, R, start=q[0])
+        assert found.there.all()
+        check_there(vjm, found.q, position, R)
+        assert np.abs(np.diff(found.q, axis=0)).max() < 0.3
+
+
+def test_without_a_start_a_configuration_is_found_for_the_whole_path(vjm, rng):
+    q, point = planted(vjm, rng, 60), np.array([0.1, -0.05, 0.2])
+    position, R = tool_pose(vjm, q)
+    found = joints_along(vjm, position + R @ point, R, point=point)
+    assert found.there.all()
+    check_there(vjm, found.q, position, R)
+    assert np.abs(np.diff(found.q, axis=0)).max() < 0.3
+
+
+def test_arms_of_slides_and_of_seven_axes_follow_too(slides, seven, rng):
+    """Five axes follow a path of their own; seven follow it with motion to spare."""
+    for vjm in (slides.vjm, seven):
+        q = planted(vjm, rng, 200)
+        position, R = tool_pose(vjm, q)
+        found = joints_along(vjm, position, R, start=q[0])
+        assert found.there.all()
+        check_there(vjm, found.q, position, R)
+
+
+@pytest.fixture(scope="module")
+def seven(tmp_path_factory) -> Vjm:
+    """An arm of seven hinges."""
+    return build_vjm(load_arm(write_arm(tmp_path_factory.mktemp("arm") / "seven", "zyzyzyz")))
+
+
+def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
+    """A line outwards leaves the workspace and comes back: the gap grows by what the line goes beyond."""
+    vjm = kr500.vjm
+    q0 = np.radians([10.0, -60, 70, 20, 50, 30])
+    (p,), (R,) = tool_pose(vjm, q0[None])
+    out = np.concatenate([np.linspace(0, 3, 61), np.linspace(3, 0, 61)])
+    path = p + out[:, None] * np.array([1.0, 0, 0])
+    found = joints_along(vjm, path, np.tile(R, (122, 1, 1)), start=q0)
+    lost = ~found.there
+    assert not lost[[0, -1]].any()
+    first, last = np.flatnonzero(lost)[[0, -1]]
+    assert lost[first : last + 1].all()
+    assert (found.distance[lost] + found.angle[lost] > THERE).all()
+    assert found.distance[60] == pytest.approx(3 - out[first], abs=0.5)
+    np.testing.assert_allclose(found.q[-1], q0, rtol=0, atol=1e-8)
+
+
+def test_a_joint_at_its_limit_stays_there(kr500):
+    """A tool that turns about joint 6's axis by more than that joint can follows no farther."""
+    vjm = kr500.vjm
+    upper = vjm.arm.limits[1][5]
+    q = np.tile(np.radians([10.0, -60, 70, 20, 50, 0]), (40, 1))
+    q[:, 5] = upper + np.linspace(-0.5, 0.5, 40)
+    position, R = tool_pose(vjm, q)
+    found = reach(vjm, position, R, np.tile(q[0], (40, 1)))
+    np.testing.assert_array_equal(found.there, q[:, 5] <= upper)
+    assert (found.q <= vjm.arm.limits[1]).all()
+
+
+def test_through_a_stretched_wrist_the_joints_stay_steady(kr500):
+    """The tool tilts so that joint 5 goes through zero exactly, and once just beside it."""
+    vjm = kr500.vjm
+    q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))
+    q[:, 4] = np.linspace(-0.3, 0.3, 101)
+    position, R = tool_pose(vjm, q)
+    found = joints_along(vjm, position, R, start=q[0])
+    np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-6)
+    beside = rotation(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
+    found = joints_along(vjm, position, beside, start=q[0])
+    assert found.there.all()
