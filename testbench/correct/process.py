@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from testbench.data.dataset import Mask
 from testbench.errors import Array, BenchError, check_array
 
 SAME = 1e-7  #: Points closer than this are one [m]: the tool waits there.
@@ -31,7 +32,7 @@ def process_wrench(
     along = check_array(along, (None, 3), "forces along feed, across, axial [N]")
     position = check_array(position, (len(along), 3), "position [m]")
     spindle = check_array(spindle, (len(along), 3), "spindle [1]")
-    feed = tangents(position)
+    feed = tangents(position, np.asarray(along[:, :2].any(axis=1)))
     across = np.cross(spindle, feed)
     sine = np.linalg.norm(across, axis=1)
     there = sine > LEAST
@@ -49,19 +50,31 @@ def process_wrench(
     return np.hstack([force, np.zeros_like(force)])
 
 
-def tangents(position: Array) -> Array:
+def tangents(position: Array, acts: Mask) -> Array:
     """Unit tangent of a path at every point, (points, 3); zero where there is none.
 
-    Halfway between the directions to and from a point; at the ends, and where the tool waits, of the nearest
-    point that differs.
+    Halfway between the directions to and from a point; where the tool waits, of the nearest points that
+    differ. A cut ends where its force does: ways that lead into it and out of it do not count there.
+
+    Args:
+        position: Of the points, (points, 3) [m].
+        acts: At which points a force acts, (points,).
     """
     step = np.diff(position, axis=0)
     length = np.linalg.norm(step, axis=1)
     moves = length > SAME
+    group = np.concatenate([[0], np.cumsum(moves)])
+    cut = np.bincount(group, acts) > 0
     unit = step[moves] / length[moves, None]
+    inside = _halfway(unit * (cut[:-1] & cut[1:])[:, None])
+    own = np.where(inside.any(axis=1, keepdims=True), inside, _halfway(unit))
+    return np.asarray(own[group])
+
+
+def _halfway(unit: Array) -> Array:
+    """Directions between those before and behind, (points, 3); zero where these are opposite, or none."""
     both = np.zeros((len(unit) + 1, 3))
     both[:-1] += unit
     both[1:] += unit
     size = np.linalg.norm(both, axis=1, keepdims=True)
-    own = np.divide(both, size, out=np.zeros_like(both), where=size > LEAST)
-    return np.asarray(own[np.concatenate([[0], np.cumsum(moves)])])
+    return np.asarray(np.divide(both, size, out=np.zeros_like(both), where=size > LEAST))

@@ -21,17 +21,19 @@ def test_on_a_circle_the_feed_is_tangential_and_the_cross_force_points_to_the_ce
 
 
 def test_where_the_tool_waits_the_way_around_counts(rng):
-    path = np.cumsum(rng.normal(size=(9, 3)), axis=0)
-    waits = np.repeat(path, [3, 1, 2, 1, 1, 4, 1, 1, 2], axis=0)
-    np.testing.assert_array_equal(
-        tangents(waits), np.repeat(tangents(path), [3, 1, 2, 1, 1, 4, 1, 1, 2], axis=0)
-    )
-    np.testing.assert_allclose(np.linalg.norm(tangents(path), axis=1), 1, rtol=0, atol=1e-15)
+    path, times = np.cumsum(rng.normal(size=(9, 3)), axis=0), [3, 1, 2, 1, 1, 4, 1, 1, 2]
+    once = tangents(path, np.ones(9, dtype=bool))
+    waits = tangents(np.repeat(path, times, axis=0), np.ones(16, dtype=bool))
+    np.testing.assert_array_equal(waits, np.repeat(once, times, axis=0))
+    np.testing.assert_allclose(np.linalg.norm(once, axis=1), 1, rtol=0, atol=1e-15)
 
 
-def test_a_corner_is_halved_whatever_the_steps_are():
-    path = np.array([[0, 0, 0], [0.2, 0, 0], [0.2, 0.001, 0]])
-    np.testing.assert_allclose(tangents(path)[1], np.array([1, 1, 0]) / np.sqrt(2), rtol=0, atol=1e-12)
+def test_a_corner_is_halved_whatever_the_steps_are_and_ends_of_a_cut_follow_the_cut():
+    path = np.array([[0, 0, 0.3], [0, 0, 0], [0.2, 0, 0], [0.2, 0.001, 0], [0.2, 0.001, 0.3]])
+    feed = tangents(path, np.array([False, True, True, True, False]))
+    half = np.array([1, 1, 0]) / np.sqrt(2)
+    expected = [[0, 0, -1], [1, 0, 0], half, [0, 1, 0], [0, 0, 1]]
+    np.testing.assert_allclose(feed, expected, rtol=0, atol=1e-12)
 
 
 def test_drilling_needs_no_way():

@@ -1,15 +1,21 @@
 """Programs as tables: every notation says the same points, and what is wrong is named by its line."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testbench.correct.inverse import joints_along
+from testbench.correct.process import process_wrench
 from testbench.data.program import read_program
 from testbench.data.program_corrected import write_program
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
+from testbench.plant import collisions
+
+ROOT = Path(__file__).parents[2]
 
 DEG = ",".join(f"joint_{k}_deg" for k in range(1, 7))
 PLACE = "x_mm,y_mm,z_mm"
@@ -190,3 +196,15 @@ def test_ten_thousand_points_are_read_and_written_fast(kr500, write, tmp_path):
     write_program(out, program, q, {f"correction_joint_{k}_deg": q[:, k - 1] for k in range(1, 7)})
     assert time.perf_counter() - start < 3
     assert np.abs(read_program(out, kr500.arm).q - program.q).max() < 1e-14
+
+
+def test_the_program_of_the_documentation_can_be_run(kr500):
+    """In reach, clear of collisions, with a direction for every force, nearly across the spindle."""
+    program = read_program(ROOT / "docs" / "program.csv", kr500.arm)
+    found = joints_along(kr500.vjm, program.position, program.rotation)
+    assert found.there.all()
+    assert collisions(kr500.room, found.q) == [None] * program.points
+    wrench = process_wrench(program.along, program.position, program.rotation[:, :, 0])
+    np.testing.assert_allclose(
+        np.linalg.norm(wrench, axis=1), np.linalg.norm(program.along, axis=1), rtol=5e-3
+    )
