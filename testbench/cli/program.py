@@ -19,6 +19,7 @@ COMMANDS = {
     "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
     "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
+    "export": "Write the identified geometry into the robot's URDF.",
     "score": "Say how far a calibrated arm is from readings.",
     "demo": "Calibrate a heavy arm in simulation.",
     "view": "Open the newest recording of a run in the Rerun viewer.",

@@ -3,10 +3,13 @@
 Pinocchio's own reader of MJCF (4.1.0) puts a root body without a joint at the world's origin, whatever pose
 the file gives it, and takes the axis of an axisangle as it stands, not as a direction. So it is given frames
 and joints only, each with the pose that is read here. MuJoCo reads the file itself: the two share no code.
+Its reader of URDF serves to read back what we write.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -84,6 +87,39 @@ def build_tree(arm: Arm) -> pin.Model:
     for name in {arm.load: None, **dict.fromkeys(arm.markers)}:
         add(name, last, tool * pose(find_body(arm.rigid, root, name)))
     return model
+
+
+def urdf_poses(file: Path, joints: Sequence[str], link: str, q: Array) -> Array:
+    """Poses of a link in the first one, by Pinocchio's own reader of URDF, (poses, 4, 4) [m].
+
+    Args:
+        file: A URDF whose links and joints are known to be a tree.
+        joints: Names of the joints that move; all others stand at zero.
+        link: The link.
+        q: Joints, (poses, n) [rad, m].
+
+    Raises:
+        InputError: When Pinocchio refuses it, or finds no such joint or link.
+    """
+    try:
+        model = pin.buildModelFromUrdf(str(file))
+    except (RuntimeError, ValueError, IndexError) as err:
+        raise InputError(file, "", f"Pinocchio refuses it: {err}") from err
+    if missing := [name for name in joints if not model.existJointName(name)]:
+        raise InputError(file, "", f"Pinocchio finds no joint {missing[0]!r}")
+    if not model.existBodyName(link):
+        raise InputError(file, "", f"Pinocchio finds no link {link!r}")
+    data, end = model.createData(), model.getFrameId(link, pin.FrameType.BODY)
+    own = [model.joints[model.getJointId(name)] for name in joints]
+    found = []
+    for row in q:
+        x = pin.neutral(model)
+        for joint, angle in zip(own, row, strict=True):
+            turns = joint.nq == 2  # without limits: on the unit circle
+            x[joint.idx_q : joint.idx_q + joint.nq] = (np.cos(angle), np.sin(angle)) if turns else angle
+        pin.framesForwardKinematics(model, data, x)
+        found.append(data.oMf[end].homogeneous)
+    return np.array(found)
 
 
 def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:

@@ -1,0 +1,104 @@
+"""testbench export MODEL --urdf robot.urdf: the identified geometry in the robot's own file."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.arm.urdf_text import BEGINS as STAMPED
+from testbench.arm.urdf_text import BEGINS_NEW
+from testbench.bench.export import Exported, beside_of, draft_new, draft_own, export
+from testbench.bench.export_beside import BEGINS
+from testbench.bench.load_model import load_model
+from testbench.errors import BenchError, InputError
+from testbench.output.place import HEAD, Kind, check_file, look
+from testbench.output.scratch import writing
+from testbench.shell.options import Force, takes
+
+URDF = Kind("a URDF that testbench export wrote", STAMPED)
+BESIDE = Kind("the JSON beside such a URDF", BEGINS)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    model: Annotated[Path, typer.Argument(help="Folder of a model, of calibrate or identify.")]
+    urdf: Annotated[
+        Path, typer.Option(help="The robot's own URDF; where there is none, one is written from scratch.")
+    ]
+    out: Annotated[
+        Path | None, typer.Option(help="URDF to write; else NAME_calibrated.urdf in this folder.")
+    ] = None
+    tip: Annotated[
+        str | None, typer.Option(help="Link of the robot's own URDF that carries the tool; else its end.")
+    ] = None
+    force: Force = False
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Write the identified geometry as URDF, what it cannot hold as JSON beside it; read both back."""
+    own = look(asked.urdf) is not None and not _new(asked.urdf)
+    out = _place(asked, own=own)
+    inputs = [asked.model, *([asked.urdf] if own else [])]
+    check_file(out, URDF, inputs=inputs, force=asked.force)
+    check_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force)
+    model = load_model(asked.model)
+    state = model.state
+    done = export(state, draft_own(state, asked.urdf, asked.tip) if own else draft_new(state), out)
+    lines = _words(model.arm.name, done)
+    if not model.absolute:
+        lines.append("the model is of compliances alone: its geometry is the drawing's")
+    Console(highlight=False).print("\n".join(lines), soft_wrap=True, markup=False)
+
+
+def _new(urdf: Path) -> bool:
+    """Whether an earlier call wrote it from scratch: then it is no input."""
+    if not urdf.is_file():
+        return False
+    with writing(urdf), urdf.open("rb") as file:
+        return re.match(BEGINS_NEW, file.read(HEAD)) is not None
+
+
+def _place(asked: Options, *, own: bool) -> Path:
+    """Where to write."""
+    if own:
+        out = asked.out or Path(f"{asked.urdf.stem}_calibrated.urdf")
+    elif asked.out is not None:
+        problem = "expected the robot's own URDF; to write one from scratch leave --out away"
+        raise InputError(asked.urdf, "", problem)
+    elif asked.tip is not None:
+        raise BenchError(f"--tip: is for a robot's own URDF; there is no {asked.urdf}")
+    else:
+        out = asked.urdf
+    if out.suffix.lower() != ".urdf":
+        raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
+    return out
+
+
+def _words(arm: str, done: Exported) -> list[str]:
+    back, moved, rest = done.back, done.geometry, done.rest
+    lines = [
+        f"{arm}: the identified geometry is in {done.urdf}, its tool is {done.tip!r}",
+        f"read back by Pinocchio in {back.poses} poses: at most {back.position_um:.6f} um and "
+        f"{back.rotation_urad:.6f} urad from the model",
+        f"it moves the tool by {moved.rms_mm:.3f} mm RMS, {moved.max_mm:.3f} mm at most, from the drawing",
+        f"not in it, but in {done.beside}: compliances, errors of the joints, weights; own weight and "
+        f"errors of the joints move the tool by {rest.rms_mm:.3f} mm RMS, {rest.max_mm:.3f} mm at most",
+    ]
+    if done.drawing_off is None:
+        lines.append(
+            f"there was no {done.urdf}: this one is new, with links, joints and masses, without shapes"
+        )
+    else:
+        lines.append(
+            f"its own drawing was that of {arm} to {1e6 * done.drawing_off:.3g} um and urad; {done.tip!r} "
+            f"stands {1e3 * done.tip_off:.4g} mm from the model's tool, and so it does still"
+        )
+    if done.loose_meshes:
+        lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
+    return lines

@@ -1,0 +1,259 @@
+"""The identified geometry as URDF: written into files drawn in other frames, read by others, nothing lost."""
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from own_urdf import own_urdf
+from scipy.spatial.transform import Rotation
+from serial_arms import write_arm
+
+from testbench.arm.urdf_text import STAMP
+from testbench.bench.campaign import build_cell
+from testbench.bench.export import draft_new, draft_own, export
+from testbench.bench.export_geometry import apart, drawn, identified, random_joints, tool_poses
+from testbench.errors import BenchError, InputError
+from testbench.identify.absolute.state import nominal
+from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import build_vjm
+from testbench.model.vjm import chain, generalised_load
+from testbench.model.weights import read_weights
+
+SHIFT, TURN, SLIDE = 0.5e-3, 1e-3, 0.5e-3  #: Planted errors [m], [rad], of a slide's offset [m].
+
+
+def planted(arm, rng, *, ends=False):
+    """An arm with errors of geometry everywhere, of base and tool only where asked for; springs and gears."""
+    vjm, n = build_vjm(arm), arm.n_joints
+    theta = np.zeros(arm.n_theta)
+    inner = slice(0, n + 1) if ends else slice(1, n)
+    links = theta[: 6 * n + 6].reshape(-1, 6)
+    links[inner] = rng.uniform(-1, 1, (n + 1, 6))[inner] * ([SHIFT] * 3 + [TURN] * 3)
+    theta[6 * n + 6 :] = [rng.uniform(-1, 1) * (SLIDE if j.prismatic else TURN) for j in arm.joints]
+    errors = JointErrors(orders=(1, 2), ratio=True)
+    state = nominal(vjm, read_weights(arm), np.full(n, 50.0))
+    return replace(
+        state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=rng.uniform(-1e-4, 1e-4, (n, errors.size))
+    )
+
+
+@pytest.fixture(scope="module")
+def ur10():
+    return build_cell("ur10").arm
+
+
+@pytest.fixture(scope="module", params=["zyyxyx", "zZyXz", "zzZ", "zyzyzyz"])
+def any_arm(request, tmp_path_factory):
+    """Six hinges, slides among hinges, parallel axes alone, seven hinges."""
+    folder = write_arm(tmp_path_factory.mktemp("arm") / request.param, request.param)
+    return build_cell(folder).arm
+
+
+def test_constants_of_virtual_joints_are_poses_of_joints(slides, rng):
+    """Exactly, at any size: the rigid chain is the extended chain at theta_0."""
+    state = planted(slides.arm, rng, ends=True)
+    state = replace(state, theta_0=300 * state.theta_0)
+    rigid, q = identified(state), random_joints(state.vjm)[:20]
+    for row, pose in zip(q, tool_poses(state.vjm, q, state.theta_0), strict=True):
+        T = rigid.base
+        for step, axis, joint, x in zip(rigid.steps, state.vjm.axes, slides.arm.joints, row, strict=True):
+            move = np.eye(4)
+            if joint.prismatic:
+                move[:3, 3] = x * axis
+            else:
+                move[:3, :3] = Rotation.from_rotvec(x * axis).as_matrix()
+            T = T @ step @ move
+        np.testing.assert_allclose(T @ rigid.tool, pose, rtol=0, atol=1e-13)
+
+
+def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
+    state, out = planted(ur10, rng, ends=True), tmp_path / "new.urdf"
+    done = export(state, draft_new(state), out)
+    assert (done.back.poses, done.tip) == (1000, "tool")
+    assert max(done.back.position_um, done.back.rotation_urad) < 1e-4
+    assert 0.1 < done.geometry.rms_mm < 5
+    keep = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'
+    model = mujoco.MjModel.from_xml_string(out.read_text().replace("</robot>", keep))
+    data, q = mujoco.MjData(model), random_joints(state.vjm)[:30]
+    for row, expected in zip(q, tool_poses(state.vjm, q, state.theta_0), strict=True):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        found = np.column_stack([data.body("tool").xmat.reshape(3, 3), data.body("tool").xpos])
+        np.testing.assert_allclose(found, expected[:3], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(model.body_mass[1:], state.weights.mass)
+    np.testing.assert_allclose(model.body_ipos[1:], state.weights.centre, atol=1e-12)
+    np.testing.assert_allclose(model.jnt_range, ur10.limits.T, atol=1e-10)
+
+
+def poses_by_hand(text, tip, names, q):
+    """Poses of a link of a URDF, by a reader of its own."""
+    root = ET.fromstring(text)
+    before = {joint.find("child").get("link"): joint for joint in root.findall("joint")}
+    path = []
+    while tip in before:
+        path.insert(0, before[tip])
+        tip = before[tip].find("parent").get("link")
+    T = np.tile(np.eye(4), (len(q), 1, 1))
+    for joint in path:
+        step, move = np.eye(4), np.tile(np.eye(4), (len(q), 1, 1))
+        numbers = {k: np.array(v.split(), dtype=float) for k, v in joint.find("origin").attrib.items()}
+        step[:3, :3] = Rotation.from_euler("xyz", numbers["rpy"]).as_matrix()
+        step[:3, 3] = numbers["xyz"]
+        if joint.get("type") != "fixed":
+            axis = np.array(joint.find("axis").get("xyz").split(), dtype=float)
+            along = q[:, names.index(joint.get("name")), None] * axis / np.linalg.norm(axis)
+            if joint.get("type") == "prismatic":
+                move[:, :3, 3] = along
+            else:
+                move[:, :3, :3] = Rotation.from_rotvec(along).as_matrix()
+        T = T @ step @ move
+    return T
+
+
+def without_origins(text, names):
+    """A URDF without our stamp and the origins of some joints."""
+    text = text.replace(STAMP, "")
+    for name in names:
+        text = re.sub(rf'(<joint name="{name}"[^>]*>\s*)<origin[^>]*>', r"\1", text)
+    return text
+
+
+@pytest.mark.parametrize("ends", [False, True])
+def test_an_own_urdf_keeps_all_but_the_origins_of_its_chain(ur10, rng, tmp_path, ends):
+    """Other frames, turned axes, fixed links between, a tool chain, a gripper with fingers that mimic."""
+    state, names = planted(ur10, rng, ends=ends), [joint.name for joint in ur10.joints]
+    text, root, tip = own_urdf(state.vjm, rng)
+    (file := tmp_path / "own.urdf").write_text(text)
+    done = export(state, draft_own(state, file), tmp_path / "out" / "new.urdf")
+    assert done.tip == "tool0"
+    new = done.urdf.read_text()
+    q = random_joints(state.vjm)[:50]
+    expected = tool_poses(state.vjm, q, state.theta_0) @ tip
+    far = apart(root @ poses_by_hand(new, "tool0", names, q), expected)
+    assert max(far) < 1e-10
+    changed = [*names, "to_flange"] if ends else names
+    assert without_origins(new, changed) == without_origins(text, changed)
+    assert file.read_text() == text
+    q0 = np.zeros((1, 6))
+    assert apart(poses_by_hand(new, "l3", names, q0), poses_by_hand(text, "l3", names, q0))[0] < 5e-3
+
+
+@pytest.mark.parametrize("digits", [17, 6])
+def test_an_own_urdf_of_any_arm_is_read_back(any_arm, rng, tmp_path, digits):
+    """Exactly, though the robot's own right angles have six digits: those of the model count."""
+    state = planted(any_arm, rng)
+    (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, digits=digits)[0])
+    done = export(state, draft_own(state, file), tmp_path / "new.urdf")
+    assert max(done.back.position_um, done.back.rotation_urad) < 1e-4
+
+
+def levers(axes, place, tool, wrench):
+    """Force and moment of a tool's wrench at a place in its axes, (6,); what a twist there moves, (3, 6)."""
+    force, moment = wrench[:3], wrench[3:]
+    load = np.concatenate([axes.T @ force, axes.T @ (moment + np.cross(tool - place, force))])
+    return load, np.hstack([axes, np.cross(axes.T, tool - place).T])
+
+
+def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
+    """Compliances, axes, places and masses of the JSON on the frames of the URDF: J C J^T w of the model."""
+    state = replace(planted(ur10, rng), theta_0=np.zeros(ur10.n_theta))
+    names = [joint.name for joint in ur10.joints]
+    text, root, _ = own_urdf(state.vjm, rng)
+    (file := tmp_path / "own.urdf").write_text(text)
+    said = json.loads(export(state, draft_own(state, file), tmp_path / "new.urdf").beside.read_text())
+    q, wrench = random_joints(state.vjm)[:1], rng.uniform(-500, 500, (1, 6))
+    where = chain(state.vjm, q)
+    load, tool = generalised_load(where, wrench, np.zeros((1, 3)))[:, 0], where.position[0]
+    links = ["base", *(f"l{k}" for k in range(1, 7))]
+    at = {name: root @ poses_by_hand(text, name, names, q)[0] for name in links}
+    moved = np.zeros(3)
+    for link in said["links"]:
+        T = at[link["urdf_link"]]
+        u, J = levers(T[:3, :3] @ link["axes"], T[:3, :3] @ link["at_m"] + T[:3, 3], tool, wrench[0])
+        moved += J @ link["compliance"] @ u
+    for joint, link in zip(said["joints"], links[1:], strict=True):
+        e = next(e for e in ET.fromstring(text).findall("joint") if e.get("name") == joint["name"])
+        axis = np.array(e.find("axis").get("xyz").split(), dtype=float)
+        u, J = levers(at[link][:3, :3], at[link][:3, 3], tool, wrench[0])
+        turn = np.concatenate([np.zeros(3), axis / np.linalg.norm(axis)])
+        moved += J @ turn * joint["compliance"] * (turn @ u)
+    np.testing.assert_allclose(moved, where.J_theta[:3, :, 0] @ state.C_theta @ load, rtol=1e-8)
+    np.testing.assert_allclose([j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.n)
+    for link, weight, (p, R), centre in zip(
+        links, said["weights"], where.bodies, state.weights.centre, strict=False
+    ):
+        found = at[link] @ [*weight["centre_m"], 1]
+        np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('name="elbow_joint"', 'name="elbow"', "expected the joints of ur10, .* got .*, elbow, "),
+        ("<robot name", "<mujoco name", "not well-formed"),
+        ('<?xml version="1.0" ?>', '<!DOCTYPE x [<!ENTITY a "b">]>', "entities are not allowed"),
+        ('<child link="l3"/>', "", "elbow_joint.*expected a <child>"),
+        (
+            '<axis xyz="0.0 0.0 2.0"/>',
+            '<axis xyz="0.0 0.0 -2.0"/>',
+            r"up to [\d.e+]+ mm .* counts its joints",
+        ),
+        ('<axis xyz="0.0 0.0 2.0"/>', '<axis xyz="0 0 nan"/>', "expected 3 number"),
+        ('name="elbow_joint" type="continuous"', 'name="elbow_joint" type="planar"', "is planar"),
+        (
+            'name="elbow_joint" type="continuous"',
+            'name="elbow_joint" type="prismatic"',
+            "it slides; in ur10 it turns",
+        ),
+    ],
+)
+def test_another_robot_or_a_broken_file_is_one_line(ur10, rng, tmp_path, old, new, said):
+    state = planted(ur10, rng)
+    text = own_urdf(state.vjm, rng)[0]
+    assert old in text or "planar" in new
+    (file := tmp_path / "own.urdf").write_text(
+        text.replace(old, new).replace("continuous", "planar") if "planar" in new else text.replace(old, new)
+    )
+    with pytest.raises(InputError, match=said):
+        draft_own(state, file)
+
+
+def test_a_robot_drawn_otherwise_is_told_how_far(ur10, rng, tmp_path):
+    """A link 2 mm longer than the arm's is said to be so."""
+    state = planted(ur10, rng)
+    text = own_urdf(state.vjm, rng)[0]
+    longer = replace(state, theta_0=np.zeros(ur10.n_theta))
+    longer.theta_0[12] = 2e-3
+    (file := tmp_path / "own.urdf").write_text(text)
+    done = export(longer, draft_own(longer, file), tmp_path / "longer.urdf")
+    done.urdf.write_text(done.urdf.read_text().replace(STAMP, ""))
+    with pytest.raises(
+        InputError, match=r"up to [1-4][.\d]* mm .* from that of ur10 as drawn; expected 0.1 mm"
+    ):
+        draft_own(state, done.urdf)
+
+
+def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
+    """The tool has moved and nothing fixed leads to it; the URDF is not what the model is; links couple."""
+    state = planted(ur10, rng, ends=True)
+    (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, tip=False)[0])
+    with pytest.raises(InputError, match="expected a fixed joint behind 'l6'"):
+        draft_own(state, file)
+    with pytest.raises(InputError, match="no link 'x' for the tip"):
+        draft_own(state, file, "x")
+    draft = draft_new(state)
+    wrong = draft_new(replace(state, theta_0=1.01 * state.theta_0))
+    C = state.C_theta.copy()
+    C[3, 8] = C[8, 3] = 1e-9
+    for bad_state, bad_draft, said in (
+        (state, wrong, "read back, is up to"),
+        (replace(state, C_theta=C), draft, "between"),
+    ):
+        with pytest.raises(BenchError, match=said):
+            export(bad_state, bad_draft, tmp_path / "out.urdf")
+    assert [path.name for path in tmp_path.iterdir()] == ["own.urdf"]
+    assert drawn(state.vjm).steps.shape == (6, 4, 4)

@@ -1,0 +1,97 @@
+"""testbench export: the robot's own URDF or a new one, never over an input, one line for what is wrong."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from own_urdf import own_urdf
+from run_here import here
+
+from testbench import files
+from testbench.bench.absolute_model import read_model
+from testbench.cli.program import program
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run(*args):
+    return here(program(["export"]), "export", *args)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder to work in, with a model of errors of geometry alone and the robot's own URDF."""
+    monkeypatch.chdir(tmp_path)
+    (model := tmp_path / "model").mkdir()
+    for name in ("rigid.xml", "elastic.toml"):
+        shutil.copyfile(ROOT / "models" / "ur10" / name, model / name)
+    rng = np.random.default_rng(4)
+    theta = np.zeros(48)
+    theta[6:36] = rng.uniform(-5e-4, 5e-4, 30)
+    document = {
+        **{"format": 1, "kind": "absolute calibration", "arm": "ur10", "compliances": "none"},
+        "digests": {name: files.digest(model / name) for name in ("rigid.xml", "elastic.toml")},
+        "theta_0": theta.tolist(),
+        "C_theta": np.zeros((48, 48)).tolist(),
+        "errors": {"orders": [], "ratio": False, "play": False, "stiffening": False}
+        | {"coefficients": [[]] * 6, "torque_scale": [1.0] * 6},
+        "weights": {"mass_kg": [1.0] * 8, "centre_m": [[0.0] * 3] * 8},
+        "noise": {"open_position_m": 0.0, "open_rotation_rad": 0.0, "factor": [1.0] * 4},
+        **{"columns": [], "frames": {}, "mounts": {}},
+    }
+    (model / "model.json").write_text(json.dumps(document))
+    np.savez(model / "posterior.npz", root=np.zeros((0, 0)), L=np.zeros((0, 0)))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model)[0].vjm, rng)[0])
+    return tmp_path
+
+
+def held(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_an_own_urdf_a_new_one_and_both_again(place):
+    before = held(place)
+    done = run("model", "--urdf", "in/robot.urdf")
+    assert done.returncode == 0, done.stderr
+    assert "in robot_calibrated.urdf, its tool is 'tool0'" in done.stdout
+    assert "read back by Pinocchio in 1000 poses: at most 0.00000" in done.stdout
+    assert "not in it, but in robot_calibrated.json: compliances" in done.stdout
+    said = json.loads((place / "robot_calibrated.json").read_text())
+    assert said["kind"] == "what a URDF cannot hold"
+    assert said["urdf_sha256"] == files.digest(place / "robot_calibrated.urdf")
+    assert said["read_back"]["position_um"] < 1
+    assert "this one is new" in run("model", "--urdf", "new.urdf").stdout
+    assert "testbench export wrote it" in run("model", "--urdf", "robot_calibrated.urdf").stderr
+    for urdf in ("in/robot.urdf", "new.urdf"):  # what the command wrote may be replaced
+        assert run("model", "--urdf", urdf).returncode == 0
+    after = held(place)
+    made = {Path(f"{stem}.{kind}") for stem in ("robot_calibrated", "new") for kind in ("urdf", "json")}
+    assert set(after) - set(before) == made
+    assert all(after[path] == content for path, content in before.items())
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.urdf"), "is read by this command"),
+        (("model", "--urdf", "in/robot.urdf", "--out", "in/notes.urdf"), "expected a URDF that testbench"),
+        (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.xml"), "ending with .urdf"),
+        (("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"), "expected the robot's own URDF; to write"),
+        (("model", "--urdf", "new.urdf", "--tip", "tool0"), "--tip: "),
+        (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
+        (("model", "--urdf", "in"), "expected a file, got a folder"),
+        (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
+        (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
+        (("model", "--urdf", "nowhere/deep/new.urdf", "--force", "--bad"), "No such option"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_nothing_is_written(place, args, said):
+    (place / "in" / "notes.urdf").write_text("<robot name='mine'/>")
+    before = held(place)
+    done = run(*args)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stdout + done.stderr
+    assert said in done.stderr
+    assert held(place) == before
