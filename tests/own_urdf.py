@@ -13,7 +13,7 @@ EXTRA = """
   <link name="camera"/><joint name="to_camera" type="fixed"><origin xyz="0.1 0.2 0.3"/><parent link="l2"/>
     <child link="camera"/></joint>
   <link name="finger"/><joint name="finger_joint" type="prismatic"><parent link="{tip}"/>
-    <child link="finger"/><axis xyz="0 1 0"/><limit lower="0" upper="0.04" effort="1" velocity="1"/></joint>
+    <child link="finger"/><axis xyz="0 1 0"/><limit lower="0" upper="0.04"/></joint>
   <link name="other_finger"/><joint name="other_finger_joint" type="prismatic"><parent link="{tip}"/>
     <child link="other_finger"/><axis xyz="0 -1 0"/><limit lower="0" upper="0.04" effort="1" velocity="1"/>
     <mimic joint="finger_joint"/></joint>

@@ -91,7 +91,7 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     rest, document = by_the_rest(state, q), beside_of(out)
     with whole_file(out) as urdf, whole_file(document) as other:
         urdf.write_bytes(draft.text.encode())
-        back = read_back(state, draft, urdf)
+        back = read_back(state, draft, out, urdf.read_bytes().decode())
         files.write_json(beside(state, draft.frames, urdf, back, rest), other)
     return Exported(
         urdf=out,
@@ -111,14 +111,14 @@ def beside_of(urdf: Path) -> Path:
     return urdf.with_suffix(".json")
 
 
-def read_back(state: State, draft: Draft, urdf: Path) -> ReadBack:
+def read_back(state: State, draft: Draft, urdf: Path, text: str) -> ReadBack:
     """How far the written file, read by Pinocchio's own reader of URDF, is from the model's geometry.
 
     Raises:
         BenchError: When that is too far.
     """
     q, frames = random_joints(state.vjm), draft.frames
-    found = frames.root @ urdf_poses(urdf, draft.joints, frames.names[-1], q)
+    found = frames.root @ urdf_poses(urdf, text, draft.joints, frames.names[-1], q)
     far = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
     if not max(far) <= NEAR:
         got = f"{1e6 * far[0]:.3g} um and {1e6 * far[1]:.3g} urad"

@@ -14,12 +14,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import Array, InputError
 from testbench.model.vjm import Vjm, rotation, skew
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+PLACED = ("origin", "parent", "child", "axis")  #: What places a joint of a URDF.
 LEAST = 1e-10  #: A direction shorter than this is none.
 
 
@@ -89,11 +91,12 @@ def build_tree(arm: Arm) -> pin.Model:
     return model
 
 
-def urdf_poses(file: Path, joints: Sequence[str], link: str, q: Array) -> Array:
+def urdf_poses(file: Path, text: str, joints: Sequence[str], link: str, q: Array) -> Array:
     """Poses of a link in the first one, by Pinocchio's own reader of URDF, (poses, 4, 4) [m].
 
     Args:
-        file: A URDF whose links and joints are known to be a tree.
+        file: The URDF, for messages.
+        text: Its text; its links and joints are known to be a tree.
         joints: Names of the joints that move; all others stand at zero.
         link: The link.
         q: Joints, (poses, n) [rad, m].
@@ -102,7 +105,7 @@ def urdf_poses(file: Path, joints: Sequence[str], link: str, q: Array) -> Array:
         InputError: When Pinocchio refuses it, or finds no such joint or link.
     """
     try:
-        model = pin.buildModelFromUrdf(str(file))
+        model = pin.buildModelFromXML(_bare(parse_xml(file, text), joints))
     except (RuntimeError, ValueError, IndexError) as err:
         raise InputError(file, "", f"Pinocchio refuses it: {err}") from err
     if missing := [name for name in joints if not model.existJointName(name)]:
@@ -120,6 +123,20 @@ def urdf_poses(file: Path, joints: Sequence[str], link: str, q: Array) -> Array:
         pin.framesForwardKinematics(model, data, x)
         found.append(data.oMf[end].homogeneous)
     return np.array(found)
+
+
+def _bare(root: ET.Element, joints: Sequence[str]) -> str:
+    """A URDF's links and joints alone: shapes, masses and limits are no matter here, and may be wrong."""
+    bare = ET.Element("robot", name="bare")
+    for link in root.findall("link"):
+        ET.SubElement(bare, "link", name=link.get("name", ""))
+    for joint in root.findall("joint"):
+        name = joint.get("name", "")
+        kind = joint.get("type", "") if name in joints else "fixed"
+        e = ET.SubElement(bare, "joint", name=name, type=kind)
+        e.extend(child for child in joint if child.tag in PLACED)
+        ET.SubElement(e, "limit", dict.fromkeys(("lower", "upper", "effort", "velocity"), "0"))
+    return ET.tostring(bare, encoding="unicode")
 
 
 def body_pose(arm: Arm, body: ET.Element, unit: float) -> Array:
