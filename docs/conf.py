@@ -44,7 +44,6 @@ def write_help(_: object) -> None:
         "identify",
         "new",
         "plan",
-        "predict",
         "score",
         "shot",
         "simulate",

@@ -19,11 +19,15 @@ if TYPE_CHECKING:
     from testbench.bench.models import MODELS as MODELS
     from testbench.bench.plan import plan as plan
     from testbench.bench.plan_settings import PlanSettings as PlanSettings
+    from testbench.correct.compensated import compensate as compensate
+    from testbench.correct.newton import Aim as Aim
     from testbench.correct.predicted import predict as predict
     from testbench.correct.stiffness import stiffness as stiffness
     from testbench.data.csvfile import read_csv as read_csv
     from testbench.data.csvfile import write_csv as write_csv
     from testbench.data.dataset import Dataset as Dataset
+    from testbench.data.program import read_program as read_program
+    from testbench.data.program_corrected import write_program as write_program
     from testbench.data.series import Series as Series
     from testbench.data.series_export import read_series as read_series
     from testbench.errors import BenchError as BenchError
@@ -72,6 +76,10 @@ HOMES = {
     "calibrate": "identify.absolute.fit",
     "Load": "model.load",
     "predict": "correct.predicted",
+    "Aim": "correct.newton",
+    "compensate": "correct.compensated",
+    "read_program": "data.program",
+    "write_program": "data.program_corrected",
     "stiffness": "correct.stiffness",
     "load_model": "bench.load_model",
     "PlanSettings": "bench.plan_settings",

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.plan_settings import LOAD_RANGE, Place
 from testbench.data.columns import Columns, find_columns, joint_coordinates
@@ -86,10 +87,16 @@ def read_masses(text: str) -> list[float]:
     return list(masses)
 
 
-def place(text: str) -> Place:
-    """Where the tracker stands, x,y,z [m]; BenchError for anything but three finite numbers."""
-    x, y, z = _numbers(text, 3, "--tracker x,y,z [m]")
+def place(text: str, flag: str = "--tracker") -> Place:
+    """A place such as the tracker's, x,y,z [m]; BenchError for anything but three finite numbers."""
+    x, y, z = _numbers(text, 3, f"{flag} x,y,z [m]")
     return x, y, z
+
+
+def joints_of(text: str, arm: Arm) -> Array:
+    """Joints in the units that people read, --start a,b,c [deg, mm], (n,) [rad, m]; BenchError for others."""
+    shown = np.array([joint.shown for joint in arm.joints])
+    return np.asarray(_numbers(text, arm.n_joints, "--start [deg, mm]") / shown)
 
 
 def box(text: str) -> tuple[Place, Place]:

@@ -9,6 +9,7 @@ come to rest takes new ones, in steps of bounded length (a damped Newton).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,9 @@ from testbench.identify.absolute.state import State
 from testbench.model.load import Load
 from testbench.model.vjm import Chain, chain, cross
 
+Asked = Literal["unloaded", "drawn"]
+"""Where the model has the tool under its own weight alone, a taught point; or as drawn and rigid."""
+Mask = npt.NDArray[np.bool_]
 TOLERANCE = 1e-10  #: Of the position of a point, and of its equilibrium [m, rad].
 QUICK, MOST = 12, 80  #: Steps with one operator, and steps in all.
 STILL = 1e-9  #: A step of all joints below this is the last [rad, m].
@@ -44,6 +48,8 @@ class Aim:
     """What is put right, and about which point of the tool."""
 
     hold: Hold = "pose"
+    #: What joints of a program mean; "drawn" to an absolute model, "unloaded" to any other if not given.
+    asked: Asked | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame [m].
     spindle: tuple[float, float, float] = SPINDLE  #: Unit vector in the tool's frame.
 
@@ -90,30 +96,27 @@ def correct(
     check_array(target.position, (len(q), 3), "target [m]")
     check_array(target.rotation, (len(q), 3, 3), "target's rotation")
     every = [load.over(len(q)) for load in loads]
-    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
-    found = [
-        _correct(_Points(state, q[p], [load.of(p) for load in every], target.of(p), aim or Aim()))
-        for p in parts
-    ]
-    return Corrected(*(np.concatenate([getattr(f, name) for f in found]) for name in FIELDS))
+    return solve(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))
 
 
 FIELDS = Corrected.__match_args__
 
 
 @dataclass(frozen=True)
-class _Points:
-    """Some points that are solved together."""
+class Points:
+    """Points to be solved."""
 
-    state: State
-    start: Array
-    loads: Sequence[Load]
-    target: Target
-    aim: Aim
+    state: State  #: The arm.
+    start: Array  #: Joints to start from, (points, n) [rad, m].
+    loads: Sequence[Load]  #: Each with a row a point.
+    target: Target  #: Where the tool point has to be.
+    aim: Aim  #: What is put right.
+    free: Array  #: One of a joint that may move, zero of one that is held, (points, n).
 
-    def of(self, some: npt.NDArray[np.int_]) -> "_Points":
-        loads = [load.of(some) for load in self.loads]
-        return replace(self, start=self.start[some], loads=loads, target=self.target.of(some))
+    def of(self, some: slice | npt.NDArray[np.int_]) -> "Points":
+        """Some of them."""
+        loads, target = [load.of(some) for load in self.loads], self.target.of(some)
+        return replace(self, start=self.start[some], loads=loads, target=target, free=self.free[some])
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ class _Off:
     springs: Array  #: Where the springs want theta minus where it is, (points, n_theta).
 
 
-def _off(points: _Points, q: Array, theta: Array) -> _Off:
+def _off(points: Points, q: Array, theta: Array) -> _Off:
     """One evaluation of the bent arm."""
     state = points.state
     where = chain(state.vjm, q, theta)
@@ -137,7 +140,7 @@ def _off(points: _Points, q: Array, theta: Array) -> _Off:
     return _Off(where, points.target.position - position, turned, springs)
 
 
-def _turned(points: _Points, rotation: Array) -> Array:
+def _turned(points: Points, rotation: Array) -> Array:
     """What of the turn is left; where the spindle may turn about itself, the turn of its axis alone."""
     if points.aim.hold != "axis":
         return turn_between(rotation, points.target.rotation)
@@ -161,7 +164,14 @@ def _vectors(sine: Array, cosine: Array | None = None) -> Array:
     return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
 
 
-def _correct(points: _Points) -> Corrected:
+def solve(points: Points) -> Corrected:
+    """As `correct`, where some joints may be held."""
+    every = range(0, max(len(points.start), 1), TOGETHER)
+    found = [_correct(points.of(slice(k, k + TOGETHER))) for k in every]
+    return Corrected(*(np.concatenate([getattr(f, name) for f in found]) for name in FIELDS))
+
+
+def _correct(points: Points) -> Corrected:
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
     found = Corrected(q, theta, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
@@ -172,7 +182,7 @@ def _correct(points: _Points) -> Corrected:
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
         if step == 0 or step > QUICK:
-            J = _jacobian(now.aim, off.where, slice(-q.shape[1], None))
+            J = _jacobian(now.aim, off.where, slice(-q.shape[1], None)) * now.free[:, None]
             G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         move = _move(now, off, q[moving], G, J)
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
@@ -193,7 +203,7 @@ def _jacobian(aim: Aim, where: Chain, columns: slice) -> Array:
     return np.ascontiguousarray(np.concatenate([v + cross(omega, arm), omega]).transpose(2, 0, 1))
 
 
-def _move(points: _Points, off: _Off, q: Array, G: Array, J: Array) -> Array:
+def _move(points: Points, off: _Off, q: Array, G: Array, J: Array) -> Array:
     """How far to move the joints, (points, n): by what is left when the springs have followed."""
     arm = (off.where.rotation @ np.array(points.aim.point)).T
     v, omega = np.einsum("xtr,rt->xr", off.where.J_theta, off.springs).reshape(2, 3, -1)

@@ -57,10 +57,8 @@ def half_widths(
     found = []
     for first in range(0, max(len(end.q), 1), TOGETHER):
         some = slice(first, first + TOGETHER)
-        rows_of = _rows if model.absolute else _linear_rows
-        rows = rows_of(model, end.of(some), points)
-        if start is not None:
-            rows = rows - rows_of(model, start.of(some), points)
+        before = None if start is None else start.of(some)
+        rows = rows_between(model, end.of(some), before, points)
         half = wide * model.spread.deviations(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
             half = np.hypot(half, curvature(model, end.of(some), points))
@@ -68,6 +66,17 @@ def half_widths(
             half = np.hypot(half, wide * model.scatter)
         found.append(half)
     return np.concatenate(found)
+
+
+def rows_between(model: ArmModel, end: Stand, start: Stand | None, points: Array) -> Array:
+    """Positions, or how far they are from where they were, per unit of every uncertain column.
+
+    Returns:
+        World x, y, z of every point, (poses, k, 3, c).
+    """
+    rows_of = _rows if model.absolute else _linear_rows
+    rows = rows_of(model, end, points)
+    return rows if start is None else rows - rows_of(model, start, points)
 
 
 def _rows(model: ArmModel, stand: Stand, points: Array) -> Array:

@@ -1,17 +1,12 @@
 """Where a program asks the tool to be."""
 
-from typing import Literal
-
 import numpy as np
 
-from testbench.correct.newton import Target
+from testbench.correct.newton import Asked, Target
 from testbench.correct.rest import Rest, rest
 from testbench.errors import Array
 from testbench.identify.absolute.state import State
 from testbench.model.vjm import tool_pose
-
-Asked = Literal["unloaded", "drawn"]
-"""Where the model has the tool under its own weight alone, a taught point; or as drawn and rigid."""
 
 
 def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:

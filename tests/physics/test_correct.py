@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.correct.arm_model import bending, of_estimate
+from testbench.correct.arm_model import About, bending, of_compliances, of_estimate
+from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, Target, correct
 from testbench.correct.rest import rest
 from testbench.correct.step import SMALL
 from testbench.correct.sure import Stand, half_widths
 from testbench.correct.target import asked
 from testbench.errors import BenchError
+from testbench.identify.intervals import Linearised
 from testbench.model.load import Load
+from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights
-from testbench.plant import settle
+from testbench.plant import collisions, settle
 
 TIP = np.array([0.2, 0.0, 0.1])
 POINTS = 60
@@ -125,6 +128,47 @@ def test_an_absolute_model_is_put_where_the_drawing_has_the_tool(cell, state):
     position, R = tool_pose(cell.vjm, q)
     assert found.solved.all()
     assert np.abs(met - position - R @ TIP).max() < 1e-9
+
+
+@pytest.fixture(scope="module")
+def known(cell, state):
+    """The arm, known without a doubt."""
+    structure = all153(cell.arm)
+    pi = structure.entries(state.C_theta)
+    sure = Linearised(
+        pi, np.zeros((1, len(pi))), np.zeros((0, len(pi))), np.ones(len(pi)), np.inf, 0.0, on_boundary=False
+    )
+    return of_compliances(state, structure, sure, About("known"))
+
+
+def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(cell, state, known):
+    lower, _ = cell.arm.limits
+    q = np.tile([0.3, -1.2, 1.6, 0.3, 0.0, 0.1], (3, 1))
+    q[:, 4] = lower[4] + np.array([0.0, 1e-5, 0.1])
+    load = [Load(np.array([0, 0, 2e3, 0, 0, 0]), TIP)]
+    found = compensate(known, q, load, AIM)
+    assert found.held[:, 4].tolist() == [True, True, False]
+    assert found.corrected.all()
+    assert (found.q >= lower).all()
+    met = rest(state, found.q, load).at(TIP) - rest(state, q).at(TIP)
+    assert np.abs(met).max() < 1e-9
+    assert (np.linalg.norm(found.turned, axis=1) > 1e-6).tolist() == [True, True, False]
+
+
+def test_a_correction_into_the_floor_is_refused_and_the_point_stays(cell, known):
+    """An upward force is put right by going down, where the arm is a few micrometres above the floor."""
+    q = np.array([[0.3, -0.8, 1.2, 0.3, 0.6, 0.1]])
+    clear, touches = q[0, 1], 0.2
+    for _ in range(20):
+        q[0, 1] = (clear + touches) / 2
+        clear, touches = (clear, q[0, 1]) if collisions(cell.room, q)[0] else (q[0, 1], touches)
+    q[0, 1] = clear
+    up = [Load(np.array([0, 0, 3e3, 0, 0, 0]), TIP)]
+    found = compensate(known, q, up, AIM, cell.room)
+    assert "would collide" in found.refused[0]
+    assert np.array_equal(found.q, q)
+    assert np.array_equal(found.after, found.before)
+    assert compensate(known, q, [Load(-up[0].wrench, TIP)], AIM, cell.room).corrected.all()
 
 
 def test_half_widths_are_those_of_the_estimate(cell):

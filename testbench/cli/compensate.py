@@ -1,0 +1,122 @@
+"""testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that put the loaded tool right."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from testbench import files
+from testbench.bench.compensate import NAMED, CorrectedProgram, correct_program
+from testbench.bench.compensate_report import report
+from testbench.bench.load_model import load_model
+from testbench.bench.plan_input import joints_of, place
+from testbench.cli.arguments import MapFile
+from testbench.correct.newton import Aim, Asked
+from testbench.correct.step import Hold
+from testbench.data.motion.formats import format_of
+from testbench.data.program import read_program
+from testbench.errors import InputError
+from testbench.output.place import check_file
+from testbench.output.run import check_folder
+from testbench.plant import build_room
+from testbench.shell.options import Force, of_flag, takes
+from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
+from testbench.views.compensate.words import tables, words
+from testbench.views.terminal import grid, print_statements
+
+SIGNS = {"": 1.0, "-": -1.0}
+AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
+"""Directions in the tool's frame."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    model: Annotated[Path, typer.Argument(help="Folder of a model, of identify or calibrate.")]
+    program: Annotated[Path, typer.Argument(help="Set-points and what acts at them, any text table.")]
+    out: Annotated[Path, typer.Option(help="Corrected: .csv, .src (KRL), .mod (RAPID), .script (URScript).")]
+    format: Annotated[
+        str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
+    ] = None
+    report: Annotated[Path | None, typer.Option(help="Folder of the page; beside --out if not given.")] = None
+    arm: Annotated[str | None, typer.Option(help="The arm, to make sure that the model is of it.")] = None
+    mapping: MapFile = None
+    asked: Annotated[
+        Asked | None,
+        typer.Option(
+            help="What the program means: where the tool is unloaded (default of models of identify), or "
+            "where the drawn arm has it (of calibrate)."
+        ),
+    ] = None
+    hold: Annotated[Hold, typer.Option(help="Put right: pose, axis (the spindle may turn), or position.")] = (
+        "pose"
+    )
+    tip: Annotated[str, typer.Option(help="Tool point in the tool's frame, x,y,z [m].")] = "0,0,0"
+    spindle: Annotated[str, typer.Option(help="Where the spindle points in the tool's frame: x, -x ...")] = (
+        "x"
+    )
+    start: Annotated[
+        str | None, typer.Option(help="Joints near the first pose of the tool, [deg, mm], commas between.")
+    ] = None
+    keep_unreachable: Annotated[
+        bool, typer.Option("--keep-unreachable", help="Leave points that cannot be put right as they are.")
+    ] = False
+    jumps: Annotated[bool, typer.Option("--jumps", help="Accept points that lie far apart.")] = False
+    force: Force = False
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Correct a program for what the process load does to the arm; write it, and a page beside it."""
+    to, given = _places(asked), [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
+    check_file(to.program, kind_of(to.format), inputs=given, force=asked.force)
+    check_folder(to.report, COMMAND, own=frozenset(), inputs=given, force=asked.force)
+    aim = _aim(asked)
+    model = load_model(asked.model, asked.arm)
+    program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
+    start = None if asked.start is None else joints_of(asked.start, model.arm)
+    found = correct_program(model, program, aim, build_room(model.arm), start=start)
+    if found.unreached and not asked.keep_unreachable:
+        raise _unreached(asked, found)
+    said = report(found)
+    write(found, said, _plain(asked), asked.model, to)
+    console, text = Console(highlight=False), words(said)
+    console.print(text.block("answer"), style="bold", markup=False)
+    console.print(grid(tables(said)["worst"]))
+    print_statements(console, text)
+    lines = [
+        f"corrected  {to.program}",
+        f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
+
+
+def _places(asked: Options) -> Places:
+    beside = asked.out.with_name(f"{asked.out.stem}_report")
+    with of_flag("--format" if asked.format else "--out"):
+        return Places(asked.out, format_of(asked.out, asked.format), asked.report or beside)
+
+
+def _aim(asked: Options) -> Aim:
+    if asked.spindle not in AXES:
+        raise InputError(Path("--spindle"), "", f"expected one of {', '.join(AXES)}, got {asked.spindle!r}")
+    x, y, z = AXES[asked.spindle].tolist()
+    return Aim(asked.hold, asked.asked, place(asked.tip, "--tip"), (x, y, z))
+
+
+def _unreached(asked: Options, found: CorrectedProgram) -> InputError:
+    named = "; ".join(found.unreached[:NAMED])
+    more = f"; and {len(found.unreached) - NAMED} more" if len(found.unreached) > NAMED else ""
+    return InputError(asked.program, "", f"{named}{more}; --keep-unreachable leaves such points as they are")
+
+
+def _plain(asked: Options) -> dict[str, object]:
+    """What was asked for, but for the place of the results, and which files were read."""
+    left = ("out", "report", "force", "model", "program", "mapping")
+    flags = {key: value for key, value in asdict(asked).items() if key not in left}
+    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
+    return {**flags, "program": {asked.program.name: files.digest(asked.program)}, "mapping": mapping}

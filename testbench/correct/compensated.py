@@ -1,0 +1,121 @@
+"""A program compensated: joints within limits, what is left, and which points cannot be put right."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.correct.arm_model import ArmModel
+from testbench.correct.newton import FIELDS, Aim, Asked, Corrected, Mask, Points, Target, solve
+from testbench.correct.rest import rest
+from testbench.correct.sure import Stand, half_widths
+from testbench.correct.target import asked
+from testbench.errors import Array
+from testbench.model.load import Load
+from testbench.plant import Room, collisions
+
+
+@dataclass(frozen=True)
+class Compensated:
+    """Joints to command so that the loaded tool is where it was asked to be, and what is left."""
+
+    q: Array  #: Joints to command; those of the program where `refused` says why not, (points, n) [rad, m].
+    start: Array  #: Joints of the program, (points, n) [rad, m].
+    target: Target  #: Where the tool point was asked to be.
+    before: Array  #: Foretold minus asked position without correction, world, (points, 3) [m].
+    after: Array  #: The same with it: what the solver leaves, (points, 3) [m].
+    turned: Array  #: What is left of the turn, a rotation vector, world, (points, 3) [rad].
+    half: Array  #: Half the interval of the error that remains, world, (points, 3) [m]; infinite if unseen.
+    held: Mask  #: Joints that a limit stopped, (points, n).
+    refused: tuple[str | None, ...]  #: Why a point cannot be put right; None where it is.
+    asked: Asked  #: What joints of the program were taken to mean.
+
+    @property
+    def corrected(self) -> Mask:
+        """Which points are put right, (points,)."""
+        return np.array([reason is None for reason in self.refused], dtype=bool)
+
+
+def compensate(
+    model: ArmModel,
+    q: Array,
+    loads: Sequence[Load],
+    aim: Aim | None = None,
+    room: Room | None = None,
+) -> Compensated:
+    """Joints that put the loaded tool where a program asks it to be.
+
+    Args:
+        model: The arm, as of `load_model`.
+        q: Joints of the program, (points, n) [rad, m].
+        loads: What acts at the points, each the same at all or with a row a point.
+        aim: Tool point, what of its pose is put right, and what joints of the program mean; the whole pose of
+            the tool's origin if not given.
+        room: Where the arm stands, for collisions; None leaves them unchecked.
+
+    Returns:
+        Corrected joints inside the limits, and what is left.
+
+    Raises:
+        BenchError: When shapes do not fit.
+        NoEquilibrium: When the arm cannot bear a load; names the pose.
+    """
+    aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
+    point = np.array(aim.point)
+    meant: Asked = aim.asked or ("drawn" if model.absolute else "unloaded")
+    target = asked(model.state, q, meant, point)
+    before = rest(model.state, q, loads).at(point) - target.position
+    found, held = within_limits(model, q, loads, target, aim)
+    refused = _refused(model.arm, found, q, room)
+    bad = np.array([reason is not None for reason in refused], dtype=bool)
+    left = np.where(bad[:, None], before, -found.left)
+    corrected = np.where(bad[:, None], q, found.q)
+    start = None if model.absolute and meant == "drawn" else Stand(q)
+    half = half_widths(model, Stand(corrected, loads), start, point[None])[:, 0]
+    return Compensated(corrected, q, target, before, left, found.turned, half, held, tuple(refused), meant)
+
+
+def within_limits(
+    model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
+) -> tuple[Corrected, Mask]:
+    """As `correct`; a joint that would pass its limit stays there, and the others do what they can.
+
+    Returns:
+        The joints, and which of them a limit stopped, (points, n).
+    """
+    lower, upper = model.arm.limits
+    points = Points(model.state, q, loads, target, aim, np.ones(q.shape))
+    found = solve(points)
+    for _ in range(model.arm.n_joints):
+        beyond = ((found.q < lower) | (found.q > upper)) & (points.free > 0)
+        some = np.flatnonzero(beyond.any(axis=1) & found.solved)
+        if not len(some):
+            break
+        free = points.free * ~(beyond & found.solved[:, None])
+        start = np.where(free > 0, points.start, np.clip(found.q, lower, upper))
+        points = replace(points, start=start, free=free)
+        again = solve(points.of(some))
+        for name in FIELDS:
+            getattr(found, name)[some] = getattr(again, name)
+    return found, points.free == 0
+
+
+def _refused(arm: Arm, found: Corrected, q: Array, room: Room | None) -> list[str | None]:
+    """Why points cannot be put right."""
+    lower, upper = arm.limits
+    reasons: list[str | None] = [None] * len(q)
+    for k in np.flatnonzero(~found.solved):
+        away = 1e3 * float(np.linalg.norm(found.left[k]))
+        reasons[k] = f"out of reach, {away:.3g} mm are left" if np.isfinite(away) else "no equilibrium"
+    for k, j in np.argwhere((found.q < lower - 1e-12) | (found.q > upper + 1e-12)):
+        joint = arm.joints[j]
+        limit = lower[j] if found.q[k, j] < lower[j] else upper[j]
+        beyond = joint.shown * abs(float(found.q[k, j] - limit))
+        reasons[k] = reasons[k] or f"{joint.name} would pass its limit by {beyond:.3g} {joint.shown_unit}"
+    if room is not None:
+        good = np.flatnonzero([reason is None for reason in reasons])
+        for k, pair in zip(good, collisions(room, found.q[good]), strict=True):
+            if pair and collisions(room, q[k : k + 1])[0] is None:
+                reasons[k] = f"{pair[0]} would collide with {pair[1]}"
+    return reasons

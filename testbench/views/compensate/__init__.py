@@ -1,0 +1,1 @@
+"""What `testbench compensate` shows: words, a picture, a recording."""

@@ -1,0 +1,69 @@
+"""The corrected program and the folder of its report, all of it or nothing."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.compensate import CorrectedProgram, more_columns
+from testbench.bench.compensate_report import CompensationReport
+from testbench.data.motion.formats import CSV, WRITERS, write_moves
+from testbench.data.program_corrected import write_program
+from testbench.output.place import Kind
+from testbench.output.run import whole_folder
+from testbench.views.compensate.words import words
+
+COMMAND = "testbench compensate"  #: As manifest.json names it.
+WRITTEN = ("report.md", "report.json", "compensation.png")  #: For people.
+TABLE = Kind("a corrected program", rb"[^\n]*correction_")
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where results go."""
+
+    program: Path  #: The corrected program.
+    format: str  #: "csv" or a robots' language, as of `format_of`.
+    report: Path  #: Folder of the report.
+
+
+def kind_of(language: str) -> Kind:
+    """What a corrected program looks like."""
+    if language == CSV:
+        return TABLE
+    own = WRITERS[language]
+    return Kind(f"a program in {own.title}", own.begins)
+
+
+def write(
+    found: CorrectedProgram, report: CompensationReport, asked: Mapping[str, object], model: Path, to: Places
+) -> None:
+    """The report with its figure and manifest.json, and at last the corrected program.
+
+    Args:
+        found: The correction.
+        report: What there is to say of it.
+        asked: What was asked for, as plain data.
+        model: Folder of the model.
+        to: Where to.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
+    from testbench.views.compensate.figure import overview  # here: importing matplotlib takes half a second
+
+    with whole_folder(to.report) as folder:
+        files.write_json(asdict(report), folder / "report.json")
+        (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
+        overview(found, report).savefig(folder / "compensation.png", dpi=120)
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[model])
+        write_corrected(found, to)
+
+
+def write_corrected(found: CorrectedProgram, to: Places) -> None:
+    """The program alone, as a table or in a robots' language."""
+    program, q = found.program, found.found.q
+    if to.format == CSV:
+        write_program(to.program, program, q, more_columns(found))
+    else:
+        write_moves(to.program, WRITERS[to.format], q, found.model.arm.joints, program.labels)

@@ -1,0 +1,200 @@
+"""A program in, a corrected one out: MuJoCo executes what the files say; wrong files change nothing."""
+
+import json
+
+import numpy as np
+import pytest
+from run_here import here
+
+from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.fits import Runs, fit
+from testbench.bench.models import Model, named_models
+from testbench.bench.stiffness_write import write_stiffness
+from testbench.cli.program import program
+from testbench.data.program import read_program
+from testbench.identify.estimate import make_estimate
+from testbench.identify.regression import reduce
+from testbench.model.structure import all153
+from testbench.model.vjm import tool_pose
+from testbench.plant import settle
+
+TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
+FEED, CROSS, AXIAL = -700.0, 500.0, -900.0
+START = np.array([0.3, -1.2, 1.6, 0.3, -0.5, 0.1])
+POINTS = 12
+
+
+def the_truth(vjm, structure, data):
+    """An estimator that knows."""
+    regression = reduce(vjm, structure, data)
+    return make_estimate(regression, structure.entries(vjm.arm.C_theta), method="the truth")
+
+
+@pytest.fixture(scope="module")
+def folder(kr500, tmp_path_factory):
+    """Models of the true compliances, and of what weights say of joints alone."""
+    out = tmp_path_factory.mktemp("models")
+    runs = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1, check_runs=3), 7).identification
+    models = {
+        "true": Model("truth", all153(kr500.arm), the_truth),
+        "joints": named_models(kr500, ["Joints"])[0],
+    }
+    for name, model in models.items():
+        (out / name).mkdir()
+        own = Runs("runs.csv", runs, runs, None)
+        write_stiffness(kr500, fit(kr500, [model], own, lambda: 0.0), own, {"runs.csv": "0" * 64}, out / name)
+    return out
+
+
+@pytest.fixture(scope="module")
+def asked(kr500):
+    """Joints of a path and where they have the drawn tool."""
+    q = START + np.linspace(0, 1, POINTS)[:, None] * [0.25, 0.05, -0.06, 0.02, 0.1, 0.0]
+    return q, *tool_pose(kr500.vjm, q)
+
+
+def joints_csv(path, q, end=""):
+    """A program of joints with a milling force."""
+    head = [*(f"joint_{k}_deg" for k in range(1, 7)), "feed_N", "cross_N", "axial_N", "Kommentar"]
+    rows = [
+        [*map(repr, np.degrees(row).tolist()), FEED, CROSS, AXIAL, f"Punkt {k}"] for k, row in enumerate(q)
+    ]
+    path.write_text("\n".join(",".join(map(str, row)) for row in [head, *rows]) + "\n" + end)
+    return path
+
+
+def run(*flags):
+    return here(program(["compensate"]), "compensate", *flags)
+
+
+def tip_of(rest):
+    return rest.tool + rest.rotation @ TIP
+
+
+def process(position, rotation):
+    """The milling force in the world, by hand."""
+    spindle = rotation @ SPINDLE
+    feed = np.gradient(position + rotation @ TIP, axis=0)
+    feed /= np.linalg.norm(feed, axis=1, keepdims=True)
+    force = FEED * feed + CROSS * np.cross(spindle, feed) + AXIAL * spindle
+    return np.hstack([force, np.zeros_like(force)])
+
+
+@pytest.fixture(scope="module")
+def corrected(kr500, folder, asked, tmp_path_factory):
+    out = tmp_path_factory.mktemp("corrected")
+    source = joints_csv(out / "mill.csv", asked[0])
+    done = run(folder / "true", source, "--out", out / "right.csv", "--tip", ",".join(map(str, TIP)))
+    assert done.returncode == 0, done.stderr
+    return out, done
+
+
+def test_the_true_arm_executes_the_corrected_file_within_a_micrometre(kr500, corrected, asked):
+    out, _ = corrected
+    q, position, rotation = asked
+    found = read_program(out / "right.csv", kr500.arm)
+    assert found.labels or found.other
+    wrench, at = process(position, rotation), np.tile(TIP, (POINTS, 1))
+    wanted = tip_of(settle(kr500.plant, q))
+    left = np.linalg.norm(tip_of(settle(kr500.plant, found.q, wrench, at)) - wanted, axis=1)
+    before = np.linalg.norm(tip_of(settle(kr500.plant, q, wrench, at)) - wanted, axis=1)
+    assert before.min() > 2e-4
+    assert left.max() < 1e-6
+
+
+def test_columns_of_the_program_stand_as_they_were(corrected):
+    out, _ = corrected
+    head, first = (out / "right.csv").read_text().splitlines()[:2]
+    assert head.split(",")[:10] == (out / "mill.csv").read_text().splitlines()[0].split(",")
+    assert first.split(",")[6:10] == ["-700.0", "500.0", "-900.0", "Punkt 0"]
+
+
+def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
+    out, done = corrected
+    report = json.loads((out / "right_report" / "report.json").read_text())
+    q, position, rotation = asked
+    wrench = process(position, rotation)
+    off = tip_of(settle(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1)))) - tip_of(settle(kr500.plant, q))
+    assert report["before_mm"]["max"] == pytest.approx(1e3 * np.linalg.norm(off, axis=1).max(), rel=1e-3)
+    assert report["corrected"] == report["points"] == POINTS
+    assert f"{report['before_mm']['max']:.3f} mm at most" in done.stdout
+    assert {p.name for p in (out / "right_report").iterdir()} >= {
+        "report.md",
+        "compensation.png",
+        "manifest.json",
+    }
+
+
+def test_set_points_of_the_tool_are_corrected_as_their_joints_are(kr500, folder, corrected, asked, tmp_path):
+    q, position, rotation = asked
+    head = (
+        "x_mm,y_mm,z_mm,"
+        + ",".join(f"rotation_{i}{j}" for i in "123" for j in "123")
+        + ",feed_N,cross_N,axial_N"
+    )
+    tips = 1e3 * (position + rotation @ TIP)
+    rows = [
+        ",".join(map(repr, [*tip.tolist(), *R.ravel().tolist(), FEED, CROSS, AXIAL]))
+        for tip, R in zip(tips, rotation, strict=True)
+    ]
+    (tmp_path / "tool.csv").write_text("\n".join([head, *rows]) + "\n")
+    done = run(
+        folder / "true", tmp_path / "tool.csv", "--out", tmp_path / "right.csv", "--tip", "0.1,0,0.05",
+        "--start", ",".join(map(str, np.degrees(q[0]))),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    ours = read_program(tmp_path / "right.csv", kr500.arm).q
+    assert np.abs(ours - read_program(corrected[0] / "right.csv", kr500.arm).q).max() < 1e-8
+
+
+def test_a_robots_language_has_the_same_joints(kr500, folder, corrected, tmp_path):
+    out, _ = corrected
+    done = run(folder / "true", out / "mill.csv", "--out", tmp_path / "right.src", "--tip", "0.1,0,0.05")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "right.src").read_text()
+    q = read_program(out / "right.csv", kr500.arm).q[0]
+    assert f"{np.degrees(q[0]):.5f}"[:-1] in text
+
+
+def test_weights_do_not_turn_joint_1_and_the_page_says_so(folder, corrected, tmp_path):
+    out, _ = corrected
+    done = run(folder / "joints", out / "mill.csv", "--out", tmp_path / "right.csv")
+    assert done.returncode == 0
+    assert "joint_1" in " ".join(done.stdout.split())
+    report = json.loads((tmp_path / "right_report" / "report.json").read_text())
+    assert report["open"]["name"] == "joint_1"
+    assert report["half_95_mm"] is None
+    assert report["unseen"] == POINTS
+
+
+WRONG = {
+    "a path that jumps": (lambda q: q + np.eye(POINTS)[5][:, None] * 1.2, (), "line 7"),
+    "a joint beyond its limit": (lambda q: np.add(q, [0, 0, 0, 0, 3.0, 0]), (), "joint_5"),
+    "another arm's model": (lambda q: q, ("--arm", "ur10"), "another arm"),
+    "a spindle that is none": (lambda q: q, ("--spindle", "w"), "--spindle"),
+    "a tip that is none": (lambda q: q, ("--tip", "1,2"), "--tip"),
+    "an unknown language": (lambda q: q, ("--format", "basic"), "--format"),
+    "no number": (lambda q: np.where(np.eye(POINTS)[:, :6] > 0, np.nan, q), (), "nan"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_one_line_and_nothing_is_written(folder, asked, tmp_path, name):
+    spoil, flags, said = WRONG[name]
+    source = joints_csv(tmp_path / "mill.csv", spoil(asked[0]))
+    done = run(folder / "true", source, "--out", tmp_path / "right.csv", *flags)
+    assert done.returncode == 2, done.stdout
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert {p.name for p in tmp_path.iterdir()} == {"mill.csv"}
+
+
+def test_a_file_that_is_no_corrected_program_is_not_replaced(folder, corrected, tmp_path):
+    out, _ = corrected
+    (tmp_path / "mine.csv").write_text("x,y\n1,2\n")
+    done = run(folder / "true", out / "mill.csv", "--out", tmp_path / "mine.csv")
+    assert done.returncode == 2
+    assert (tmp_path / "mine.csv").read_text() == "x,y\n1,2\n"
+    done = run(folder / "true", out / "mill.csv", "--out", out / "mill.csv")
+    assert done.returncode == 2
+    assert "is read by this command" in done.stderr
