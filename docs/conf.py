@@ -44,6 +44,7 @@ def write_help(_: object) -> None:
         "identify",
         "new",
         "plan",
+        "predict",
         "score",
         "shot",
         "simulate",

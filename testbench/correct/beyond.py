@@ -30,7 +30,7 @@ class Extent:
             ("moment", self.moment, "N m", self.moment_ratio),
         )
         return tuple(
-            f"extrapolated: {value:.4g} {unit} are {ratio:.2g} times the largest {what} that the model was "
+            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} that the model was "
             f"identified under"
             for what, value, unit, ratio in parts
             if ratio is not None and ratio > SLACK

@@ -7,6 +7,7 @@ import numpy as np
 
 from testbench.correct.arm_model import ArmModel
 from testbench.correct.rest import TOGETHER, rest
+from testbench.correct.sure import Stand, half_widths
 from testbench.errors import Array
 from testbench.model.load import Load
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
@@ -73,8 +74,28 @@ def _compliance(model: ArmModel, q: Array, theta: Array, loads: Sequence[Load]) 
     return loaded_compliance(where.J_theta.transpose(2, 0, 1), model.state.C_theta, K_w)
 
 
+def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
+    """Half of the 95 % interval of how far a force along each principal axis moves the tool's origin.
+
+    Args:
+        model: The arm.
+        q: Joints, (poses, n) [rad, m].
+        tool: Its stiffness there.
+        force: [N].
+
+    Returns:
+        The widest along world x, y, z, (poses, 3) [m]; infinite where the model has not seen what gives.
+    """
+    found, origin = np.empty((len(q), 3)), np.zeros(3)
+    for k in range(3):
+        wrench = np.hstack([force * tool.axes[:, :, k], np.zeros((len(q), 3))])
+        pushed = Stand(q, [Load(wrench, origin)])
+        found[:, k] = half_widths(model, pushed, Stand(q), origin[None])[:, 0].max(axis=1)
+    return found
+
+
 def direction_words(direction: Array) -> str:
-    """A direction in world axes, (3,), for people, such as "mostly along y" or "30 deg from x towards z"."""
+    """A direction in world axes, (3,), for people, such as "mostly along y" or "between x and -z"."""
     size = np.abs(direction) / np.linalg.norm(direction)
     first, second = np.argsort(-size)[:2]
     angle = float(np.degrees(np.arccos(min(size[first], 1.0))))
@@ -83,4 +104,4 @@ def direction_words(direction: Array) -> str:
     if angle <= MOSTLY:
         return f"mostly along {'xyz'[first]}"
     side = "" if direction[first] * direction[second] > 0 else "-"
-    return f"{angle:.0f} deg from {'xyz'[first]} towards {side}{'xyz'[second]}"
+    return f"between {'xyz'[first]} and {side}{'xyz'[second]}"

@@ -62,6 +62,9 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         mapping: A map of other names, and of what three angles are.
         jumps: Whether two points may lie as far apart as they like.
 
+    Returns:
+        The points in their order, with what acts at them.
+
     Raises:
         InputError: Names line and column, and what was expected.
     """

@@ -25,6 +25,7 @@ LAYOUTS = {
     "planted": 1,
     "absolute": 1,
     "ladder": 1,
+    "prediction": 1,
 }
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 

@@ -1,0 +1,94 @@
+"""testbench predict MODEL POSES.csv --out DIR: where loads bring the tool, how sure, how stiff it is."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench import files
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.load_model import load_model
+from testbench.bench.payload import overloaded, payload_of
+from testbench.bench.plan_input import box
+from testbench.bench.predict_input import read_asked
+from testbench.bench.prediction import Wanted, predicted
+from testbench.bench.prediction_report import reported
+from testbench.bench.stiffness_map import FORCE
+from testbench.cli.arguments import MapFile
+from testbench.correct.arm_model import ArmModel
+from testbench.model.poses import WorkArea
+from testbench.output.run import check_folder
+from testbench.shell.options import Force, takes
+from testbench.views.predicted.files import COMMAND, write
+from testbench.views.predicted.words import tables, words
+from testbench.views.terminal import grid, print_statements
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
+    poses: Annotated[Path, typer.Argument(help="Poses and their loads: a program, tasks or a plan.")]
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
+    mapping: MapFile = None
+    load: Annotated[
+        float | None,
+        typer.Option(min=0.001, max=10_000, help="Mass that hangs [kg] where the file says of no load."),
+    ] = None
+    linear: Annotated[
+        bool, typer.Option("--linear", help="By Eq. (6) instead of the loaded equilibrium of Eq. (7).")
+    ] = False
+    push: Annotated[
+        float | None,
+        typer.Option("--push", min=0.001, max=1e6, help="Force of the map [N]; weight of the payload."),
+    ] = None
+    box: Annotated[
+        str | None, typer.Option(help="Corners of the map, x0,y0,z0,x1,y1,z1 [m]; all that is reached.")
+    ] = None
+    force: Force = False
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Predict where loads bring the tool, with intervals; map how stiff it is."""
+    given = [asked.model, asked.poses, *([asked.mapping] if asked.mapping else [])]
+    check_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force)
+    area = None if asked.box is None else WorkArea(*box(asked.box))
+    model = load_model(asked.model)
+    poses = read_asked(asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.load, "--load"))
+    console = Console(highlight=False)
+    with console.status("predicting") as status:
+        made = predicted(model, poses, Wanted(_push(model, asked.push), area, asked.linear))
+        report = reported(made)
+        status.update("writing")
+        write(made, report, _plain(asked), asked.out)
+    text, out = words(report), asked.out
+    console.print(text.block("answer"), style="bold", markup=False)
+    console.print(grid(tables(report)["few"]))
+    print_statements(console, text)
+    heavy = overloaded(model.arm, poses.hung.tolist())
+    lines = [
+        *([f"- {heavy}"] if heavy else []),
+        f"poses      {out / 'predictions.csv'}",
+        f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'predict.png'}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
+
+
+def _push(model: ArmModel, asked: float | None) -> float:
+    """The force of the map [N]."""
+    if asked is not None:
+        return asked
+    return FORCE if model.arm.payload is None else GRAVITY * model.arm.payload
+
+
+def _plain(asked: Options) -> dict[str, object]:
+    """What was asked for, but for the place of the results, and which files were read."""
+    flags = {k: v for k, v in asdict(asked).items() if k not in ("model", "out", "force", "poses")}
+    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
+    poses = {asked.poses.name: files.digest(asked.poses)}
+    return {**flags, "model": asked.model.name, "poses": poses, "mapping": mapping}

@@ -1,0 +1,1 @@
+"""A prediction in words, a table of all poses, a figure and files."""

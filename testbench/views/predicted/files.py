@@ -1,0 +1,43 @@
+"""The folder of a prediction, all of it or nothing."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.prediction import Predicted
+from testbench.bench.prediction_report import PredictionReport
+from testbench.output.run import whole_folder
+from testbench.views.predicted.table import write_predictions
+from testbench.views.predicted.words import words
+
+COMMAND = "testbench predict"  #: As manifest.json names it.
+
+
+def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object], out: Path) -> None:
+    """All poses, report, figure, recording and manifest.json.
+
+    Args:
+        made: The prediction.
+        report: What there is to say of it.
+        asked: What was asked for, as plain data; "model" is the folder of the model.
+        out: Folder of the results.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
+    from testbench.views.predicted.figure import overview  # here: importing matplotlib and rerun takes two
+    from testbench.views.predicted.scene import scene  # thirds of a second
+    from testbench.views.recording.prediction import write_prediction
+    from testbench.views.recording.stream import Header
+
+    with whole_folder(out) as folder:
+        write_predictions(made, folder / "predictions.csv")
+        files.write_json(asdict(report), folder / "report.json")
+        (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
+        overview(made).savefig(folder / "predict.png", dpi=110)
+        header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
+        write_prediction(folder / "recording.rrd", header, scene(made, report))
+        model = [made.model.arm.rigid.parent]
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=model)

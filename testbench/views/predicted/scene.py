@@ -1,0 +1,55 @@
+"""A prediction as a scene for the Rerun viewer; importing this module imports rerun."""
+
+import numpy as np
+
+from testbench.bench.prediction import Predicted
+from testbench.bench.prediction_report import PredictionReport, pose_row
+from testbench.bench.rows import MM
+from testbench.data.dataset import Ids
+from testbench.views.predicted.words import words
+from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.prediction import PredictionScene
+
+POSES, FAR = 240, 40  #: Poses that are shown at most, and those of largest deflection among them.
+
+
+def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
+    """Some poses with what their loads do, the map, and the words beside them."""
+    some, found, text = _picked(made), made.found, words(report)
+    field = made.map
+    drawn = PredictionScene(
+        cell=made.cell,
+        q=made.asked.q[some],
+        start=(found.position - found.deflection)[some],
+        deflection=found.deflection[some],
+        half_mm=MM * found.widest[some, 0],
+        tool=found.position[some, 0],
+        give=field.force * made.stiffness.give[some],
+        axes=made.stiffness.axes[some],
+        map=ErrorMap(
+            f"deflection by {field.force:,.0f} N in the worst direction (mm)",
+            field.position,
+            MM * field.worst,
+            np.zeros((0, 3)),
+            np.zeros(0),
+        ),
+        pose_words=[text.block("pose", row=pose_row(made, int(k))) for k in some],
+        summary=text.summary(),
+        tables=f"### Poses\n\n{text.block('worst')}\n\n### Model\n\n{text.block('model')}",
+    )
+    return drawn.saying(
+        text.block(
+            "how_to_read",
+            scale=drawn.scale,
+            give_scale=drawn.give_scale,
+            shown=len(some),
+            total=len(made.asked.q),
+        )
+    )
+
+
+def _picked(made: Predicted) -> Ids:
+    """The farthest poses and others evenly, in the order of the file."""
+    count = len(made.asked.q)
+    even = np.linspace(0, count - 1, min(POSES - FAR, count)).round().astype(int)
+    return np.union1d(made.worst_first[:FAR], even)

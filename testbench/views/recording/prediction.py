@@ -1,0 +1,169 @@
+"""The recording of a prediction: the arm, where its loads bring the tool, how stiff that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import FillMode, MarkerShape
+from scipy.spatial.transform import Rotation
+
+from testbench.bench.campaign import Cell
+from testbench.bench.rows import MM
+from testbench.data.dataset import Ids
+from testbench.errors import Array
+from testbench.plant.shapes import Frames, rigid_frames
+from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
+from testbench.views.recording.error_map import ErrorMap, key_view, write_error_map, write_key
+from testbench.views.recording.pen import Line, Pen, text_view
+from testbench.views.recording.scene import frame
+from testbench.views.recording.stream import Header, layout, recording
+from testbench.views.recording.style import GREENS, MEASURED, NOISE
+
+TIMELINES = ("worst_first", "pose")
+LONGEST, WIDEST = 0.22, 0.18  #: Of an arrow and of a semi-axis at most, over the reach of the arm [1].
+MOST_SCALE = 1000.0  #: Magnification at most [1].
+BESIDE = (0.35, 0.9, 0.35)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+NARROW, WIDE = 0.7, 0.62  #: Width over height of the panes of the arm and of the map [1].
+
+
+@dataclass(frozen=True)
+class PredictionScene:
+    """A prediction and its words, made ready for drawing."""
+
+    cell: Cell  #: The arm.
+    q: Array  #: Joints of the poses that are shown, (poses, n) [rad, m].
+    start: Array  #: Points of the unloaded tool, its origin first, (poses, k, 3) [m].
+    deflection: Array  #: How far they move, (poses, k, 3) [m].
+    half_mm: Array  #: Half width of the tool's own, (poses,) [mm]; infinite where nothing was seen.
+    tool: Array  #: The loaded tool, (poses, 3) [m].
+    give: Array  #: Semi-axes of where a force of every direction brings it, (poses, 3) [m].
+    axes: Array  #: Their unit vectors as columns, (poses, 3, 3).
+    map: ErrorMap  #: How far that force moves the tool over the workspace.
+    pose_words: Sequence[str]  #: Markdown of every pose.
+    summary: str  #: Markdown: question, bold answer, statements.
+    tables: str  #: Markdown.
+
+    def saying(self, more: str) -> "PredictionScene":
+        """The same with more words in its summary."""
+        return replace(self, summary=f"{self.summary}\n\n{more}")
+
+    @cached_property
+    def frames(self) -> Frames:
+        """The arm in every pose."""
+        return rigid_frames(self.cell.room, self.q)
+
+    @property
+    def size_mm(self) -> Array:
+        """Deflection of the tool, (poses,) [mm]."""
+        return np.asarray(MM * np.linalg.norm(self.deflection[:, 0], axis=1))
+
+    @property
+    def scale(self) -> float:
+        """Magnification of deflections [1]."""
+        return _step(LONGEST * reach(self.frames), float(np.linalg.norm(self.deflection, axis=2).max()))
+
+    @property
+    def give_scale(self) -> float:
+        """Magnification of the ellipsoids [1]."""
+        return _step(WIDEST * reach(self.frames), float(self.give.max()))
+
+    @property
+    def rank(self) -> Ids:
+        """Place of every pose in worst_first, (poses,)."""
+        found = np.empty(len(self.q), dtype=int)
+        found[np.argsort(-self.size_mm, kind="stable")] = np.arange(len(self.q))
+        return found
+
+
+def _step(most: float, length: float) -> float:
+    """1, 2 or 5 times a power of ten, at least 1, so that a length is drawn no longer than the most."""
+    steps = [k * 10.0**power for power in range(4) for k in (1, 2, 5)]
+    return max([1.0, *(s for s in steps if s <= min(most / max(length, 1e-12), MOST_SCALE))])
+
+
+def write_prediction(path: Path, header: Header, scene: PredictionScene) -> None:
+    """Write a prediction for the Rerun viewer; an existing file is replaced only by a whole one."""
+    scales = {"deflection_magnification": scene.scale, "ellipsoid_magnification": scene.give_scale}
+    times = (scene.rank, np.arange(len(scene.q)))
+    with recording(path, "prediction", replace(header, scales=scales), _blueprint(scene)) as pen:
+        pen.documents({"summary": scene.summary, "tables": scene.tables})
+        run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
+        run.texts("this_pose", scene.pose_words)
+        write_shapes(run, scene.cell, ())
+        write_places(run, scene.cell, scene.frames)
+        size = reach(scene.frames)
+        run.still("world/deflection", rr.Arrows3D.from_fields(colors=MEASURED, radii=0.006 * size))
+        run.arrows("world/deflection", scene.start, scene.scale * scene.deflection)
+        _write_ellipsoids(run, scene)
+        write_error_map(run, "world/map", scene.map, 0.03 * size)
+        write_key(run, "map_key_mm", scene.map)
+        _write_plot(run, scene)
+
+
+def _write_ellipsoids(run: Pen, scene: PredictionScene) -> None:
+    """Where a force of every direction would bring the loaded tool of every pose."""
+    axes = scene.axes * np.linalg.det(scene.axes)[:, None, None]  # none left-handed
+    path = "world/ellipsoid"
+    run.still(path, rr.Ellipsoids3D.from_fields(colors=GREENS[0], fill_mode=FillMode.Solid))
+    run.rows(
+        path,
+        rr.Ellipsoids3D.columns(
+            centers=scene.start[:, 0] + scene.scale * scene.deflection[:, 0],
+            half_sizes=scene.give_scale * scene.give,
+            quaternions=Rotation.from_matrix(axes).as_quat(),
+        ),
+    )
+
+
+def _write_plot(run: Pen, scene: PredictionScene) -> None:
+    """Deflection of the tool, and its interval where there is one."""
+    size, half = scene.size_mm, np.where(np.isfinite(scene.half_mm), scene.half_mm, np.nan)
+    tool = Line("deflection_mm/tool", "the tool (mm)", GREENS[0], 2.0, MarkerShape.Circle, 2.5)
+    run.line(tool, size)
+    for name, values in (("lower", np.maximum(size - half, 0)), ("upper", size + half)):
+        if np.isfinite(values).any():
+            run.line(Line(f"deflection_mm/{name}", f"{name} end of 95 % (mm)", NOISE, 1.0), values)
+
+
+def _blueprint(scene: PredictionScene) -> rrb.Blueprint:
+    """The arm with its deflections, the map, and numbers beside them."""
+    plot = rrb.TimeSeriesView(
+        origin="deflection_mm",
+        name="Deflection of the tool (mm)",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+    )
+    words = [text_view("summary", "Summary"), text_view("this_pose", "This pose")]
+    beside = rrb.Vertical(*words, plot, row_shares=[9, 2, 4])
+    field = rrb.Vertical(_map_view(scene), key_view("map_key_mm"), row_shares=[10, 1])
+    overview = rrb.Horizontal(_arm_view(scene), field, beside, column_shares=[8, 8, 7], name="Overview")
+    return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0])
+
+
+def _arm_view(scene: PredictionScene) -> rrb.Spatial3DView:
+    worst = scene.rank.argmin()
+    ends = scene.start[worst] + scene.scale * scene.deflection[worst]
+    points = np.vstack([scene.frames.positions[worst], ends])
+    radii = np.full(len(points), 0.2 * reach(scene.frames))
+    eye = frame(points, radii, scene.tool[worst, :2], BESIDE, NARROW)
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=[f"+ $origin/{part}/**" for part in ("arm", "deflection", "ellipsoid")],
+        name=f"Arm (m): deflections x {scene.scale:g}, ellipsoid x {scene.give_scale:g}",
+        eye_controls=orbit(*eye),
+    )
+
+
+def _map_view(scene: PredictionScene) -> rrb.Spatial3DView:
+    points = np.vstack([scene.map.field, scene.frames.positions[scene.rank.argmin()]])
+    radii = np.full(len(points), 0.05 * reach(scene.frames))
+    eye = frame(points, radii, scene.tool[scene.rank.argmin(), :2], BESIDE, WIDE)
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=[f"+ $origin/{part}/**" for part in ("arm", "map")],
+        name=f"Workspace (m): {scene.map.words}",
+        eye_controls=orbit(*eye),
+    )

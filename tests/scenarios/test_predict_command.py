@@ -1,0 +1,176 @@
+"""testbench predict: a folder of numbers and views that say what the library says; bad input in one line."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from read_back import chunks_of, columns, document, panes, rerun, series, views
+from run_here import here
+
+import testbench as tb
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import Scenario, settle_both, simulate
+from testbench.bench.default import with_priors
+from testbench.bench.fits import Runs, fit
+from testbench.bench.models import named_models
+from testbench.bench.predict_input import read_asked
+from testbench.bench.prediction import Wanted, predicted
+from testbench.bench.stiffness_write import write_stiffness
+from testbench.cli.program import program
+from testbench.errors import InputError
+from testbench.model.weights import Weights
+
+POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
+FILES = {"predictions.csv", "report.json", "report.md", "predict.png", "recording.rrd", "manifest.json"}
+
+
+def run(*args):
+    return here(program(["predict"]), "predict", *args)
+
+
+def folder_of(cell, parent, prior):
+    """A model of few poses of a hung weight; without a prior some of it stays open."""
+    runs = simulate(cell, Scenario(arm="kr500_l480", workspace_poses=1), 7).identification
+    models = named_models(cell, ["MGCO56"])
+    models = with_priors(models, tb.cad_prior(cell.arm)) if prior else models
+    found = fit(cell, models, Runs("runs.csv", runs, runs, None), lambda: 0.0)
+    folder = parent / ("prior" if prior else "bare")
+    folder.mkdir()
+    write_stiffness(cell, found, Runs("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
+    return folder
+
+
+def poses_file(path, q, rows, head="force_x_N,force_y_N,force_z_N,mass_kg"):
+    names = ",".join(f"joint_{k}_rad" for k in range(1, 7))
+    lines = [",".join(map(repr, own.tolist())) + f",{row}" for own, row in zip(q, rows, strict=True)]
+    path.write_text("\n".join([f"{names},{head}", *lines]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def q(kr500):
+    return simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=POSES), 8).truth.q
+
+
+@pytest.fixture(scope="module")
+def model(kr500, tmp_path_factory):
+    return folder_of(kr500, tmp_path_factory.mktemp("models"), True)
+
+
+@pytest.fixture(scope="module")
+def made(model, q):
+    """Folder of the results, and what was said; one pose is pulled harder than any reading was."""
+    rows = [f"0,0,0,{MASS}"] * (POSES - 1) + [f"0,{PULL},0,0"]
+    out = model.parent / "out"
+    done = run(model, poses_file(model.parent / "poses.csv", q, rows), "--push", 1000, "--out", out)
+    assert done.returncode == 0, done.stderr
+    return out, " ".join(done.stdout.split())
+
+
+def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500, model, made, q):
+    """95 % intervals of 8 poses: at least 80 % of the components, whatever the draw."""
+    with (made[0] / "predictions.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["point"] for row in rows] == ["tool", "P1", "P2", "P3"] * POSES
+    wrench = np.zeros((POSES, 6))
+    wrench[:-1, 2], wrench[-1, 1] = -GRAVITY * MASS, PULL
+    point = np.tile(kr500.vjm.load, (POSES, 1))
+    point[-1] = 0
+    wanted = tb.predict(tb.load_model(model), q, [tb.Load(wrench, point)])
+    for what, own in (("", wanted.position), ("deflection_", wanted.deflection), ("half_95_", wanted.half)):
+        found = np.array([[float(row[f"{what}{axis}_m"]) for axis in "xyz"] for row in rows])
+        np.testing.assert_allclose(found.reshape(POSES, 4, 3), own, rtol=1e-8, atol=1e-12)
+    before, after = settle_both(kr500.plant, "nonlinear", q, wrench, point)
+    off = np.abs(wanted.deflection[:, 1:] - (after.markers - before.markers))
+    assert (off <= wanted.half[:, 1:]).mean() > 0.8
+
+
+def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(made):
+    out, said = made
+    report = json.loads((out / "report.json").read_text())
+    assert {path.name for path in out.iterdir()} == FILES
+    worst = report["worst"][0]
+    assert said.startswith("kr500_l480 under 0 to 300 kg and 0 to 9,500 N in 8 poses: the tool moves ")
+    assert (
+        f"most in pose {worst['label']}: {worst['deflection_mm']:.3f} mm +- {worst['half_mm']:.3f} mm" in said
+    )
+    ratio = PULL / (460.3 * GRAVITY)
+    assert f"Extrapolated: 9,500 N are {ratio:.1f} times the largest force" in said
+    assert report["force_ratio"] == pytest.approx(ratio, rel=1e-6)
+    place = report["map"]
+    assert place["half_mm"] > place["worst_mm"] / 2  # a hung weight never turned joint 1
+    assert (
+        f"at most by {place['worst_mm']:.3f} mm +- {place['half_mm']:.3f} mm, hardly seen by the data" in said
+    )
+    page = (out / "report.md").read_text()
+    assert all(f"| {row['label']} | {row['deflection_mm']:.3f} |" in page for row in report["worst"])
+
+
+def test_the_recording_shows_every_pose_and_no_view_is_empty(made, q):
+    file = made[0] / "recording.rrd"
+    assert rerun("verify", file)[0] == 0
+    chunks, report = chunks_of(file), json.loads((made[0] / "report.json").read_text())
+    sizes = [row["deflection_mm"] for row in report["worst"]]
+    np.testing.assert_allclose(series(chunks, "/deflection_mm/tool"), sizes, rtol=1e-6)
+    half = columns(chunks, "/world/ellipsoid")["Ellipsoids3D:half_sizes"]
+    assert len(half) == POSES
+    paths = {chunk.entity_path for chunk in chunks}
+    assert all(
+        any(path.startswith(f"/{origin.strip('/')}") for path in paths) for origin, _, _ in views(file)
+    )
+    assert max(panes(file)) <= 8
+    assert "hardly seen" in document(chunks, "/summary")
+
+
+def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
+    """Without a prior: a force across turns joint 1, which no hung weight did."""
+    bare = folder_of(kr500, tmp_path, False)
+    file = poses_file(tmp_path / "poses.csv", q[:1], ["0,800,0,0"])
+    done = run(bare, file, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    assert "not seen by the data" in said
+    assert "Not seen: the data of the model leave 100 % of the deflections without an interval" in said
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["worst"][0]["half_mm"] is None
+    with (tmp_path / "out" / "predictions.csv").open() as table:
+        assert next(csv.DictReader(table))["half_95_y_m"] == ""
+
+
+@pytest.mark.parametrize(
+    ("rows", "flags", "said"),
+    [
+        (["0,0,nan,0"] * 2, (), "line 2, column force_z_N: expected a finite number, got 'nan'"),
+        (["0,0,0,0"] * 2, ("--load", -3), "--load"),
+        (["0,0,-1e9,0"] * 2, (), "line 2, column force_z_N: expected -1e+06 to 1e+06 N"),
+        (["0,0,-900,0"] * 2, ("--box", "1,2"), "expected 6 numbers"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(model, tmp_path, q, rows, flags, said):
+    file = poses_file(tmp_path / "poses.csv", np.vstack([q[:1], 0.2 * q[1:2]]), rows)
+    done = run(model, file, *flags, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tmp_path, q):
+    """An arm 300 times softer, that bears a newton and not a ton."""
+    stiff = tb.load_model(model)
+    soft = replace(stiff, state=replace(stiff.state, C_theta=300 * stiff.state.C_theta))
+    light = replace(soft, state=replace(soft.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
+    file = poses_file(tmp_path / "poses.csv", q[:6], ["0,0,-1,0"] * 3 + ["0,0,-90000,0"] * 3)
+    with pytest.raises(InputError, match="line 5: no static equilibrium at q"):
+        predicted(light, read_asked(file, light, None, lambda: MASS), Wanted(1000.0))
+
+
+def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, model, tmp_path, q):
+    file = poses_file(tmp_path / "poses.csv", q[:1] + 9 * np.eye(6)[:1], ["0,0,-900,0"])
+    for folder, words in ((kr500.arm.rigid.parent, "with model.json"), (model, "line 2, column joint_1_rad")):
+        done = run(folder, file, "--out", tmp_path / "out")
+        assert done.returncode == 2
+        assert words in done.stderr
+    assert not (tmp_path / "out").exists()
