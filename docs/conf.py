@@ -37,9 +37,11 @@ def write_help(_: object) -> None:
     commands = [
         "calibrate",
         "check",
+        "compensate",
         "data check",
         "demo",
         "elastic",
+        "export",
         "identifiability",
         "identify",
         "new",
