@@ -26,6 +26,7 @@ LAYOUTS = {
     "absolute": 1,
     "ladder": 1,
     "prediction": 1,
+    "compensated": 1,
 }
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 

@@ -1,0 +1,122 @@
+"""Share of the deflection removed by campaign, number of poses and model; and the error along one path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from testbench.bench.baselines import JOINTS
+from testbench.studies.compensation.report import CompensationReport, Group
+from testbench.studies.compensation.settings import (
+    BOTH,
+    DEFAULT,
+    IDENTIFIED,
+    NOMINAL,
+    PERFECT,
+    PLANNED,
+    RANDOM,
+    WEIGHT,
+)
+from testbench.trials.spread import Spread
+from testbench.views.colours import CHOICE, GREY, Look, look
+from testbench.views.colours import NOMINAL as SKY
+from testbench.views.figure import SOFT, quiet
+
+LOOKS = {
+    JOINTS: look("Joints", "none"),
+    "MLS56": look("MLS56", "none"),
+    "MGCO56": look("MGCO56", "psd"),
+    DEFAULT: CHOICE,
+    NOMINAL: Look(SKY, 4, prior=False),
+    PERFECT: Look(GREY, 5, prior=True),
+}
+CAMPAIGNS = ((PLANNED, WEIGHT), (PLANNED, BOTH), (RANDOM, WEIGHT), (RANDOM, BOTH))
+LEAST, MOST = 2e-3, 5.0  #: Shares left between which the axis ends.
+TICKS = (5, 3, 2, 1, 0.5, 0.3, 0.1, 0.03, 0.01, 0.003)  #: Shares left.
+APART = 0.17  #: Distance of dots that stand side by side.
+
+
+def removed(report: CompensationReport) -> Figure:
+    """The four campaigns, undisturbed; the same disturbed; the milling path of the first trial."""
+    figure = Figure(figsize=(16, 9), layout="constrained")
+    above, below = figure.subfigures(2, 1)  # type: ignore[misc]  # stubs: one or several
+    panes = above.subplots(1, len(CAMPAIGNS), sharey=True)
+    for axes, (by, loads) in zip(panes, CAMPAIGNS, strict=True):
+        _by_poses(axes, report, by, loads)
+    panes[0].set_ylabel("share of the deflection removed [%]")
+    left, right = below.subplots(1, 2)
+    _disturbed(left, report)
+    _path(right, report)
+    handles, names = left.get_legend_handles_labels()
+    above.legend(handles, names, frameon=False, loc="outside upper center", ncols=len(names))
+    figure.suptitle(
+        f"Above: true arms that bend as a model can. Dots: median of all points, lines 5 to 95 % of them; "
+        f"{report.arm}, {report.trials} trials, "
+        f"{report.force[0] / 1e3:g} to {report.force[1] / 1e3:g} kN",
+        fontsize="medium",
+    )
+    return figure
+
+
+def _by_poses(axes: Axes, report: CompensationReport, by: str, loads: str) -> None:
+    for k, poses in enumerate(report.numbers):
+        _dots(axes, k, [report.group(m, f"{by}, {loads}", poses) for m in IDENTIFIED])
+    axes.set_xticks(range(len(report.numbers)), [f"{n} poses" for n in report.numbers])
+    axes.set_title(f"{by} poses, {loads}", fontsize="medium")
+    _share_axis(axes, len(report.numbers))
+
+
+def _disturbed(axes: Axes, report: CompensationReport) -> None:
+    n = report.featured
+    for k, (by, loads) in enumerate(CAMPAIGNS):
+        own = [report.group(m, f"{by}, {loads}", n, disturbed=True) for m in IDENTIFIED]
+        _dots(axes, k, own, named=not k)
+    known = [report.group(m, disturbed=True) for m in (NOMINAL, PERFECT)]
+    _dots(axes, len(CAMPAIGNS), known, named=True)
+    names = [f"{by},\n{loads}" for by, loads in CAMPAIGNS]
+    axes.set_xticks(range(len(names) + 1), [*names, "not\nidentified"])
+    axes.set_ylabel("share of the deflection removed [%]")
+    axes.set_title(f"arm with all that no model knows, {n} poses", fontsize="medium")
+    _share_axis(axes, len(names) + 1)
+
+
+def _dots(axes: Axes, at: float, groups: Sequence[Group], *, named: bool = False) -> None:
+    for k, group in enumerate(groups):
+        own, x = LOOKS[group.model], at + APART * (k - (len(groups) - 1) / 2)
+        low, middle, high = _left(group.removed)
+        axes.plot((x, x), (low, high), color=own.hex, linewidth=2, alpha=0.6)
+        face = own.hex if own.prior else "white"
+        label = group.model if named else None
+        axes.plot(x, middle, own.mark, color=own.hex, markerfacecolor=face, markersize=7, label=label)
+
+
+def _left(own: Spread) -> tuple[float, float, float]:
+    """Shares left of the best, the middle and the worst of the cases, where the axis has them."""
+    left = 1 - np.array([own.p95, own.median, own.p05])
+    low, middle, high = np.clip(left, LEAST, MOST).tolist()
+    return low, middle, high
+
+
+def _share_axis(axes: Axes, count: int) -> None:
+    """What is left on a logarithmic axis, named by what is removed: upwards is better."""
+    axes.axhline(1, color=SOFT, linewidth=0.8, zorder=0)
+    axes.set_yscale("log")
+    axes.set_ylim(MOST * 1.2, LEAST / 1.2)
+    axes.set_yticks(TICKS, [f"{100 * (1 - left):.3g}" for left in TICKS])
+    axes.set_yticks([], minor=True)
+    axes.set_xlim(-0.5, count - 0.5)
+    quiet(axes)
+
+
+def _path(axes: Axes, report: CompensationReport) -> None:
+    own = report.shown
+    axes.plot(own.way_m, own.before_mm, "--", color=SOFT, label="not corrected")
+    for model in (JOINTS, DEFAULT):
+        axes.plot(own.way_m, own.after_mm[model], color=LOOKS[model].hex, label=f"corrected, {model}")
+    axes.set_ylim(bottom=0)
+    axes.set(xlabel="along the milling path [m]", ylabel="tool from where it was asked [mm]")
+    title = f"milling under {own.force:.0f} N, {PLANNED} poses, {BOTH}, seed {own.seed}, true arm {own.truth}"
+    axes.set_title(title, fontsize="medium")
+    axes.legend(frameon=False, fontsize="small")
+    quiet(axes)

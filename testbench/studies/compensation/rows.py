@@ -1,0 +1,55 @@
+"""Tables of the study of compensation: a row a plan; a row a model, campaign and job of a trial."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array
+
+Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
+
+
+@dataclass(frozen=True)
+class PlanRow:
+    """A planned campaign."""
+
+    loads: str  #: What loads the arm, WEIGHT or BOTH.
+    poses: int
+    q_rad: tuple[float, ...]  #: Joint angles, one pose after the other, (poses * n,) [rad].
+    load: tuple[int, ...]  #: Which of the loads acts in each, (poses,).
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What all trials share."""
+
+    candidates: Angles = ()  #: Feasible poses to measure.
+    drilling: Angles = ()  #: Programmed joints of the drilling pattern.
+    milling: Angles = ()  #: The same of the milling path.
+    plans: tuple[PlanRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One job of one trial, corrected by one model."""
+
+    truth: str  #: The true arm's name.
+    disturbed: bool  #: Whether it does what the model does not know.
+    by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
+    loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
+    poses: int  #: How many were measured; 0 for the same.
+    model: str
+    chosen: str | None  #: Of the default: what it chose.
+    job: str
+    force: float  #: Of the process [N].
+    #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
+    before_mm: tuple[float, ...]
+    after_mm: tuple[float, ...]  #: The same, corrected.
+    inside: int  #: Components of what is left that lie in their 95 % interval.
+    of: int  #: Of so many; 0 for a model that has no intervals.
+    solved: int  #: Points for which joints were found.
+
+    @property
+    def removed(self) -> Array:
+        """Share of the distance that the correction removed, (points,) [1]."""
+        return np.asarray(1 - np.array(self.after_mm) / np.array(self.before_mm))

@@ -1,0 +1,90 @@
+"""What the study of compensation tries: campaigns, models, jobs."""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated
+
+import numpy as np
+import typer
+from pydantic import Field
+
+from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS
+from testbench.errors import BenchError
+from testbench.model.poses import WorkArea
+from testbench.studies.compensation.rows import Scene
+
+NAME = "compensation"
+ARM = "kr500_l480"  #: The panel stands in its work area.
+PAYLOAD, PULL, SLING = 460.3, 3000.0, 0.5
+"""Hung mass [kg], pull of the rope along world y at the load point [N], and length of the sling [m]."""
+RUNS = 2  #: In every pose.
+SIGMA = 50e-6  #: Standard deviation of one reading along one axis [m].
+STATION = (4.5, -2.5, 1.6)  #: Of the tracker [m].
+AREA = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+"""Where the panel stands: the work area of section 6."""
+PLANNED, RANDOM = "planned", "random"
+WEIGHT, BOTH = "weight", "weight and pull"
+"""What loads the arm while it is measured: in every pose the weight, or in every pose one of both."""
+FEATURED = 12  #: Poses that the bars are about, and those of all campaigns of a disturbed arm.
+NUMBERS, QUICK_NUMBERS = (6, 12, 20), (FEATURED,)
+CANDIDATES, QUICK_CANDIDATES = 2000, 150
+FORCE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
+DRILLING, MILLING = "drilling", "milling"
+JOBS = (DRILLING, MILLING)
+NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
+"""Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
+DEFAULT = "default"  #: What `identify` takes by default.
+IDENTIFIED = (JOINTS, "MLS56", "MGCO56", DEFAULT)
+MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
+
+EMPTY = Scene()
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a model is come by; of one that is not identified a campaign of no poses."""
+
+    by: str = ""  #: PLANNED or RANDOM.
+    loads: str = ""  #: WEIGHT or BOTH.
+    poses: int = 0
+
+
+BARRED = Way(PLANNED, BOTH, FEATURED)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the study."""
+
+    arm: Annotated[str, typer.Option(help="Name of the arm; the panel stands in front of this one.")] = ARM
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried."""
+
+    arm: str
+    seed: int  #: Root of the candidates and of the planner's prior.
+    numbers: tuple[int, ...] = NUMBERS  #: Poses of the campaigns.
+    candidates: int = CANDIDATES  #: Feasible poses to choose from.
+    #: Made of the rest by `plans.prepare`; empty before.
+    scene: Annotated[Scene, Field(exclude=True)] = EMPTY
+
+    def ways(self, *, disturbed: bool) -> tuple[Way, ...]:
+        """All campaigns; of a disturbed arm those of the featured number of poses."""
+        numbers = (FEATURED,) if disturbed else self.numbers
+        return tuple(Way(*one) for one in product((PLANNED, RANDOM), (WEIGHT, BOTH), numbers))
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for.
+
+    Raises:
+        BenchError: When it is an arm that does not reach the panel.
+    """
+    if find_arm(options.arm).resolve().name != ARM:
+        raise BenchError(f"--arm: expected {ARM}, whose work area has the panel, got {options.arm!r}")
+    if quick:
+        return Settings(options.arm, seeds[0], QUICK_NUMBERS, QUICK_CANDIDATES)
+    return Settings(options.arm, seeds[0])

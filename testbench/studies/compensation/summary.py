@@ -1,0 +1,162 @@
+"""The report of all trials: models and campaigns over the cases, which are points of trials."""
+
+from collections.abc import Callable, Sequence
+from itertools import product
+
+import numpy as np
+
+from testbench.arm.catalogue import find_arm
+from testbench.bench.truths import TRUTHS
+from testbench.errors import Array
+from testbench.studies.compensation.bars import MEDIAN, OFTEN, PART, bars
+from testbench.studies.compensation.jobs import job, way_along
+from testbench.studies.compensation.report import (
+    ALL,
+    ChosenAt,
+    CompensationReport,
+    DatasetRow,
+    Group,
+    Shown,
+    Sizes,
+)
+from testbench.studies.compensation.rows import Row
+from testbench.studies.compensation.settings import (
+    BARRED,
+    DEFAULT,
+    FORCE,
+    IDENTIFIED,
+    JOBS,
+    MILLING,
+    MODELS,
+    NAME,
+    PAYLOAD,
+    PULL,
+    RUNS,
+    SIGMA,
+    Settings,
+    Way,
+)
+from testbench.studies.study import Trials
+from testbench.studies.which_model.words import TRUTH_WORDS
+from testbench.trials.spread import grouped, spread
+
+Of = tuple[int, Row]  #: A row and its seed.
+NOWHERE = Way()
+
+
+def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> CompensationReport:
+    """Over all truths, and truth by truth for the campaign that the bars are about."""
+    every = [(seed, row) for seed, rows in trials for row in rows]
+    groups = gathered(asked, every)
+    barred = [own for own in every if way_of(own[1]) == BARRED]
+    by_truth = grouped(barred, lambda own: own[1].truth)
+    met = [name for name in TRUTHS if name in by_truth]
+    first = every[: len(JOBS)]
+    chosen = grouped((row for _, row in every if row.chosen and row.job == JOBS[0]), lambda row: row.chosen)
+    return CompensationReport(
+        scenario=NAME,
+        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        trials=len(seeds),
+        arm=find_arm(asked.arm).resolve().name,
+        payload=PAYLOAD,
+        pull=PULL,
+        runs=RUNS,
+        sigma_um=1e6 * SIGMA,
+        force=FORCE,
+        points={row.job: len(row.removed) for _, row in first},
+        featured=BARRED.poses,
+        numbers=asked.numbers,
+        truths={name: TRUTH_WORDS[name] for name in met},
+        bars=bars(groups),
+        groups=groups,
+        by_truth=[g for name in met for g in gathered(asked, by_truth[name], name) if g.job == ALL],
+        chosen=[ChosenAt(str(name), len(own)) for name, own in sorted(chosen.items(), key=str)],
+        shown=shown(barred),
+        dataset=DatasetRow(RUNS * BARRED.poses, BARRED.poses, 1e6 * SIGMA),
+    )
+
+
+def shown(barred: Sequence[Of]) -> Shown:
+    """The milling path of the first trial."""
+    seed = barred[0][0]
+    own = {row.model: row for at, row in barred if at == seed and row.job == MILLING and not row.disturbed}
+    first = own[DEFAULT]
+    return Shown(
+        seed=seed,
+        truth=first.truth,
+        force=first.force,
+        way_m=tuple(way_along(job(MILLING)).tolist()),
+        before_mm=first.before_mm,
+        after_mm={name: row.after_mm for name, row in own.items()},
+    )
+
+
+def way_of(row: Row) -> Way:
+    """The campaign of a row."""
+    return Way(row.by, row.loads, row.poses)
+
+
+def gathered(asked: Settings, rows: Sequence[Of], truth: str = "") -> list[Group]:
+    """By disturbance, campaign, model and job, in the order of the report."""
+    groups = grouped(rows, lambda own: (own[1].disturbed, way_of(own[1]), own[1].model))
+    found = []
+    for disturbed in (False, True):
+        ways = (NOWHERE, *asked.ways(disturbed=disturbed))
+        for way, model in product(ways, MODELS):
+            own = groups.get((disturbed, way, model), [])
+            if (model in IDENTIFIED) == (way != NOWHERE) and own:
+                found += [_group(own, truth, job) for job in (ALL, *JOBS)]
+    return found
+
+
+def _group(rows: Sequence[Of], truth: str, job: str) -> Group:
+    own = [one for one in rows if job in (ALL, one[1].job)]
+    trials = [[row for _, row in some] for some in grouped(own, lambda one: one[0]).values()]
+    first = own[0][1]
+    before, after = (_distances(trials, key) for key in ("before_mm", "after_mm"))
+    removed = [1 - new / old for old, new in zip(before, after, strict=True)]
+    shares, worse = np.concatenate(removed), [int((some < 0).sum()) for some in removed]
+    held = [sum(row.inside for row in some) / sum(row.of for row in some) for some in trials if some[0].of]
+    return Group(
+        truth=truth,
+        disturbed=first.disturbed,
+        by=first.by,
+        loads=first.loads,
+        poses=first.poses,
+        model=first.model,
+        job=job,
+        trials=len(trials),
+        cases=len(shares),
+        before=_sizes(before),
+        after=_sizes(after),
+        removed=spread(shares.tolist()),
+        worst=float(shares.min()),
+        nine=nine(shares),
+        by_trial=spread([float(np.median(some)) for some in removed]),
+        median_kept=_share(removed, lambda some: float(np.median(some)) >= MEDIAN),
+        nine_kept=_share(removed, lambda some: nine(some) >= OFTEN),
+        worse=sum(worse),
+        trials_worse=sum(map(bool, worse)),
+        covered=float(np.mean(held)) if held else None,  # every trial has as many components
+        covered_by_trial=spread(held) if held else None,
+        solved=sum(row.solved for _, row in own) / len(shares),
+    )
+
+
+def nine(shares: Array) -> float:
+    """Share of cases with nine tenths or more removed."""
+    return float(np.mean(shares >= PART))
+
+
+def _share(each: Sequence[Array], kept: Callable[[Array], bool]) -> float:
+    return float(np.mean([kept(some) for some in each]))
+
+
+def _distances(trials: Sequence[Sequence[Row]], key: str) -> list[Array]:
+    """Of every trial those of all its rows [mm]."""
+    return [np.concatenate([getattr(row, key) for row in some]) for some in trials]
+
+
+def _sizes(trials: Sequence[Array]) -> Sizes:
+    medians, p95 = (spread([float(np.percentile(own, p)) for own in trials]) for p in (50, 95))
+    return Sizes(medians, p95, max(float(own.max()) for own in trials))

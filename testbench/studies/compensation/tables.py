@@ -1,0 +1,67 @@
+"""The columns of the study of compensation, and its tables."""
+
+from dataclasses import replace
+
+from testbench.studies.bar import bar_table
+from testbench.studies.compensation.report import ALL, CompensationReport
+from testbench.studies.compensation.settings import IDENTIFIED, JOBS
+from testbench.views.schema import Column, Table, pivot
+
+MODEL = Column("model", "model")
+CAMPAIGN = Column("campaign", "campaign")
+POSES = Column("poses", "poses", form="d")
+JOB = Column("job", "job")
+REMOVED = Column("removed", "removed", "%", ".1f", scale=100)
+WORST = Column("worst", "worst case", "%", ".1f", scale=100)
+NINE = Column("nine", "cases with 90 % or more removed", "%", ".1f", scale=100)
+WORSE = Column("worse", "cases made worse", form="d")
+COVERED = Column("covered", "inside 95 % intervals", "%", ".1f", scale=100)
+AFTER = Column("after.median_mm", "after", "mm")
+SIZES = (
+    Column("before.median_mm", "before", "mm"),
+    AFTER,
+    Column("after.p95_mm", "after, 95th percentile", "mm"),
+    Column("after.most_mm", "largest", "mm"),
+)
+FOUND = (MODEL, CAMPAIGN, POSES, REMOVED, WORST, NINE, WORSE, *SIZES, COVERED)
+TRIALS = (
+    MODEL,
+    CAMPAIGN,
+    POSES,
+    Column("by_trial", "median removed, trial by trial", "%", ".1f", scale=100),
+    Column("median_kept", "trials with a median of 97 %", form="yes"),
+    Column("nine_kept", "trials with 90 % removed in 95 % of points", form="yes"),
+    Column("trials_worse", "trials with a point made worse", form="d"),
+    Column("covered_by_trial", "inside 95 % intervals, trial by trial", "%", ".1f", scale=100),
+    Column("solved", "solved", form="yes"),
+)
+TRUTHS = (
+    Column("truth", "true arm"),
+    MODEL,
+    Column("trials", "trials", form="d"),
+    REMOVED,
+    WORST,
+    NINE,
+    WORSE,
+    AFTER,
+    COVERED,
+)
+
+
+def tables(report: CompensationReport) -> dict[str, Table]:
+    """Share removed by campaign and poses; all numbers; trial by trial, true arm by true arm; bars."""
+    found = {"bars": bar_table(report.bars, ".3g")}
+    for name, disturbed in (("undisturbed", False), ("disturbed", True)):
+        groups = [g for g in report.groups if g.disturbed == disturbed]
+        for job in (ALL, *JOBS):
+            found[f"{name}, {job}"] = Table(FOUND, [g for g in groups if g.job == job])
+        found[f"{name}, trials"] = Table(TRIALS, [g for g in groups if g.job == ALL])
+        found[f"{name}, truths"] = Table(TRUTHS, [g for g in report.by_truth if g.disturbed == disturbed])
+    own = [g for g in report.groups if not g.disturbed and g.job == ALL and g.model in IDENTIFIED]
+    title = "share of the deflection removed, median over all points, %"
+    for model in IDENTIFIED:
+        rows = Table((), [g for g in own if g.model == model], title)
+        found[f"removed, {model}"] = pivot(rows, CAMPAIGN, replace(POSES, unit="poses"), REMOVED)
+    at = Table((), [g for g in own if g.poses == report.featured], title)
+    found["short"] = pivot(at, CAMPAIGN, MODEL, replace(REMOVED, exact=True))
+    return found

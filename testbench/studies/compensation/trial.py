@@ -1,0 +1,197 @@
+"""One trial: a true arm measured in every campaign, explained by every model, corrected and put to work.
+
+The corrected joints go to the true arm in MuJoCo. The error is where its loaded tool then is, minus where the
+unloaded tool is at the programmed joints.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from testbench.arm.catalogue import find_arm
+from testbench.bench.campaign import Cell, build_cell, stream
+from testbench.bench.default import choose
+from testbench.bench.judged import identify_each
+from testbench.bench.models import named_models
+from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.bench.wrong_prior import wrong_prior
+from testbench.correct.arm_model import ArmModel, bending, of_estimate
+from testbench.correct.compensated import compensate
+from testbench.correct.newton import Aim, correct
+from testbench.correct.target import asked as asked_for
+from testbench.data.dataset import Dataset, Mask
+from testbench.errors import Array
+from testbench.identify import Estimate
+from testbench.identify.absolute.state import State
+from testbench.identify.prior import Prior
+from testbench.model.load import Load
+from testbench.model.weights import read_weights
+from testbench.studies.compensation.arms import TrueArm, measure, true_arm
+from testbench.studies.compensation.jobs import TIP, drawn, jobs, wrenches
+from testbench.studies.compensation.rows import Row
+from testbench.studies.compensation.settings import (
+    DEFAULT,
+    IDENTIFIED,
+    NOMINAL,
+    PERFECT,
+    PRIOR,
+    Settings,
+    Way,
+)
+
+MM = 1e3
+AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
+DIGITS = 7  #: Of a distance in millimetres.
+PROCESS = 50  #: Stream of a seed: forces of the process.
+NOT_IDENTIFIED = Way()
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model to correct by."""
+
+    way: Way
+    name: str
+    state: State
+    model: ArmModel | None = None  #: Where it is identified.
+    chosen: str | None = None  #: Of the default: what it chose.
+
+
+@dataclass(frozen=True)
+class Work:
+    """The points of all jobs, one job after the other."""
+
+    q: Array  #: Programmed joints, (points, n) [rad].
+    load: Load  #: Of the process, with a row a point.
+    parts: tuple[slice, ...]  #: Points of every job.
+    sizes: tuple[float, ...]  #: Forces of every job [N].
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is commanded."""
+
+    q: Array  #: Corrected joints, (points, n) [rad].
+    half: Array | None  #: Half the 95 % interval of what is left, world, (points, 3) [m]; None without any.
+    solved: Mask  #: Points that are put right, (points,).
+
+
+@dataclass(frozen=True)
+class Executed:
+    """What became of the points, (points, 3) [m]: tip of the tool minus where it was asked, world."""
+
+    before: Array  #: Not corrected.
+    after: tuple[Array, ...]  #: Corrected by each of some fits.
+    orders: tuple[Order, ...]
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
+    """Rows of some seeds; `asked` holds the scene."""
+    cell = build_cell(find_arm(asked.arm))
+    return [_trial(cell, asked, seed) for seed in seeds]
+
+
+def _trial(cell: Cell, asked: Settings, seed: int) -> list[Row]:
+    truth = member(FAMILY, seed)
+    true, prior, own = true_cell(cell, truth, seed), wrong_prior(cell, seed), work(asked, seed)
+    rows = []
+    for disturbed in (False, True):
+        arm, ways = true_arm(true, seed, disturbed=disturbed), asked.ways(disturbed=disturbed)
+        data = measure(true, arm, asked, ways, seed)
+        fits = known(true, prior) + identified(true, dict(zip(ways, data, strict=True)), prior)
+        done = execute(arm, own, fits)
+        for k, fit in enumerate(fits):
+            rows += [replace(row, truth=truth, disturbed=disturbed) for row in rows_of(own, fit, done, k)]
+    return rows
+
+
+def work(asked: Settings, seed: int) -> Work:
+    """The jobs of a trial, each under a force of its own."""
+    rng, every = stream(seed, PROCESS), jobs()
+    parts = [drawn(one, rng) for one in every]
+    ends = np.cumsum([0, *(len(one.position) for one in every)]).tolist()
+    wrench = np.concatenate([wrenches(one, own) for one, own in zip(every, parts, strict=True)])
+    return Work(
+        np.concatenate([asked.scene.drilling, asked.scene.milling]),
+        Load(wrench, np.array(TIP)).over(len(wrench)),
+        tuple(slice(first, last) for first, last in pairwise(ends)),
+        tuple(float(np.linalg.norm(own)) for own in parts),
+    )
+
+
+def known(cell: Cell, prior: Prior) -> list[Fit]:
+    """Models that nobody identified: the folder's, the prior, and the true one."""
+    weights = read_weights(cell.arm)
+    every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
+    return [Fit(NOT_IDENTIFIED, name, bending(cell.vjm, C, weights)) for name, C in every.items()]
+
+
+def identified(cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior) -> list[Fit]:
+    """All models from all campaigns."""
+    weights, data = read_weights(cell.arm), list(campaigns.values())
+    found: list[tuple[Way, str, str | None, Estimate]] = []
+    for model in named_models(cell, IDENTIFIED[:-1]):
+        each = zip(campaigns, identify_each(cell, model, data), strict=True)
+        found += [(way, model.name, None, estimate) for way, estimate in each]
+    for way, runs in campaigns.items():
+        own = choose(cell, runs, prior)
+        found.append((way, DEFAULT, own.name, own.estimate))
+    fits = []
+    for way, name, taken, estimate in found:
+        arm_model = of_estimate(cell.vjm, estimate, weights)
+        fits.append(Fit(way, name, arm_model.state, arm_model, taken))
+    return fits
+
+
+def execute(arm: TrueArm, own: Work, fits: Sequence[Fit]) -> Executed:
+    """Correct the jobs by every model, and let the true arm do them."""
+    orders = tuple(order(fit, own) for fit in fits)
+    q, n = np.concatenate([own.q, *(one.q for one in orders)]), len(own.q)
+    load = Load(*(np.tile(part, (len(fits) + 1, 1)) for part in (own.load.wrench, own.load.point)))
+    rest, loaded = arm.working(q, load.wrench, load.point)
+    start, end = (one.tool + np.matvec(one.rotation, np.array(TIP)) for one in (rest, loaded))
+    off = end.reshape(-1, n, 3) - start[:n]
+    return Executed(off[0], tuple(off[1:]), orders)
+
+
+def order(fit: Fit, own: Work) -> Order:
+    """The joints that a model commands."""
+    if fit.model is not None:
+        found = compensate(fit.model, own.q, [own.load], AIM)
+        return Order(found.q, found.half, found.corrected)
+    target = asked_for(fit.state, own.q, "unloaded", np.array(TIP))
+    corrected = correct(fit.state, own.q, [own.load], target, AIM)
+    return Order(corrected.q, None, corrected.solved)
+
+
+def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
+    """The fit of this number, job by job, of no named arm."""
+    after, order = done.after[k], done.orders[k]
+    rows = []
+    for job, size, part in zip(jobs(), own.sizes, own.parts, strict=True):
+        inside = None if order.half is None else np.abs(after[part]) <= order.half[part]
+        rows.append(
+            Row(
+                truth="",
+                disturbed=False,
+                by=fit.way.by,
+                loads=fit.way.loads,
+                poses=fit.way.poses,
+                model=fit.name,
+                chosen=fit.chosen,
+                job=job.name,
+                force=size,
+                before_mm=_distances(done.before[part]),
+                after_mm=_distances(after[part]),
+                inside=0 if inside is None else int(inside.sum()),
+                of=0 if inside is None else inside.size,
+                solved=int(order.solved[part].sum()),
+            )
+        )
+    return rows
+
+
+def _distances(off: Array) -> tuple[float, ...]:
+    return tuple(np.round(MM * np.linalg.norm(off, axis=1), DIGITS).tolist())

@@ -1,0 +1,211 @@
+"""The recording of a corrected robot: its tool drawn off the line by the process, and put back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.components import MarkerShape
+
+from testbench.bench.campaign import Cell
+from testbench.bench.rows import MM, UM
+from testbench.data.dataset import Ids
+from testbench.errors import Array
+from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
+from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
+from testbench.views.recording.pen import Line, Pen, snake, text_view
+from testbench.views.recording.scene import frame
+from testbench.views.recording.stream import Header, layout, recording
+from testbench.views.recording.style import LOAD, NOISE, TASK, Colour
+
+TIMELINES = ("worst_first", "point")
+LONGEST = 0.35  #: Of what is drawn of the largest error, at most [m].
+ARROW = 1e-4  #: Length of the force's arrow [m/N].
+THICK, CROSS = 0.004, 0.03  #: Radius of lines, and half a cross [m].
+BESIDE, ASPECT = (-0.6, 0.9, 0.4), 1.2
+"""Where the eye is: ahead along the reach of the arm, beside it, above; width over height of its pane."""
+NEAR = (-1.0, -0.75, 0.45)  #: Of the eye that sees the panel, from its middle [m].
+NOT_CORRECTED = "not corrected"
+
+
+@dataclass(frozen=True)
+class Off:
+    """Where the loaded tool is, minus where it was asked, by one model or not corrected."""
+
+    name: str
+    colour: Colour
+    metres: Array  #: World, (points, 3) [m].
+    half: Array | None = None  #: Half the 95 % interval of each component; None where nobody says.
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some of the points: holes, or a path."""
+
+    name: str
+    points: slice
+    path: bool  #: Whether the tool goes along it; else from hole to hole.
+
+
+@dataclass(frozen=True)
+class Compensated:
+    """A program that was done by the true arm, and its words."""
+
+    cell: Cell  #: The true arm.
+    q: Array  #: Programmed joints, (points, n) [rad].
+    asked: Array  #: Where the tool was asked to be, (points, 3) [m].
+    force: Array  #: On the tool, (points, 3) [N].
+    bent: Array  #: Virtual joints loaded minus unloaded, not corrected, (points, n_theta) [m, rad].
+    panel: Array  #: What is worked on, a grid, (rows, columns, 3) [m].
+    parts: tuple[Part, ...]
+    offs: tuple[Off, ...]  #: The first is not corrected, the last one is what to look at.
+    point_words: Sequence[str]  #: Markdown of every point.
+    summary: str  #: Markdown: question, bold answer, colours.
+    tables: str  #: Markdown.
+
+    @property
+    def scale(self) -> float:
+        """Magnification of what is off: 1, 2 or 5 times a power of ten [1]."""
+        most = LONGEST / float(np.linalg.norm(self.offs[0].metres, axis=1).max())
+        steps = [k * 10.0**power for power in range(5) for k in (1, 2, 5)]
+        return max([1.0, *(step for step in steps if step <= most)])
+
+    @cached_property
+    def frames(self) -> Frames:
+        """The arm at every point."""
+        return rigid_frames(self.cell.room, self.q)
+
+    @property
+    def rank(self) -> Ids:
+        """Place of every point in worst_first, (points,)."""
+        found = np.empty(len(self.q), dtype=int)
+        found[np.argsort(-np.linalg.norm(self.offs[0].metres, axis=1), kind="stable")] = np.arange(len(found))
+        return found
+
+    def places(self, off: Off) -> Array:
+        """Where the tool is drawn, (points, 3) [m]."""
+        return np.asarray(self.asked + self.scale * off.metres)
+
+
+def write_compensated(path: Path, header: Header, scene: Compensated) -> None:
+    """Write a corrected program for the Rerun viewer; an existing file is replaced only by a whole one."""
+    header = replace(header, scales={"error_magnification": scene.scale})
+    times = (scene.rank, np.arange(len(scene.q)))
+    with recording(path, "compensated", header, _blueprint(scene)) as pen:
+        pen.documents({"summary": scene.summary, "tables": scene.tables})
+        run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
+        run.texts("this_point", scene.point_words)
+        _write_arm(run, scene)
+        _write_panel(pen, scene)
+        _write_asked(pen, scene)
+        for off in scene.offs:
+            _write_way(pen, scene, off)
+            _write_tool(run, scene, off)
+        _write_plots(run, scene)
+
+
+def _write_arm(pen: Pen, scene: Compensated) -> None:
+    """The arm at every point; once more bent by the process, magnified; the force."""
+    ghost = elastic_frames(scene.cell.plant, scene.q, scene.scale * scene.bent)
+    shift = np.linalg.norm(ghost.positions - scene.frames.positions, axis=2).max(axis=0)
+    moving = np.flatnonzero(shift > 0.005 * reach(scene.frames)).tolist()
+    write_shapes(pen, scene.cell, moving)
+    write_places(pen, scene.cell, scene.frames, ghost, moving)
+    pen.still("world/load/force", rr.Arrows3D.from_fields(colors=LOAD, radii=0.012))
+    tip = scene.places(scene.offs[0])
+    pen.arrows("world/load/force", (tip - ARROW * scene.force)[:, None], ARROW * scene.force[:, None])
+
+
+def _write_panel(pen: Pen, scene: Compensated) -> None:
+    rows, columns, _ = scene.panel.shape
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    corners = np.column_stack([first, first + 1, first + columns])
+    others = np.column_stack([first + 1, first + columns + 1, first + columns])
+    faces = rr.Mesh3D(
+        vertex_positions=scene.panel.reshape(-1, 3),
+        triangle_indices=np.vstack([corners, others]),
+        albedo_factor=(*NOISE, 90),
+    )
+    pen.still("world/panel", faces)
+
+
+def _write_asked(pen: Pen, scene: Compensated) -> None:
+    """Dots along paths, crosses at holes: what is put back stays visible on them."""
+    for part in scene.parts:
+        own, path = scene.asked[part.points], f"world/ways/asked/{snake(part.name)}"
+        if part.path:
+            pen.still(path, rr.Points3D(own, colors=TASK, radii=2 * THICK))
+        else:
+            ends = [CROSS * np.array([axis, np.negative(axis)]) for axis in ((0, 1, 0), (0, 0, 1))]
+            strips = [place + end for place in own for end in ends]
+            pen.still(path, rr.LineStrips3D(strips, colors=TASK, radii=THICK))
+
+
+def _write_way(pen: Pen, scene: Compensated, off: Off) -> None:
+    """Where the tool is: paths as lines, holes as dots."""
+    for part in scene.parts:
+        own, path = scene.places(off)[part.points], f"world/ways/{snake(off.name)}/{snake(part.name)}"
+        if part.path:
+            pen.still(path, rr.LineStrips3D([np.vstack([own, own[:1]])], colors=off.colour, radii=THICK))
+        else:
+            pen.still(path, rr.Points3D(own, colors=off.colour, radii=3 * THICK))
+
+
+def _write_tool(pen: Pen, scene: Compensated, off: Off) -> None:
+    """Where the tool is at this point."""
+    path = f"world/tool/{snake(off.name)}"
+    pen.still(path, rr.Points3D.from_fields(colors=off.colour, radii=0.02))
+    pen.points(path, scene.places(off)[:, None])
+
+
+def _write_plots(pen: Pen, scene: Compensated) -> None:
+    """Distances of all, and once more of the corrected ones, with what is stated of the last."""
+    for k, off in enumerate(scene.offs):
+        size, look = np.linalg.norm(off.metres, axis=1), (off.colour, 2.0, MarkerShape.Circle, 3.0)
+        pen.line(Line(f"off_mm/{snake(off.name)}", f"{off.name} (mm)", *look), MM * size)
+        if k:
+            pen.line(Line(f"left_um/{snake(off.name)}", f"{off.name} (um)", *look), UM * size)
+    last = scene.offs[-1]
+    if last.half is not None and np.isfinite(last.half).all():
+        line = Line("left_um/stated", f"{last.name}, 95 % interval (um)", NOISE, 1.5)
+        pen.line(line, UM * np.linalg.norm(last.half, axis=1))
+
+
+def _blueprint(scene: Compensated) -> rrb.Blueprint:
+    """The arm at work, the panel from near by, words and errors beside them."""
+    legend = rrb.PlotLegend(rrb.Corner2D.RightTop)
+    plots = [
+        rrb.TimeSeriesView(origin="off_mm", name="Tool from where it was asked (mm)", plot_legend=legend),
+        rrb.TimeSeriesView(origin="left_um", name="The same, corrected (um)", plot_legend=legend),
+    ]
+    words = [text_view("summary", "Summary"), text_view("this_point", "This point")]
+    beside = rrb.Vertical(*words, *plots, row_shares=[13, 2, 4, 4])
+    views = rrb.Vertical(_near(scene), _whole(scene), row_shares=[1, 1])
+    return layout(
+        rrb.Horizontal(views, beside, column_shares=[3, 2], name="Overview"),
+        text_view("tables", "Tables"),
+        timeline=TIMELINES[0],
+    )
+
+
+def _whole(scene: Compensated) -> rrb.Spatial3DView:
+    points = np.vstack([scene.asked, scene.panel.reshape(-1, 3), scene.frames.positions.reshape(-1, 3)])
+    eye = frame(points, np.full(len(points), 0.3), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
+    return rrb.Spatial3DView(
+        origin="world",
+        name=f"The arm (m), bent by the process x {scene.scale:g}",
+        eye_controls=orbit(*eye),
+    )
+
+
+def _near(scene: Compensated) -> rrb.Spatial3DView:
+    middle = scene.asked.mean(axis=0)
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=[f"+ $origin/{part}/**" for part in ("ways", "tool", "panel", "load")],
+        name=f"Tool (m): how far it is off, x {scene.scale:g}",
+        eye_controls=orbit(middle + np.array(NEAR), middle),
+    )
