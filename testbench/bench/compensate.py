@@ -11,6 +11,7 @@ from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim
 from testbench.correct.process import process_wrench
+from testbench.data.jumps import refuse_joint_jumps
 from testbench.data.program import Program
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.load import Load
@@ -67,13 +68,18 @@ def drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | Non
     if program.position is None or program.rotation is None:
         assert program.q is not None
         return program.q
-    near = program.q[0] if program.q is not None else start
+    near = start if program.q is None else program.q
     found = joints_along(model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point))
     far = np.flatnonzero(~found.there)
     if len(far):
-        names = [f"line {program.line[k]} by {1e3 * found.distance[k]:.3g} mm" for k in far[:NAMED]]
+        missing = 1e3 * np.column_stack([found.distance, found.angle])
+        names = [
+            "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[k], *missing[k]) for k in far[:NAMED]
+        ]
         more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
         raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}")
+    if not program.jumps:
+        refuse_joint_jumps(program.path, model.arm, program.line, found.q)
     return found.q
 
 
@@ -82,7 +88,9 @@ def loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Loa
     position, rotation = tool_pose(model.vjm, q)
     tip = np.array(aim.point)
     try:
-        along = process_wrench(program.along, position + rotation @ tip, rotation @ np.array(aim.spindle))
+        names = [f"line {line}" for line in program.line]
+        spindle = rotation @ np.array(aim.spindle)
+        along = process_wrench(program.along, position + rotation @ tip, spindle, names)
     except BenchError as err:
         raise InputError(program.path, "", str(err)) from err
     at = program.point if program.point.any() else np.tile(tip, (program.points, 1))

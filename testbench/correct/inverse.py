@@ -1,21 +1,24 @@
 """Joints of the drawn arm along a path of the tool: continuous, within limits, with least motion."""
 
-from dataclasses import replace
+import math
 
 import numpy as np
 
+from testbench.correct.newton import Target
 from testbench.correct.reach import Reached, reach, turn_between
+from testbench.correct.settle import replaced, settle, supported
 from testbench.data.dataset import Ids
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.vjm import Vjm
 
 STRIDE, TURN = 0.1, 0.2
 """Way from one support of a path to the next, over the arm's reach [1], and the turn that is as far [rad]."""
-APART = 0.5  #: Motion of a joint from one support to the next beyond which one between them is solved first.
-STEADY = 0.1  #: Motion between two points that needs no second look, beyond what their supports say.
-REPEATS = 16  #: Times that the rest of a path is done again.
+STEADY, FASTEST = 0.1, 3.0
+"""Motion between two points that needs no second look, beyond what their supports say [rad, m], a stride."""
+REPEATS = 4  #: Times that a part of a path is done again.
 SEEDS = 256  #: Configurations that the first point is looked for from.
-TRIED = 8  #: Configurations of the first point along which the path is tried.
+TRIED = 8  #: Configurations of the first point that are tried,
+SAMPLE = 400  #: and at most so many points of the path with each.
 CLEAR = 0.05  #: Room to the limits that the first point should have [rad, m].
 
 
@@ -42,32 +45,40 @@ def joints_along(
     rotation = check_array(rotation, (len(position), 3, 3), "rotation")
     if point is not None:
         position = position - np.matvec(rotation, point)
+    target = Target(position, rotation)
     if start is not None and np.ndim(start) > 1:
         near = check_array(start, (len(position), vjm.arm.n_joints), "start [rad, m]")
-        return reach(vjm, position, rotation, near)
-    best: Reached | None = None
-    for q in _first(vjm, position[:1], rotation[:1], start):
-        found = _track(vjm, position, rotation, q)
-        if best is None or found.there.sum() > best.there.sum():
-            best = found
-        if best.there.all():
-            break
-    if best is None:
+        return reach(vjm, target, near)
+    if not len(position):
         raise BenchError("position [m]: expected at least one point")
-    return best
+    tries = _first(vjm, target.of(slice(1)), start)
+    return _track(vjm, target, _chosen(vjm, target, tries))
 
 
-def _first(vjm: Vjm, position: Array, rotation: Array, start: Array | None) -> Array:
+def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
+    """The first of some joints of the first point from which most of the path is reached, (n,) [rad, m]."""
+    if len(tries) == 1:
+        return np.asarray(tries[0])
+    some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
+    counts: list[int] = []
+    for q in tries:
+        counts.append(int(_pass(vjm, target.of(some), q)[0].there.sum()))
+        if counts[-1] == len(some):
+            break
+    return np.asarray(tries[int(np.argmax(counts))])
+
+
+def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
     """Joints of the first point, the best first, (tries, n) [rad, m]."""
     arm, (lower, upper) = vjm.arm, vjm.arm.limits
     if start is not None:
         start = check_array(start, (arm.n_joints,), "start [rad, m]")
-        own = reach(vjm, position, rotation, start[None])
+        own = reach(vjm, target, start[None])
         if own.there.all():
             return own.q
     near = np.clip(0.0 if start is None else start, lower, upper)
     seeds = np.random.default_rng(0).uniform(lower, upper, (SEEDS, arm.n_joints))
-    many = reach(vjm, np.tile(position, (SEEDS, 1)), np.tile(rotation, (SEEDS, 1, 1)), seeds)
+    many = reach(vjm, target.of(np.zeros(SEEDS, dtype=int)), seeds)
     if not many.there.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
     q = _unwound(vjm, many.q[many.there], near)
@@ -89,74 +100,63 @@ def _unwound(vjm: Vjm, q: Array, near: Array) -> Array:
     return np.where((other >= lower) & (other <= upper), other, q)
 
 
-def _track(vjm: Vjm, position: Array, rotation: Array, first: Array) -> Reached:
+def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
     """Joints along a path from those near its first point on.
 
     Where branches nearly meet, a support may lie on another branch than the points before it. Then the rest
     is done again from these points; if that leads nowhere, the points before are, from the support back.
     """
-    found, rough = _pass(vjm, position, rotation, first)
+    found, rough = _pass(vjm, target, first)
     tried = -1
     for _ in range(REPEATS):
         i = next((i for i in rough.tolist() if i > tried), None)
         if i is None:
             break
-        tried, after = i, np.arange(i, len(position))
-        rest, more = _pass(vjm, position[after], rotation[after], found.q[i])
+        tried, after = i, np.arange(i, len(target.position))
+        rest, more = _pass(vjm, target.of(after), found.q[i])
         if rest.there.sum() >= found.there[after].sum() and 0 not in more:
-            found, rough = _with(found, rest, after, after - i), i + more
+            found, rough = replaced(found, rest, after), i + more
             continue
         before = np.arange(i + 1, -1, -1)
-        back, _ = _pass(vjm, position[before], rotation[before], found.q[i + 1])
+        back, _ = _pass(vjm, target.of(before), found.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - found.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
         own = np.arange(meet, i + 2)
         if gap[meet - 1] < STEADY and back.there[: len(own)].sum() >= found.there[own].sum():
-            found = _with(found, back, own, i + 1 - own)
+            found = replaced(found, back.at(i + 1 - own), own)
     return found
 
 
-def _pass(vjm: Vjm, position: Array, rotation: Array, first: Array) -> tuple[Reached, Ids]:
+def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
     """Joints along a path, and the points, (jumps,), behind which they jump."""
-    turn = np.linalg.norm(turn_between(rotation[:-1], rotation[1:]), axis=1)
-    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
+    step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / TURN + 1e-9)])
-    at, q = _supports(vjm, position, rotation, way, first)
+    at, q = supported(vjm, target, _strides(way), first)
     start = np.stack([np.interp(way, way[at], own) for own in q.T], axis=1)
-    steady = np.abs(np.diff(start, axis=0)) * 2 + STEADY
-    found = _again(vjm, position, rotation, reach(vjm, position, rotation, start))
+    steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
+    found = _again(vjm, target, reach(vjm, target, start))
 
-    def rough() -> Ids:
-        return np.flatnonzero((np.abs(np.diff(found.q, axis=0)) > steady).any(axis=1))
+    def rough(found: Reached) -> Ids:
+        jumps = (np.abs(np.diff(found.q, axis=0)) > steady).any(axis=1)
+        return np.flatnonzero(jumps & found.there[1:] & found.there[:-1])
 
-    for k in np.unique(np.searchsorted(at, rough(), side="right") - 1).tolist():
-        found = _one_by_one(vjm, position, rotation, found, np.arange(at[k] + 1, at[k + 1]))
-    return found, rough()
-
-
-def _supports(vjm: Vjm, position: Array, rotation: Array, way: Array, first: Array) -> tuple[Ids, Array]:
-    """Points that are solved one after the other, and their joints, (supports, n) [rad, m]."""
-
-    def solve(j: int, q: Array) -> Reached:
-        return reach(vjm, position[[j]], rotation[[j]], q[None])
-
-    at, i, last = [0], 0, len(way) - 1
-    joints = [solve(0, first).q[0]]
-    while i < last:
-        j = max(i + 1, int(np.searchsorted(way, way[i] + 1, side="right")) - 1)
-        found, halved = solve(j, joints[-1]), False
-        while j > i + 1 and not (halved and not found.there[0]):
-            if found.there[0] and np.abs(found.q[0] - joints[-1]).max() <= APART:
-                break
-            j, halved = (i + j) // 2, True
-            found = solve(j, joints[-1])
-        at.append(j)
-        joints.append(found.q[0])
-        i = j
-    return np.array(at), np.array(joints)
+    free = np.zeros(len(way), dtype=bool)
+    for k in np.unique(np.searchsorted(at, rough(found), side="right") - 1).tolist():
+        free[at[k] + 1 : at[k + 1]] = True
+    found = settle(vjm, target, found, np.flatnonzero(free & ~np.roll(free, 1)), free)
+    return found, rough(found)
 
 
-def _again(vjm: Vjm, position: Array, rotation: Array, found: Reached) -> Reached:
+def _strides(way: Array) -> Ids:
+    """Points about one apart along the way, with the first and the last one."""
+    at = [0]
+    while at[-1] < len(way) - 1:
+        at.append(max(at[-1] + 1, int(np.searchsorted(way, way[at[-1]] + 1, side="right")) - 1))
+    return np.array(at)
+
+
+def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
     """What was not reached, tried once more from the nearest points that were."""
     there = np.flatnonzero(found.there)
     lost = np.flatnonzero(~found.there)
@@ -165,22 +165,5 @@ def _again(vjm: Vjm, position: Array, rotation: Array, found: Reached) -> Reache
     right = np.minimum(np.searchsorted(there, lost), len(there) - 1)
     left = np.maximum(right - 1, 0)
     nearer = np.where(np.abs(there[left] - lost) < np.abs(there[right] - lost), left, right)
-    other = reach(vjm, position[lost], rotation[lost], found.q[there[nearer]])
-    return _with(found, other, lost[other.there], np.flatnonzero(other.there))
-
-
-def _one_by_one(vjm: Vjm, position: Array, rotation: Array, found: Reached, points: Ids) -> Reached:
-    """Some points, each from the one before."""
-    for i in points.tolist():
-        own = reach(vjm, position[[i]], rotation[[i]], found.q[[i - 1]])
-        if own.there[0]:
-            found = _with(found, own, np.array([i]), np.array([0]))
-    return found
-
-
-def _with(found: Reached, other: Reached, where: Ids, which: Ids) -> Reached:
-    """Some points replaced by others."""
-    parts = {name: getattr(found, name).copy() for name in Reached.__match_args__}
-    for name, values in parts.items():
-        values[where] = getattr(other, name)[which]
-    return replace(found, **parts)
+    other = reach(vjm, target.of(lost), found.q[there[nearer]])
+    return replaced(found, other.at(np.flatnonzero(other.there)), lost[other.there])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.correct.newton import Target
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.model.tool_motion import tool_motion
@@ -39,21 +40,20 @@ class Reached:
         return Reached(self.q[some], self.distance[some], self.angle[some])
 
 
-def reach(vjm: Vjm, position: Array, rotation: Array, start: Array) -> Reached:
+def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
     """Joints near others that put the tool's origin into poses; where none do, as near as these lead.
 
     Damped least squares with least motion. A joint at its limit that would go on stays there.
 
     Args:
         vjm: The arm as drawn.
-        position: Of the tool's origin, world, (poses, 3) [m].
-        rotation: World from tool, (poses, 3, 3).
+        target: Poses of the tool's origin.
         start: Joints to start from, (poses, n) [rad, m].
     """
     lower, upper = vjm.arm.limits
     lever = LEVER * vjm.reach
     q = np.clip(start, lower, upper)
-    e, J = _error(vjm, lever, q, position, rotation)
+    e, J = _error(vjm, lever, q, target)
     cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
     for _ in range(MOST):
         some = np.flatnonzero((cost > TINY**2) & (dull < PATIENCE))
@@ -61,7 +61,7 @@ def reach(vjm: Vjm, position: Array, rotation: Array, start: Array) -> Reached:
             break
         weight = damping[some] * cost[some] + FLOOR * lever**2
         trial = np.clip(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits), lower, upper)
-        e_trial, J_trial = _error(vjm, lever, trial, position[some], rotation[some])
+        e_trial, J_trial = _error(vjm, lever, trial, target.of(some))
         gain = 1 - _square(e_trial) / cost[some]
         better = gain > 0
         taken = some[better]
@@ -76,11 +76,11 @@ def _square(e: Array) -> Array:
     return np.asarray((e * e).sum(axis=1))
 
 
-def _error(vjm: Vjm, lever: float, q: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
+def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Array]:
     """What is left to the pose, (poses, 6) [m], and how the joints take it away, (poses, 6, n)."""
     p, R, J = tool_motion(vjm, q)
     J[:, 3:] *= lever
-    return np.hstack([position - p, lever * turn_between(R, rotation)]), J
+    return np.hstack([target.position - p, lever * turn_between(R, target.rotation)]), J
 
 
 def turn_between(R: Array, other: Array) -> Array:

@@ -43,6 +43,7 @@ class Program:
     #: The column of every joint, (n,); None where the file has none.
     joints: tuple[Column | None, ...] = field(repr=False)
     mark: str  #: The file's decimal mark.
+    jumps: bool  #: Whether points may lie as far apart as they like.
 
     @property
     def points(self) -> int:
@@ -78,9 +79,10 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
             min(table.rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {table.rows}"
         )
     q, (position, rotation) = _joints(columns, arm), _poses(columns)
-    if not jumps:
-        refuse_joint_jumps(columns, arm, q)
-        refuse_tool_jumps(columns, position, rotation)
+    if q is not None and not jumps:
+        refuse_joint_jumps(path, arm, table.lines, q)
+    if position is not None and rotation is not None and not jumps:
+        refuse_tool_jumps(path, table.lines, position, rotation)
     force, moment = (_or_zero(vector(columns, what), table.rows) for what in ("force", "moment"))
     mass, found = _mass(columns), [columns.get(Slot("process", k)) for k in range(len(ALONG))]
     return Program(
@@ -100,6 +102,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         table=table,
         joints=tuple(columns.get(Slot("joint", k)) for k in range(arm.n_joints)),
         mark=columns.mark,
+        jumps=jumps,
     )
 
 

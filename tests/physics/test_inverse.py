@@ -6,7 +6,9 @@ from serial_arms import write_arm
 
 from testbench.arm.folder import load_arm
 from testbench.correct.inverse import joints_along
+from testbench.correct.newton import Target
 from testbench.correct.reach import THERE, reach, turn_between
+from testbench.correct.settle import replaced, settle
 from testbench.model.kinematics import build_vjm
 from testbench.model.tool_motion import tool_motion
 from testbench.model.vjm import Vjm, chain, rotation, tool_pose
@@ -117,7 +119,7 @@ def test_a_joint_at_its_limit_stays_there(kr500):
     q = np.tile(np.radians([10.0, -60, 70, 20, 50, 0]), (40, 1))
     q[:, 5] = upper + np.linspace(-0.5, 0.5, 40)
     position, R = tool_pose(vjm, q)
-    found = reach(vjm, position, R, np.tile(q[0], (40, 1)))
+    found = reach(vjm, Target(position, R), np.tile(q[0], (40, 1)))
     np.testing.assert_array_equal(found.there, q[:, 5] <= upper)
     assert (found.q <= vjm.arm.limits[1]).all()
 
@@ -133,3 +135,17 @@ def test_through_a_stretched_wrist_the_joints_stay_steady(kr500):
     beside = rotation(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
     found = joints_along(vjm, position, beside, start=q[0])
     assert found.there.all()
+
+
+def test_poses_settled_together_are_those_solved_one_by_one(kr500, rng):
+    """Guesses in any configurations but for the first: all end in its own."""
+    vjm = kr500.vjm
+    q = planted(vjm, rng, 40)
+    target = Target(*tool_pose(vjm, q))
+    guess = reach(vjm, target, rng.uniform(*vjm.arm.limits, (40, 6)))
+    guess = replaced(guess, reach(vjm, target.of(slice(1)), q[:1]), np.array([0]))
+    found = settle(vjm, target, guess, np.arange(1, 40), np.ones(40, dtype=bool))
+    for k in range(1, 40):
+        own = reach(vjm, target.of(slice(k, k + 1)), found.q[k - 1 : k])
+        np.testing.assert_allclose(own.q[0], found.q[k], rtol=0, atol=1e-8)
+    assert np.abs(guess.q - found.q).max() > 1
