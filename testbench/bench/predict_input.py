@@ -8,11 +8,13 @@ from typing import TypeVar
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.bench.compensate import drawn_joints, loads_of
 from testbench.bench.plan_input import read_payload
 from testbench.correct.arm_model import ArmModel
+from testbench.correct.newton import Aim
 from testbench.data.dataset import Ids
 from testbench.data.posefile import read_poses
-from testbench.data.program import Program, read_program
+from testbench.data.program import read_program
 from testbench.data.table import read_table
 from testbench.errors import Array, InputError, NoEquilibrium
 from testbench.model.load import Load
@@ -35,9 +37,13 @@ class Asked:
     @property
     def words(self) -> str:
         """What acts, for people."""
-        process = sum((np.linalg.norm(load.wrench[:, :3], axis=1) for load in self.loads[:-1]), np.zeros(1))
-        parts = [f"{_between(self.hung)} kg"] if self.hung.any() else []
-        return " and ".join([*parts, *([f"{_between(process)} N"] if process.any() else [])]) or "moments"
+        own = self.loads[: -1 if self.hung.any() else None]
+        force, moment = (
+            np.linalg.norm(sum((load.wrench[:, part] for load in own), np.zeros((1, 3))), axis=1)
+            for part in (slice(0, 3), slice(3, 6))
+        )
+        parts = ((self.hung, "kg"), (force, "N"), (moment, "N m"))
+        return " and ".join(f"{_between(size)} {unit}" for size, unit in parts if size.any())
 
 
 def _between(values: Array) -> str:
@@ -58,30 +64,30 @@ def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable
         InputError: Names the line, and what was expected.
     """
     if PROMISED in read_table(path, lambda name: name == PROMISED).names:
-        q, found = read_poses(path, model.arm), read_payload(path)
-        hung = np.full(len(q), mass()) if found is None else found
-        line, labels, process = np.arange(len(q)) + 2, tuple(map(str, range(1, len(q) + 1))), None
-    else:
-        program = read_program(path, model.arm, mapping, jumps=True)
-        q, line, labels = joints_of(program), program.line, program.labels
-        process = Load(program.wrench, program.point)
-        idle = not (program.mass.any() or program.wrench.any())
-        hung = np.full(len(q), mass()) if idle else program.mass
-    weight = np.zeros((len(q), 6))
-    weight[:, 2] = -GRAVITY * hung
-    hanging = Load(weight, model.vjm.load).over(len(q))
-    return Asked(path, line, labels, q, (*([process] if process else []), hanging), hung)
+        return _of_plan(path, model, mass)
+    program = read_program(path, model.arm, mapping, jumps=True)
+    aim = Aim()
+    q = drawn_joints(model, program, aim, None)
+    loads, hung = loads_of(model, program, aim, q), program.mass
+    if not (program.mass.any() or program.wrench.any() or program.along.any()):
+        hung = np.full(len(q), mass())
+        loads = (hanging(model, hung),)
+    return Asked(path, program.line, program.labels, q, loads, hung)
 
 
-def joints_of(program: Program) -> Array:
-    """The joints of a program, (points, n) [rad, m]."""
-    if program.q is None:
-        raise InputError(program.path, "", "expected joints of every point")
-    turning = np.flatnonzero(program.along.any(axis=1))
-    if len(turning):
-        problem = "expected forces along world axes, got one along the feed"
-        raise InputError(program.path, f"line {program.line[turning[0]]}", problem)
-    return program.q
+def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
+    """Poses that `testbench plan` wrote, in which a weight hangs."""
+    q, found = read_poses(path, model.arm), read_payload(path)
+    hung = np.full(len(q), mass()) if found is None else found
+    labels = tuple(map(str, range(1, len(q) + 1)))
+    return Asked(path, np.arange(len(q)) + 2, labels, q, (hanging(model, hung),), hung)
+
+
+def hanging(model: ArmModel, mass: Array) -> Load:
+    """Weights at the arm's load point, (poses,) [kg]."""
+    weight = np.zeros((len(mass), 6))
+    weight[:, 2] = -GRAVITY * mass
+    return Load(weight, model.vjm.load).over(len(mass))
 
 
 def carried(asked: Asked, compute: Callable[[Array, list[Load]], T]) -> T:

@@ -83,6 +83,7 @@ class PredictionReport:
     farthest_mm: float
     unseen_percent: float
     other_off_mm: float
+    position_half_mm: float | None
     force_n: float
     moment_nm: float
     force_ratio: float | None
@@ -117,6 +118,7 @@ def reported(made: Predicted) -> PredictionReport:
         farthest_mm=float(size[:, point].max()),
         unseen_percent=float(100 * np.isinf(found.half).any(axis=2).mean()),
         other_off_mm=float(MM * np.linalg.norm(found.deflection - other.deflection, axis=2)[:, 0].max()),
+        position_half_mm=finite(MM * np.median(found.position_half[:, 0].max(axis=1))),
         force_n=extent.force,
         moment_nm=extent.moment,
         force_ratio=extent.force_ratio,

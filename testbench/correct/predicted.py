@@ -23,6 +23,8 @@ class Prediction:
     half: Array  #: Half widths of its intervals, the same shape [m]; infinite where nothing was seen.
     turn: Array  #: Rotation vector of the tool, loaded against unloaded, world axes, (poses, 3) [rad].
     position: Array  #: Loaded, in the world, (poses, 1 + m, 3) [m]; as drawn where the model is.
+    #: Half widths of its intervals, the same shape [m]; infinite of a model that knows deflections alone.
+    position_half: Array
     rotation: Array  #: Of the loaded tool, world from tool, (poses, 3, 3).
     confidence: float  #: Of each interval by itself [1].
 
@@ -77,7 +79,10 @@ def predict(  # noqa: PLR0913 - all but two have defaults
         half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
         deflection, turn = _linear(model, loaded, points)
         rotation = _turned(turn) @ before.rotation
-    return Prediction(deflection, half, turn, start + deflection, rotation, confidence)
+    known = np.full(half.shape, np.inf)
+    if model.absolute:
+        known = half_widths(model, loaded, None, points, confidence)
+    return Prediction(deflection, half, turn, start + deflection, known, rotation, confidence)
 
 
 def _places(where: Rest, points: Array) -> Array:

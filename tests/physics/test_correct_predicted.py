@@ -106,6 +106,17 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     assert (down.widest < 0.05 * down.size).all()
 
 
+def test_positions_have_intervals_where_they_were_calibrated(model, poses, load):
+    """The scatter of a position is in its own interval; in that of a deflection it cancels."""
+    assert np.isinf(predict(model, poses, [load]).position_half).all()
+    calm, rough = (
+        predict(replace(model, absolute=True, scatter=scatter), poses, [load]) for scatter in (0.0, 3e-4)
+    )
+    more = rough.position_half**2 - calm.position_half**2
+    np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
+    assert np.array_equal(rough.half, calm.half)
+
+
 def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
     pull = Load(np.array([0, 4200.0, 0, 0, 0, 0]), np.array([0, 0, 0.1]))
     found = extent(model, poses, [pull])

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +21,10 @@ from testbench.bench.prediction import Wanted, predicted
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
 from testbench.errors import InputError
+from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
 
+ROOT = Path(__file__).resolve().parents[2]
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
 FILES = {"predictions.csv", "report.json", "report.md", "predict.png", "recording.rrd", "manifest.json"}
 
@@ -165,6 +168,24 @@ def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tm
     file = poses_file(tmp_path / "poses.csv", q[:6], ["0,0,-1,0"] * 3 + ["0,0,-90000,0"] * 3)
     with pytest.raises(InputError, match="line 5: no static equilibrium at q"):
         predicted(light, read_asked(file, light, None, lambda: MASS), Wanted(1000.0))
+
+
+def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q):
+    found = tb.load_model(model)
+    cut = read_asked(ROOT / "docs" / "program.csv", found, None, lambda: MASS)
+    with (ROOT / "docs" / "program.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    asked = [[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows]
+    np.testing.assert_allclose(1e3 * tool_pose(kr500.vjm, cut.q)[0], asked, atol=1e-6)
+    sizes = [np.linalg.norm([float(row[f"{way}_N"]) for way in ("feed", "cross", "axial")]) for row in rows]
+    forces = np.linalg.norm(cut.loads[0].wrench[:, :3], axis=1)
+    np.testing.assert_allclose(forces, sizes, rtol=5e-3)  # chords are not quite across the spindle
+    assert cut.words == "0 to 1,019 N"
+    plan = poses_file(tmp_path / "plan.csv", q, ["250,0.1"] * POSES, head="load_kg,expected_error_mm")
+    hung = read_asked(plan, found, None, lambda: MASS)
+    assert hung.words == "250 kg"
+    np.testing.assert_allclose(hung.loads[0].wrench[:, 2], -250 * GRAVITY)
+    assert np.array_equal(hung.q, q)
 
 
 def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, model, tmp_path, q):

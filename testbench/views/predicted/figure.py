@@ -67,7 +67,7 @@ def _deflections(axes: Axes, made: Predicted) -> None:
     low = np.maximum(size - half, 0)
     axes.vlines(x[seen], low[seen], (size + half)[seen], color=OURS, alpha=0.45, linewidth=width)
     dot = 6 if len(order) <= NAMED else 3
-    axes.plot(x[seen], size[seen], "o", color=OURS, markersize=dot, label="the tool, with its 95 % interval")
+    axes.plot(x[seen], size[seen], "o", color=OURS, markersize=dot)
     if not seen.all():
         label = "interval not seen by the data"
         axes.plot(
@@ -81,8 +81,9 @@ def _deflections(axes: Axes, made: Predicted) -> None:
     axes.set_xlabel("pose, the largest deflection first" if few else "poses, the largest deflection first")
     axes.set_ylabel("deflection of the tool [mm]")
     axes.set_ylim(0, 1.08 * float((size + np.where(seen, half, 0)).max()))
-    axes.set_title(f"Under {made.asked.words}", fontsize="medium")
-    axes.legend(frameon=False, loc="lower left")
+    axes.set_title(f"Tool under {made.asked.words}, 95 % intervals", fontsize="medium")
+    if not seen.all():
+        axes.legend(loc="upper right")
     quiet(axes)
 
 

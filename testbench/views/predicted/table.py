@@ -19,7 +19,7 @@ def prediction_columns(joints: Sequence[Joint]) -> list[str]:
     """The header of predictions.csv, in order; docs/formats.md says what each holds."""
     names = ["pose", "line", "point", *(joint.column for joint in joints)]
     names += [f"{axis}_m" for axis in AXES]
-    names += [f"{what}_{axis}_m" for what in ("deflection", "half_95") for axis in AXES]
+    names += [f"{what}_{axis}_m" for what in ("position_half_95", "deflection", "half_95") for axis in AXES]
     names += [f"rotation_{axis}_rad" for axis in AXES]
     return [*names, *(f"stiffness_{k}_N_per_m" for k in (1, 2, 3)), *(f"softest_{axis}" for axis in AXES)]
 
@@ -28,11 +28,12 @@ def write_predictions(made: Predicted, path: Path) -> None:
     """All poses and points of a prediction; what nothing has seen, and what does not give, is blank."""
     found, tool = made.found, made.stiffness
     of_tool = np.hstack([found.turn, tool.principal, tool.softest])
+    parts = (found.position, found.position_half, found.deflection, found.half)
     rows: list[list[str]] = []
     for k, label in enumerate(made.asked.labels):
         joints, last = [*map(repr, made.asked.q[k].tolist())], _cells(of_tool[k])
         for m, name in enumerate(made.names):
-            own = _cells(found.position[k, m], found.deflection[k, m], found.half[k, m])
+            own = _cells(*(values[k, m] for values in parts))
             rows.append([label, str(made.asked.line[k]), name, *joints, *own, *last])
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([prediction_columns(made.model.arm.joints), *rows])

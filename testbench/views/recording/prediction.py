@@ -137,7 +137,7 @@ def _blueprint(scene: PredictionScene) -> rrb.Blueprint:
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
     words = [text_view("summary", "Summary"), text_view("this_pose", "This pose")]
-    beside = rrb.Vertical(*words, plot, row_shares=[9, 2, 4])
+    beside = rrb.Vertical(*words, plot, row_shares=[18, 5, 8])
     field = rrb.Vertical(_map_view(scene), key_view("map_key_mm"), row_shares=[10, 1])
     overview = rrb.Horizontal(_arm_view(scene), field, beside, column_shares=[8, 8, 7], name="Overview")
     return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0])
@@ -159,7 +159,7 @@ def _arm_view(scene: PredictionScene) -> rrb.Spatial3DView:
 
 def _map_view(scene: PredictionScene) -> rrb.Spatial3DView:
     points = np.vstack([scene.map.field, scene.frames.positions[scene.rank.argmin()]])
-    radii = np.full(len(points), 0.05 * reach(scene.frames))
+    radii = np.full(len(points), 0.15 * reach(scene.frames))
     eye = frame(points, radii, scene.tool[scene.rank.argmin(), :2], BESIDE, WIDE)
     return rrb.Spatial3DView(
         origin="world",
