@@ -16,6 +16,7 @@ from absolute import calibrating_by_absolute_poses
 from agreement import agreement_with_the_referee
 from bounds import bounds_of_deflections
 from certified_gco import gco_against_its_solver_and_cvxpy
+from corrections import correcting_ten_thousand_points
 from equilibrium import newton_against_forward_passes, newton_against_stepping
 from families import families_of_fits
 from large_dataset import reducing_large_datasets
@@ -43,6 +44,7 @@ BENCHMARKS = {
     "j": single_fits,
     "k": planning_of_many_poses,
     "l": calibrating_by_absolute_poses,
+    "m": correcting_ten_thousand_points,
 }
 
 app = typer.Typer(add_completion=False)
@@ -50,7 +52,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijkl",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijklm",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

@@ -25,7 +25,7 @@ Asked = Literal["unloaded", "drawn"]
 """Where the model has the tool under its own weight alone, a taught point; or as drawn and rigid."""
 Mask = npt.NDArray[np.bool_]
 TOLERANCE = 1e-10  #: Of the position of a point, and of its equilibrium [m, rad].
-QUICK, MOST = 12, 80  #: Steps with one operator, and steps in all.
+FEW, QUICK, MOST = 5, 12, 50  #: Steps that do for most points; with one operator; in all.
 STILL = 1e-9  #: A step of all joints below this is the last [rad, m].
 LONGEST = 0.1  #: Of a step of one joint [rad, m].
 SPINDLE = (1.0, 0.0, 0.0)  #: Its axis in the tool's frame, where nothing else is said.
@@ -165,19 +165,43 @@ def _vectors(sine: Array, cosine: Array | None = None) -> Array:
 
 
 def solve(points: Points) -> Corrected:
-    """As `correct`, where some joints may be held."""
+    """As `correct`, where some joints may be held.
+
+    Points that take more than a few steps take them together, whatever batch they come from. Where the arm is
+    stretched, turns may keep the position from being met: there it is met alone.
+    """
+    found = _in_batches(points, FEW)
+    late = np.flatnonzero(found.steps > FEW)
+    if len(late):
+        _put(found, late, _in_batches(points.of(late), MOST))
+    bad = np.flatnonzero(~found.solved)
+    if len(bad) and points.aim.hold != "position":
+        alone = _in_batches(replace(points.of(bad), aim=replace(points.aim, hold="position")), MOST)
+        better = np.flatnonzero(alone.solved)
+        _put(found, bad[better], Corrected(*(getattr(alone, name)[better] for name in FIELDS)))
+    return found
+
+
+def _put(found: Corrected, where: npt.NDArray[np.int_], others: Corrected) -> None:
+    """Replace some points, in place."""
+    for name in FIELDS:
+        getattr(found, name)[where] = getattr(others, name)
+
+
+def _in_batches(points: Points, most: int) -> Corrected:
+    """After so many steps at most; `steps` is one more where that did not do."""
     every = range(0, max(len(points.start), 1), TOGETHER)
-    found = [_correct(points.of(slice(k, k + TOGETHER))) for k in every]
-    return Corrected(*(np.concatenate([getattr(f, name) for f in found]) for name in FIELDS))
+    parts = [_correct(points.of(slice(k, k + TOGETHER)), most) for k in every]
+    return Corrected(*(np.concatenate([getattr(part, name) for part in parts]) for name in FIELDS))
 
 
-def _correct(points: Points) -> Corrected:
+def _correct(points: Points, most: int) -> Corrected:
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
     found = Corrected(q, theta, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
     moving, now = np.arange(runs), points
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
-    for step in range(MOST):
+    for step in range(most):
         off = _off(now, q[moving], theta[moving])
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
@@ -188,11 +212,12 @@ def _correct(points: Points) -> Corrected:
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
         go = np.flatnonzero(~still & np.isfinite(off.left).all(axis=1))
         if not len(go):
-            break
+            return found
         q[moving[go]] += move[go]
         theta[moving[go]] += off.springs[go]
         if len(go) < len(moving):
             moving, now, G, J = moving[go], now.of(go), G[go], J[go]
+    found.steps[moving] += 1
     return found
 
 

@@ -19,7 +19,7 @@ from testbench.model.weights import own_weight
 
 TOLERANCE = 1e-11  #: A step below this [m, rad] is the last.
 MOST = 100  #: Steps: what has not come to rest by then has no rest.
-TOGETHER = 256  #: Poses computed side by side: enough for numpy, few for its cache.
+TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 
 
 @dataclass(frozen=True)
@@ -84,5 +84,4 @@ def _rest(state: State, q: Array, loads: Sequence[Load]) -> Rest:
         lost = int(np.flatnonzero(~(step <= TOLERANCE))[0])
         words = state.vjm.arm.words(q[lost])
         raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
-    where = chain(state.vjm, q, theta)
     return Rest(theta, where.position, where.rotation)

@@ -1,0 +1,74 @@
+"""Corrections of 10,000 points: time over that of one loaded equilibrium a point, and how exact they are."""
+
+import numpy as np
+from measure import Row, at_most, feasible_poses, interleave, note, spread
+
+from testbench.bench.campaign import build_cell, simulate
+from testbench.correct.arm_model import bending, of_estimate
+from testbench.correct.compensated import compensate
+from testbench.correct.newton import correct
+from testbench.correct.rest import rest
+from testbench.correct.target import asked
+from testbench.errors import Array
+from testbench.identify import gco, with_prior
+from testbench.identify.prior import cad_prior
+from testbench.model.load import Load
+from testbench.model.loaded import loaded_equilibrium
+from testbench.model.structure import all153
+from testbench.model.weights import read_weights
+
+ARM, SEED, POINTS, REPEATS = "kr500_l480", 5, 10_000, 5
+FEW = 500  #: Points at which Newton's equilibrium is timed: it costs as much at every one.
+FORCE = 2000.0  #: Of the process [N].
+DRAWN = 300  #: Feasible poses between which paths run.
+
+
+def correcting_ten_thousand_points() -> list[Row]:
+    """The rows of time and accuracy; paths run between random feasible poses."""
+    cell = build_cell(ARM)
+    state = bending(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    q = _paths(feasible_poses(cell, DRAWN, SEED))
+    force = np.random.default_rng(SEED).standard_normal((POINTS, 3))
+    force *= FORCE / np.linalg.norm(force, axis=1, keepdims=True)
+    load = Load(np.hstack([force, np.zeros((POINTS, 3))]), np.zeros((POINTS, 3)))
+    found = []
+
+    def solve() -> None:
+        found.append(correct(state, q, [load], asked(state, q, "unloaded", np.zeros(3))))
+
+    def newton() -> None:
+        loaded_equilibrium(cell.vjm, cell.arm.C_theta, q[:FEW], load.wrench[:FEW], load.point[:FEW])
+
+    own, still, one = interleave(REPEATS, solve, lambda: rest(state, q, [load]), newton)
+    one = one * POINTS / FEW
+    left = np.linalg.norm(found[-1].left, axis=1).max()
+    return [
+        at_most(f"(m) correcting {POINTS} points", np.median(own), "s", 2, spread(own, digits=2)),
+        at_most(
+            "(m) the same over one loaded equilibrium a point, as `rest` finds it",
+            np.median(own / still),
+            "x",
+            3,
+            f"own weight in both; {spread(still, digits=2)} s of equilibria alone",
+        ),
+        note("    over one loaded equilibrium a point by Newton, Eq. (7)", np.median(own / one), "x", ""),
+        at_most("(m) farthest that a tool is left from its target", left, "m", 1e-9, ""),
+        _with_intervals(q, load),
+    ]
+
+
+def _with_intervals(q: Array, load: Load) -> Row:
+    """Corrections by an identified model of 153 unknowns, limits, intervals of what is left."""
+    cell = build_cell(ARM)
+    data = simulate(cell, seed=SEED).identification
+    estimate = with_prior(gco, cad_prior(cell.arm))(cell.vjm, all153(cell.arm), data)
+    model = of_estimate(cell.vjm, estimate, read_weights(cell.arm))
+    [whole] = interleave(REPEATS, lambda: compensate(model, q, [load]))
+    name = f"(m) {POINTS} points with limits and intervals"
+    return note(name, np.median(whole), "s", spread(whole, digits=2))
+
+
+def _paths(poses: Array) -> Array:
+    """Points on straight ways from pose to pose, (POINTS, n) [rad]."""
+    at = np.linspace(0, len(poses) - 1, POINTS)
+    return np.column_stack([np.interp(at, np.arange(len(poses)), joint) for joint in poses.T])
