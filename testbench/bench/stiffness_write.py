@@ -46,7 +46,7 @@ def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str
         InputError: When a file of the arm cannot be copied.
     """
     fits, estimate = found.fits, found.taken
-    digests, (weights, notes) = copy_arm(cell.arm, folder), _weights(cell.arm)
+    digests, (weights, notes) = copy_arm(cell.arm, folder), weights_known(cell.arm)
     spread = linearise(estimate)
     [row] = [m for m in fits.models if m.name == fits.recommended]
     document = StiffnessDocument(
@@ -88,7 +88,7 @@ def _certificate_row(estimate: Estimate) -> CertificateRow:
     )
 
 
-def _weights(arm: Arm) -> tuple[Weights, list[str]]:
+def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
     """What the links weigh, and a note where nobody knows: own weight is then left out."""
     try:
         return read_weights(arm), []

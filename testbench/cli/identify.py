@@ -13,22 +13,22 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.checked import check
 from testbench.bench.default import default_models, with_priors
+from testbench.bench.explained import explained
 from testbench.bench.fits import fit
 from testbench.bench.looks import check_strictly
 from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
-from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
-from testbench.output.run import check_folder, whole_folder
+from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import fits as views
 from testbench.views import terminal
+from testbench.views.identified.files import COMMAND, Source, write
 
-COMMAND = "testbench identify"  #: As manifest.json names it.
 OLD = frozenset((FITS,))  #: All that earlier versions left.
 
 
@@ -73,30 +73,30 @@ def command(asked: Options) -> None:
     cell = build_cell(asked.arm)
     if asked.uncertainty_percent is not None and not asked.prior:
         raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
-    cell, runs = read_runs(cell, asked)
+    filed = cell
+    cell, runs = read_runs(filed, asked)
     models = _models(cell, asked)
     found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
     if asked.strict:
         check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
     readings = {asked.dataset.name: files.digest(asked.dataset)}
-    with whole_folder(asked.out) as folder:
-        files.write_json(asdict(found.fits), folder / FITS)
-        write_stiffness(cell, found, runs, readings, folder)
-        files.write_manifest(folder, command=COMMAND, scenario=_plain(asked), seeds=range(0), arms=[arm])
-    console = Console(highlight=False)
+    made = explained(filed, cell, found, runs, widths=asked.intervals)
+    write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
+    console, out = Console(highlight=False), asked.out
     terminal.print_words(console, views.words(found.fits), list(views.tables(found.fits).values()))
     lines = [
-        f"model      {asked.out / DOCUMENT}: {found.fits.recommended}",
-        f"models     {asked.out / FITS}: all of them",
+        f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
+        f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'identify.png'}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
-def _plain(asked: Options) -> dict[str, object]:
+def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:
     """What was asked for, but for the place of the results, and which files were read."""
     flags = {key: value for key, value in asdict(asked).items() if key not in ("arm", "out", "force")}
     mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    return {**flags, "dataset": {asked.dataset.name: files.digest(asked.dataset)}, "mapping": mapping}
+    return {**flags, "dataset": readings, "mapping": mapping}
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:

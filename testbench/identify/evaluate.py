@@ -91,6 +91,15 @@ def score(predicted: Array, reference: Array) -> Score:
     )
 
 
+def noise_limit(data: Dataset) -> float:
+    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
+    from scipy.special import gammaincinv  # here: importing it takes longer than most fits
+
+    share = 0.95 ** (1 / len(data.markers))
+    squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
+    return float(data.sigma * np.sqrt(2 * squared))
+
+
 def normality(residuals: Array, rng: np.random.Generator) -> list[Normality]:
     """Lilliefors test of sets of residual components, (sets, components) [m] (Lilliefors 1967).
 

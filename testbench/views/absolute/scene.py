@@ -25,7 +25,7 @@ def scene(cell: Cell, reported: Reported) -> AbsoluteScene:
     drawn = _arrows(reported.as_drawn, series, reported.before)
     known = _arrows(found.calibration.state, series, reported.after)
     seen = np.concatenate([one.seen.any(axis=1) for one in series])
-    some = _picked(known.longest, np.flatnonzero(seen))
+    some = picked(known.longest, np.flatnonzero(seen))
     text, rows = words(report), _rows(series, some, drawn, known, cell)
     static = np.flatnonzero(seen)
     static = static[np.linspace(0, len(static) - 1, min(ARROWS, len(static))).round().astype(int)]
@@ -59,7 +59,7 @@ def _arrows(state: State, series: Sequence[Series], left: Sequence[Array]) -> Ar
     return Arrows(tuple(x for part in where for x in part), tuple(x for part in left for x in part))
 
 
-def _picked(error: Array, rows: Ids) -> Ids:
+def picked(error: Array, rows: Ids) -> Ids:
     """Places of the farthest rows and of others evenly, in the order of the files."""
     far = rows[np.argsort(-error[rows], kind="stable")[:FAR]]
     even = rows[np.linspace(0, len(rows) - 1, min(POSES - FAR, len(rows))).round().astype(int)]

@@ -17,7 +17,15 @@ from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.recording.arm import orbit, origins, reach, write_places, write_shapes
-from testbench.views.recording.error_map import shades, shares
+from testbench.views.recording.error_map import (
+    ErrorMap,
+    key_view,
+    map_words,
+    shades,
+    shares,
+    write_error_map,
+    write_key,
+)
 from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
@@ -28,6 +36,9 @@ MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GREENS[0]
 """Title and colour of each model, by path."""
 MOST_SCALE, LONGEST = 500.0, 0.65
 """Magnification of errors, unless those that end the colours would be longer than this share of the reach."""
+MOST_APART, LONGEST_APART = 10_000.0, 0.3
+"""The same where either side has its own."""
+MAP, KEY = "world/error_map", "error_key_mm"
 TOP = 95  #: Per cent of the errors of the arm as drawn at which the colours end.
 SPECTRA = 8  #: Joints whose spectrum is drawn at most.
 IN_VIEW = 0.4  #: Share of an arrow that is in view whatever its length [1].
@@ -69,6 +80,9 @@ class AbsoluteScene:
     models: Mapping[str, tuple[str, Colour]] = field(default_factory=lambda: MODELS)  #: Title, colour.
     kind: str = "absolute"  #: Of layout: titles are a part of it.
     opens: str = "calibrated"  #: Model whose largest errors are first in worst_first.
+    beside: str = "Geometry"  #: Title of that document.
+    apart: bool = False  #: Whether either side has a magnification and ends of the colours of its own.
+    error_map: ErrorMap | None = None  #: Errors over the workspace, in a tab of their own.
 
     def saying(self, more: str) -> "AbsoluteScene":
         """The same with more words in its summary."""
@@ -80,16 +94,27 @@ class AbsoluteScene:
         return rigid_frames(self.cell.room, self.q)
 
     @property
+    def tops_mm(self) -> tuple[float, float]:
+        """Errors at which the colours end, left and right."""
+        left, right = (float(MM * np.percentile(one.longest, TOP)) for one in self.still)
+        return (left, right) if self.apart else (left, left)
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Magnification of the errors left and right, 1, 2 or 5 times a power of ten [1]."""
+        longest, most = (LONGEST_APART, MOST_APART) if self.apart else (LONGEST, MOST_SCALE)
+        left, right = (_step(longest * reach(self.frames) * MM / max(top, 1e-9)) for top in self.tops_mm)
+        return min(left, most), min(right, most)
+
+    @property
     def top_mm(self) -> float:
-        """Error at which the colours end."""
-        return float(MM * np.percentile(self.still[0].longest, TOP))
+        """The left one of them."""
+        return self.tops_mm[0]
 
     @property
     def scale(self) -> float:
-        """Magnification of the errors: MOST_SCALE, or 1, 2 or 5 times a power of ten below [1]."""
-        most = MM * LONGEST * reach(self.frames) / max(self.top_mm, 1e-9)
-        steps = [k * 10.0**power for power in range(3) for k in (1, 2, 5)]
-        return max([1.0, *(step for step in steps if step <= min(most, MOST_SCALE))])
+        """The left one of them."""
+        return self.scales[0]
 
     @property
     def rank(self) -> Ids:
@@ -100,9 +125,18 @@ class AbsoluteScene:
         return found
 
 
+def _step(most: float) -> float:
+    """1, 2 or 5 times a power of ten, at most `most` and at least 1."""
+    steps = [k * 10.0**power for power in range(5) for k in (1, 2, 5)]
+    return max([1.0, *(step for step in steps if step <= most)])
+
+
 def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
     """Write a calibration for the Rerun viewer; an existing file is replaced only by a whole one."""
-    header = replace(header, scales={"error_magnification": scene.scale})
+    scales = {"error_magnification": scene.scale}
+    if scene.apart:
+        scales |= {"right_magnification": scene.scales[1]}
+    header = replace(header, scales=scales)
     times = (scene.rank, np.arange(len(scene.q)))
     with recording(path, scene.kind, header, _blueprint(scene)) as pen:
         pen.documents({"summary": scene.summary, "tables": scene.tables, "geometry": scene.geometry})
@@ -110,37 +144,42 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
         run.texts("this_pose", scene.pose_words)
         write_shapes(run, scene.cell, ())
         write_places(run, scene.cell, scene.frames)
-        for (name, (title, colour)), own, still in zip(
-            scene.models.items(), (scene.drawn, scene.calibrated), scene.still, strict=True
-        ):
-            _write_still(pen, name, still, scene)
-            _write_pose(run, name, own, scene)
+        for side, (name, (title, colour)) in enumerate(scene.models.items()):
+            own = (scene.drawn, scene.calibrated)[side]
+            _write_still(pen, name, scene, side)
+            _write_pose(run, name, own, scene, side)
             line = Line(f"error_mm/{name}", f"{title.lower()} (mm)", colour, 2.0, MarkerShape.Circle, 2.5)
-            run.line(line, MM * own.longest)
+            if side or not scene.apart:  # in one plot the smaller would lie flat
+                run.line(line, MM * own.longest)
+        if scene.error_map:
+            write_error_map(pen, MAP, scene.error_map, 0.03 * reach(scene.frames))
+            write_key(pen, KEY, scene.error_map)
+            pen.documents({"error_words": map_words(scene.error_map)})
         for row in scene.spectrum[:SPECTRA]:
             order, amplitude = np.array([(one.order, one.amplitude_urad) for one in row.orders]).T
             bars = rr.BarChart(amplitude, color=GREENS[0], abscissa=order, widths=np.full(len(order), 0.8))
             pen.still(_spectrum_path(row), bars)
 
 
-def _write_still(pen: Pen, name: str, arrows: Arrows, scene: AbsoluteScene) -> None:
+def _write_still(pen: Pen, name: str, scene: AbsoluteScene, side: int) -> None:
     """Every error, coloured by its size."""
+    arrows = scene.still[side]
     places, errors = np.concatenate(arrows.places), np.concatenate(arrows.errors)
     size = np.linalg.norm(errors, axis=1)
-    share = np.clip(shares(MM * size, (0.0, scene.top_mm)), 0, 1)
+    share = np.clip(shares(MM * size, (0.0, scene.tops_mm[side])), 0, 1)
     drawn = size > 0  # a lost target has none
-    vectors = scene.scale * errors[drawn]
+    vectors = scene.scales[side] * errors[drawn]
     radii = 0.0015 * reach(scene.frames)
     looks = rr.Arrows3D(origins=places[drawn], vectors=vectors, colors=shades(share[drawn]), radii=radii)
     pen.still(f"world/errors/{name}", looks)
 
 
-def _write_pose(pen: Pen, name: str, arrows: Arrows, scene: AbsoluteScene) -> None:
+def _write_pose(pen: Pen, name: str, arrows: Arrows, scene: AbsoluteScene, side: int) -> None:
     """Errors of the pose that is shown."""
     path, size = f"world/pose_errors/{name}", reach(scene.frames)
     pen.still(path, rr.Arrows3D.from_fields(colors=MEASURED, radii=0.006 * size))
     columns = rr.Arrows3D.columns(
-        origins=np.concatenate(arrows.places), vectors=scene.scale * np.concatenate(arrows.errors)
+        origins=np.concatenate(arrows.places), vectors=scene.scales[side] * np.concatenate(arrows.errors)
     )
     pen.rows(path, columns.partition([len(part) for part in arrows.places]))
 
@@ -151,7 +190,7 @@ def _spectrum_path(row: SpectrumRow) -> str:
 
 def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
     """The arm twice, with the errors of either model; numbers beside it."""
-    views = [_world(scene, name, title) for name, (title, _) in scene.models.items()]
+    views = [_world(scene, name, title, k) for k, (name, (title, _)) in enumerate(scene.models.items())]
     plot = rrb.TimeSeriesView(
         origin="error_mm",
         name="Largest error of a pose (mm)",
@@ -161,8 +200,12 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
     beside = rrb.Vertical(*words, plot, row_shares=[9, 2, 4])
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Horizontal(*views, beside, column_shares=[8, 8, 7], name="Overview"),
-        rrb.Horizontal(text_view("tables", "Tables"), text_view("geometry", "Geometry"), name="Tables"),
+        rrb.Horizontal(text_view("tables", "Tables"), text_view("geometry", scene.beside), name="Tables"),
     ]
+    if scene.error_map:
+        mapped = rrb.Vertical(_map_view(scene, scene.error_map), key_view(KEY), row_shares=[10, 1])
+        in_words = text_view("error_words", "Error map in words")
+        tabs.append(rrb.Horizontal(mapped, in_words, column_shares=[3, 1], name="Error map"))
     if scene.spectrum:
         bars = [
             rrb.BarChartView(origin=_spectrum_path(row), name=f"{row.joint}: amplitude (urad) by order")
@@ -172,16 +215,26 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
     return layout(*tabs, timeline=TIMELINES[0])
 
 
-def _world(scene: AbsoluteScene, name: str, title: str) -> rrb.Spatial3DView:
-    places, errors = (np.concatenate(x) for x in (scene.still[0].places, scene.still[0].errors))
-    points = np.vstack(
-        [places, places + IN_VIEW * scene.scale * errors, scene.frames.positions.reshape(-1, 3)]
+def _map_view(scene: AbsoluteScene, found: ErrorMap) -> rrb.Spatial3DView:
+    points = np.vstack([found.field, scene.frames.positions.reshape(-1, 3)])
+    eye = frame(points, np.full(len(points), 0.05 * reach(scene.frames)), np.array([1.0, 0.0]), BESIDE, 1.4)
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=["+ $origin/arm/**", "+ $origin/error_map/**"],
+        name=f"Error map: {found.words}; positions in m",
+        eye_controls=orbit(*eye),
     )
+
+
+def _world(scene: AbsoluteScene, name: str, title: str, side: int) -> rrb.Spatial3DView:
+    still, scale = scene.still[side if scene.apart else 0], scene.scales[side]
+    places, errors = (np.concatenate(x) for x in (still.places, still.errors))
+    points = np.vstack([places, places + IN_VIEW * scale * errors, scene.frames.positions.reshape(-1, 3)])
     tool = origins(scene.cell, [scene.cell.arm.tool], scene.frames)[scene.rank.argmin(), 0, :2]
     eye = frame(points, np.full(len(points), 0.05 * reach(scene.frames)), tool, BESIDE, ASPECT)
     return rrb.Spatial3DView(
         origin="world",
         contents=[f"+ $origin/{part}/**" for part in ("arm", f"errors/{name}", f"pose_errors/{name}")],
-        name=f"{title} (m): errors x {scene.scale:g}",
+        name=f"{title} (m): {'' if scene.apart else 'errors '}x {scale:g}",
         eye_controls=orbit(*eye),
     )

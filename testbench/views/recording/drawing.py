@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from testbench.bench.campaign import Campaign, Cell, Scenario, Truth, settle_both
 from testbench.bench.judged import Result
@@ -192,10 +191,3 @@ def _round_scale(drawn: float, true: float) -> float:
     scale = min(drawn / max(true, 1e-30), MAX_RESIDUAL_SCALE)
     power = 10.0 ** np.floor(np.log10(scale))
     return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
-
-
-def noise_limit(drawing: Drawing) -> float:
-    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
-    share = 0.95 ** (1 / len(drawing.data.markers))
-    squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
-    return float(drawing.data.sigma * np.sqrt(2 * squared))

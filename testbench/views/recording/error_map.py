@@ -1,6 +1,7 @@
 """An error map: how good predictions are where in the workspace, errors as colour and size of points."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,7 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
+from testbench.views.markdown import Words
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import NOISE, Colour
 from testbench.views.schema import Column, Table, show
@@ -109,6 +111,11 @@ def write_key(pen: Pen, path: str, error_map: ErrorMap) -> None:
     pen.still(f"{path}/dot", rr.Points2D(places, colors=shades(share), radii=KEY * sizes(share)))
     beside = places + np.array([0.35 * STEP, -0.75 * KEY])  # a label hangs below its point
     pen.names(f"{path}/number", beside, [f"{show(mm)} mm" for mm in low + share * (high - low)], NOISE)
+
+
+def map_words(error_map: ErrorMap) -> str:
+    """The map in Markdown: its greatest error, its table, its colours."""
+    return Words(Path(__file__).parent, {"map": error_map}, "error_map.md.j2").block("error_map")
 
 
 def key_view(path: str) -> rrb.Spatial2DView:

@@ -9,7 +9,7 @@ from rerun.components import MarkerShape
 
 from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart
-from testbench.views.recording.error_map import key_view, write_key
+from testbench.views.recording.error_map import key_view, map_words, write_key
 from testbench.views.recording.pen import Line, text_view
 from testbench.views.recording.plan_world import PlanScene, map_view, plan_view, write_world
 from testbench.views.recording.stream import Header, layout, recording
@@ -34,7 +34,7 @@ def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
         pen.documents(
             {
                 "summary": f"{scene.summary.strip()}\n\n{words.block('how_to_read')}",
-                "error_words": words.block("error_map"),
+                "error_words": map_words(scene.error_map),
             }
         )
         run.texts("this_step", scene.pose_words)

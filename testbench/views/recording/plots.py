@@ -6,8 +6,8 @@ import rerun.blueprint as rrb
 
 from testbench.bench.rows import MM, UM
 from testbench.errors import Array
-from testbench.identify.evaluate import normal_density
-from testbench.views.recording.drawing import Drawing, noise_limit
+from testbench.identify.evaluate import noise_limit, normal_density
+from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.pen import Line, Pen
 from testbench.views.recording.style import MEASURED, NOISE, Colour
 
@@ -29,14 +29,14 @@ def write_residuals(pen: Pen, drawing: Drawing) -> None:
         pen.line(line, MM * drawing.residual[k], sizes)
     if drawing.noise:
         line = Line("residual_mm/noise_p95", "95 % of pure noise (mm)", NOISE, 1.5)
-        pen.line(line, np.full(drawing.data.runs, MM * noise_limit(drawing)))
+        pen.line(line, np.full(drawing.data.runs, MM * noise_limit(drawing.data)))
 
 
 def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
     """Zoomed on the best model of each method; the title says how far the others go."""
     top = max(LEAST_TOP_MM, MM * 2 * drawing.residual[list(drawing.about.shown)].max())
     if drawing.noise:
-        top = max(top, 1.2 * MM * noise_limit(drawing))
+        top = max(top, 1.2 * MM * noise_limit(drawing.data))
     largest = MM * drawing.residual.max(axis=1)
     best, first = drawing.names[drawing.about.best], drawing.residual[drawing.about.best]
     off = np.abs(drawing.residual - first).max(axis=1)

@@ -27,6 +27,7 @@ LAYOUTS = {
     "ladder": 1,
     "prediction": 1,
     "compensated": 1,
+    "identified": 1,
 }
 """Kinds of study, and the version of each one's layout: the viewer keeps a layout an application id."""
 

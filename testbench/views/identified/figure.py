@@ -1,0 +1,160 @@
+"""Figure of an identified model: which one, what it leaves, what the runs tell, how sure it is elsewhere."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from testbench.bench.baselines import JOINTS
+from testbench.bench.explained import Explained, longest
+from testbench.bench.rows import MM
+from testbench.views.colours import MARKS, MEASURED, Look, hexadecimal, look
+from testbench.views.figure import SOFT, dots, log_ticks, quiet
+from testbench.views.fits import COLUMNS
+from testbench.views.identified.report import IdentifiedReport
+from testbench.views.schema import Column, show
+
+MANY = 60  #: Runs beyond which dots are small.
+NAMED = 40  #: Most runs whose number stands on the axis.
+TARGETS = 6  #: Targets that the legend names at most.
+SHOWN = 24  #: Letters of a name on an axis.
+WIDE = 3.0  #: Largest over least error from which an axis is logarithmic [1].
+
+
+def overview(made: Explained, report: IdentifiedReport) -> Figure:
+    """Errors of all models, residuals of the one to take, its seen directions, its intervals."""
+    figure = Figure(figsize=(16, 10), layout="constrained")
+    (models, runs), (seen, places) = figure.subplots(2, 2, width_ratios=(1, 1.35))
+    _models(models, made)
+    _residuals(runs, made, report)
+    _seen(seen, report, _look(made, report.recommended))
+    _places(places, figure, report)
+    own = report.taken
+    check = f", {own.check.rms_mm:.3f} mm where held back" if own.check else ""
+    sure = "" if own.half_width_mm is None else f"; its 95 % interval is +- {own.half_width_mm:.3f} mm"
+    title = f"{report.arm}: {report.recommended} fits to {own.fit.rms_mm:.3f} mm RMS{check}{sure}"
+    figure.suptitle(title, fontsize="large")
+    return figure
+
+
+def _look(made: Explained, name: str) -> Look:
+    [model] = [m for m in made.found.fits.models if m.name == name]
+    return look(model.structure, model.constraint, model.prior)
+
+
+def _models(axes: Axes, made: Explained) -> None:
+    """RMS error of every model, of the poses held back where there are any."""
+    fits = made.found.fits
+    key, words = ("check", "poses held back") if fits.models[0].check else ("identification", "runs fitted")
+    column = Column(f"{key}.rms_mm", f"RMS error, {words}", "mm")
+    dots(axes, fits.models, COLUMNS[0], column, [_look(made, m.name) for m in fits.models])
+    low, high = axes.dataLim.intervalx.tolist()
+    if high > WIDE * low > 0:
+        log_ticks(axes, "x", low, high)
+    else:
+        axes.set_xlim(0, 1.15 * high or 1)
+    for label, model in zip(axes.get_yticklabels(), fits.models, strict=True):
+        label.set_fontweight("bold" if model.name == fits.recommended else "normal")
+    axes.set_title("Models: bold is the one to take; filled with prior", fontsize="medium")
+
+
+def _residuals(axes: Axes, made: Explained, report: IdentifiedReport) -> None:
+    """What is left of every target in every run, over the order of the file."""
+    data, rows = made.runs.every, report.residuals
+    x, size = np.arange(data.runs), 7.0 if data.runs <= MANY else 3.0
+    for k, row in enumerate(rows):
+        if row.held_back:
+            axes.axvspan(k - 0.5, k + 0.5, color="0.92", linewidth=0)
+    own, left = _look(made, report.recommended), MM * np.linalg.norm(made.left[report.recommended], axis=2)
+    for m, marker in enumerate(data.markers):
+        at = data.seen[:, m]
+        face = own.hex if own.prior else "white"
+        shape = MARKS[m % len(MARKS)]
+        label = marker[:SHOWN] if m < TARGETS else None
+        axes.plot(
+            x[at], left[at, m], shape, color=own.hex, markerfacecolor=face, markersize=size, label=label
+        )
+    top = max(report.noise_p95_mm, float(left.max()))
+    rivals = [name for name in made.left if name.split(" ")[0] == JOINTS and name != report.recommended]
+    for name in rivals[:1]:
+        other = MM * longest(made.left[name])
+        top = max(top, float(other.max()))
+        look_of = _look(made, name)
+        some = data.seen.any(axis=1)
+        axes.plot(
+            x[some], other[some], "_", color=look_of.hex, markersize=1.6 * size, label=f"{name}, worst target"
+        )
+    axes.axhline(
+        report.noise_p95_mm,
+        color=SOFT,
+        linestyle="--",
+        linewidth=1.2,
+        label="95 % of pure noise, worst target",
+    )
+    axes.set_xlim(-0.5, data.runs - 0.5)
+    axes.set_ylim(0, 1.3 * top)
+    if data.runs <= NAMED:
+        axes.set_xticks(x, [str(row.run) for row in rows], fontsize="small")
+        axes.set_xlabel("run")
+    else:
+        axes.set_xlabel("run, in the order of the file")
+    axes.set_ylabel("residual [mm]")
+    held = "; grey: held back" if any(row.held_back for row in rows) else ""
+    axes.set_title(f"What {report.recommended} leaves, target by target{held}", fontsize="medium")
+    axes.legend(frameon=False, fontsize="small", ncols=3, loc="upper left")
+    quiet(axes)
+
+
+def _seen(axes: Axes, report: IdentifiedReport, own: Look) -> None:
+    """How much of each link and joint the readings tell."""
+    blocks = report.seen.blocks
+    share = [100 * block.data_share for block in blocks]
+    y = np.arange(len(blocks))
+    axes.barh(y, 100, color="0.93", height=0.7)
+    axes.barh(y, share, color=own.hex, height=0.7)
+    names = [block.component[:SHOWN] for block in blocks]
+    axes.set_yticks(y, [f"{name}  {x:.0f} %" for name, x in zip(names, share, strict=True)])
+    axes.invert_yaxis()
+    axes.set_xlim(0, 100)
+    seen = report.seen
+    axes.set_xlabel(
+        f"share that the readings tell, beside a prior of {100 * seen.prior_uncertainty:.0f} % [%]"
+    )
+    axes.set_title(f"What the runs tell: {seen.seen} of {seen.unknowns} directions", fontsize="medium")
+    quiet(axes)
+
+
+def _places(axes: Axes, figure: Figure, report: IdentifiedReport) -> None:
+    """Half widths over reach and height; the worst is named."""
+    found = report.map
+    if found is None:
+        axes.axis("off")
+        axes.text(0.5, 0.5, "no map over the workspace", ha="center", transform=axes.transAxes, color=SOFT)
+        return
+    at = np.array([row.position_m for row in found.every])
+    reach, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
+    half = np.array([np.nan if row.half_width_mm is None else row.half_width_mm for row in found.every])
+    known = np.isfinite(half)
+    axes.plot(reach[~known], height[~known], "o", color=SOFT, markerfacecolor="none", markersize=6)
+    axes.set_xlabel("distance from the arm's vertical axis [m]")
+    axes.set_ylabel("height [m]")
+    quiet(axes)
+    without = f"; open: no bound ({found.without_bound} of {found.places})" if found.without_bound else ""
+    load = f"{found.force_N:.0f} N" + (f", {found.moment_Nm:.0f} N m" if found.moment_Nm else "")
+    axes.set_title(f"How sure the tool's deflection is under {load}{without}", fontsize="medium")
+    if found.worst is None:
+        return
+    shown = axes.scatter(reach[known], height[known], c=half[known], cmap="viridis", s=45)
+    figure.colorbar(shown, ax=axes, label="half width, 95 % [mm]")
+    k = int(np.nanargmax(half))
+    mark = hexadecimal(MEASURED)
+    axes.plot(reach[k], height[k], "o", markersize=15, markerfacecolor="none", color=mark, markeredgewidth=2)
+    side = -1 if reach[k] > reach.mean() else 1
+    label = axes.annotate(
+        f"worst {show(float(half[k]))} mm",
+        (reach[k], height[k]),
+        (side * 14, 0),
+        textcoords="offset points",
+        color=mark,
+    )
+    label.set(weight="bold", ha="left" if side > 0 else "right", va="center")
+    label.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5})

@@ -1,0 +1,57 @@
+"""The folder of an identified model, all of it or nothing."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.campaign import Cell
+from testbench.bench.explained import Explained
+from testbench.bench.model_folder import FITS
+from testbench.bench.stiffness_write import write_stiffness
+from testbench.output.run import whole_folder
+from testbench.views.identified.report import report_of
+from testbench.views.identified.words import words
+
+COMMAND = "testbench identify"  #: As manifest.json names it.
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was read, and what was asked for."""
+
+    filed: Cell  #: The arm as its folder has it.
+    cell: Cell  #: The same with the targets that were found.
+    data: Mapping[str, str]  #: SHA-256 of every file of readings, by its name.
+    asked: Mapping[str, object]  #: As plain data.
+
+
+def write(source: Source, made: Explained, out: Path) -> None:
+    """The model, all fits, their report, figure, recording and manifest.json.
+
+    Args:
+        source: Where it comes from.
+        made: What was found.
+        out: Folder of the results.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
+    from testbench.views.identified.figure import overview  # here: importing matplotlib and rerun takes two
+    from testbench.views.identified.scene import scene  # thirds of a second
+    from testbench.views.recording.absolute import write_absolute
+    from testbench.views.recording.stream import Header
+
+    cell, fits, asked = source.cell, made.found.fits, dict(source.asked)
+    report = report_of(cell, made)
+    with whole_folder(out) as folder:
+        files.write_json(asdict(fits), folder / FITS)
+        write_stiffness(cell, made.found, made.runs, source.data, folder)
+        files.write_json(asdict(report), folder / "report.json")
+        (folder / "report.md").write_text(words(fits, report).whole(), encoding="utf-8")
+        overview(made, report).savefig(folder / "identify.png", dpi=110)
+        header = Header(COMMAND, json.dumps({"arm": fits.arm, **asked}, sort_keys=True), 0)
+        write_absolute(folder / "recording.rrd", header, scene(source.filed, made, report))
+        arms = [cell.arm.rigid.parent]
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=arms)

@@ -1,0 +1,153 @@
+"""What `testbench identify` leaves beside its model: numbers that are those of the model, words, views."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from read_back import chunks_of, columns, document, panes, rerun, series, views
+from run_here import here
+
+import testbench as tb
+from testbench.cli.program import program
+from testbench.model.load import Load
+from testbench.model.loaded import displacement, secant
+from testbench.model.vjm import chain
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml", "manifest.json"} | {
+    "report.json",
+    "report.md",
+    "identify.png",
+    "recording.rrd",
+}
+MODELS = ("--model", "Joints", "--model", "MGCO56", "--no-prior")
+
+
+def run(*args):
+    done = here(program([str(args[0])]), *args)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Folder of a model, and what was said."""
+    folder = tmp_path_factory.mktemp("identified")
+    poses = ROOT / "docs" / "poses.csv"
+    run("simulate", "kr500_l480", poses, "--out", folder / "data.csv", "--payload-kg", 460.3, "--seed", 3)
+    flags = ("--check-pose", 4, "--check-pose", 9, "--out", folder / "fit")
+    return folder / "fit", run("identify", "kr500_l480", folder / "data.csv", *MODELS, *flags)
+
+
+@pytest.fixture(scope="module")
+def report(made):
+    return json.loads((made[0] / "report.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def data(made):
+    return tb.read_csv(made[0].parent / "data.csv", tb.load_arm("kr500_l480"))
+
+
+def test_the_folder_is_whole_and_the_places_are_said(made):
+    out, said = made
+    assert {path.name for path in out.iterdir()} == FILES
+    assert set(json.loads((out / "manifest.json").read_text())["files"]) == FILES
+    for name in FILES - {"posterior.npz", "rigid.xml", "elastic.toml", "manifest.json"}:
+        assert str(out / name) in said
+
+
+def test_residuals_are_readings_less_the_deflections_of_the_models(made, report, data):
+    """By the compliances of models.json, not by the command's own arrays."""
+    cell = tb.build_cell("kr500_l480")
+    fits = json.loads((made[0] / "models.json").read_text())
+    at = chain(cell.vjm, data.q)
+    for fit in fits["models"]:
+        C = np.zeros((48, 48))
+        for k, block in enumerate(fit["links"].values()):
+            C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
+        C[range(42, 48), range(42, 48)] = [x or 0.0 for x in fit["joints"].values()]
+        moved = displacement(at, secant(at, C, data.wrench, data.point), cell.vjm.markers)
+        left = 1e3 * np.linalg.norm(data.deflection - moved, axis=2)
+        found = [row["residual_mm"][fit["name"]] for row in report["residuals"]]
+        np.testing.assert_allclose(found, left.max(axis=1), rtol=1e-9)
+        held = np.isin(data.pose, (4, 9))
+        assert [row["held_back"] for row in report["residuals"]] == held.tolist()
+        [row] = [m for m in report["models"] if m["name"] == fit["name"]]
+        for key, runs in (("fit", ~held), ("check", held)):
+            assert row[key]["rms_mm"] == pytest.approx(np.sqrt((left[runs] ** 2).mean()), rel=1e-9)
+
+
+def test_the_map_is_what_the_model_says_of_its_poses_and_the_worst_is_named(made, report, data):
+    found, model = report["map"], tb.load_model(made[0])
+    q = np.array([row["q"] for row in found["every"]])
+    k = int(np.linalg.norm(data.wrench, axis=1).argmax())
+    moved = tb.predict(model, q, [Load(data.wrench[k], data.point[k])])
+    half = 1e3 * moved.widest[:, 0]
+    np.testing.assert_allclose([row["half_width_mm"] for row in found["every"]], half, rtol=1e-9)
+    assert found["worst"]["half_width_mm"] == pytest.approx(half.max())
+    assert found["median_mm"] == pytest.approx(np.median(half))
+    assert (found["places"], found["without_bound"]) == (200, 0)
+    page = (made[0] / "report.md").read_text()
+    x, y, z = found["worst"]["position_m"]
+    assert f"- Worst at x {x:.2f} y {y:.2f} z {z:.2f} m: +- {half.max():.3f} mm" in page
+
+
+def test_the_page_answers_first(made, report):
+    page = (made[0] / "report.md").read_text()
+    title, answer = page.split("\n\n")[:2]
+    own = next(m for m in report["models"] if m["name"] == report["recommended"])
+    assert title == "# Stiffness model of kr500_l480 from data.csv"
+    assert answer.startswith(f"**Take {report['recommended']}: ")
+    assert f"to {own['fit']['rms_mm']:.3f} mm RMS" in answer
+    assert f"those held back to {own['check']['rms_mm']:.3f} mm" in answer
+    worst = max(report["residuals"], key=lambda row: row["taken_mm"])
+    where = f"{worst['run']} (held back)" if worst["held_back"] else worst["run"]
+    rows = [line for line in page.splitlines() if line.startswith(f"| {where} |")]
+    assert rows == [f"| {where} | {worst['pose']} | {worst['deflection_mm']:.3f} | {worst['taken_mm']:.3f} |"]
+
+
+def test_the_recording_has_residuals_map_and_data_in_every_view(made, report):
+    file = made[0] / "recording.rrd"
+    assert "1 file verified without error" in rerun("verify", file)[1]
+    chunks = chunks_of(file)
+    for origin, _, _ in views(file):
+        assert [c for c in chunks if f"{c.entity_path}/".startswith(f"/{origin}/")], origin
+    assert max(panes(file)) <= 8
+    left = series(chunks, "/error_mm/residual")
+    assert left == sorted(left, reverse=True)
+    assert left[0] == pytest.approx(max(row["taken_mm"] for row in report["residuals"]), rel=1e-6)
+    said = document(chunks, "/summary")
+    scales = [float(x) for x in re.findall(r"x ([\d.]+)\. ", said)]
+    moved = columns(chunks, "/world/errors/deflection")["Arrows3D:vectors"][0]
+    most = max(row["deflection_mm"] for row in report["residuals"])
+    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(scales[0] * most / 1e3, rel=1e-5)
+    assert f"greatest {report['map']['worst']['half_width_mm']:.3f} mm" in str(
+        columns(chunks, "/world/error_map/label")
+    )
+
+
+def test_without_intervals_there_is_no_map(made, tmp_path):
+    run("identify", "kr500_l480", made[0].parent / "data.csv", *MODELS, "--no-intervals", "--out", tmp_path)
+    assert json.loads((tmp_path / "report.json").read_text())["map"] is None
+    assert "No map: intervals were not asked for." in (tmp_path / "report.md").read_text()
+    assert "error_map" not in str(views(tmp_path / "recording.rrd"))
+
+
+def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tmp_path):
+    arm = shutil.copytree(ROOT / "models" / "arm_6r", tmp_path / "light")
+    text = (arm / "rigid.xml").read_text()
+    (arm / "rigid.xml").write_text(text.replace('inertiafromgeom="false"', 'inertiafromgeom="true"'))
+    (tmp_path / "poses.csv").write_text(
+        ",".join(f"joint_{k}_deg" for k in range(1, 7)) + "\n" + 5 * "0,-90,90,0,20,0\n"
+    )
+    run("simulate", arm, tmp_path / "poses.csv", "--payload-kg", 20, "--out", tmp_path / "data.csv")
+    run(
+        "identify", arm, tmp_path / "data.csv", "--model", "Joints", "--no-intervals", "--out", tmp_path / "m"
+    )
+    model = tb.load_model(tmp_path / "m", arm)
+    assert not model.state.weights.mass.any()
+    assert any(doubt.startswith("Own weight is left out: ") for doubt in model.about.doubts)
