@@ -33,6 +33,7 @@ class Options:
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     poses: Annotated[Path, typer.Argument(help="Poses and their loads: a program, tasks or a plan.")]
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
+    arm: Annotated[str | None, typer.Option(help="The arm, to make sure that the model is of it.")] = None
     mapping: MapFile = None
     load: Annotated[
         float | None,
@@ -57,7 +58,7 @@ def command(asked: Options) -> None:
     given = [asked.model, asked.poses, *([asked.mapping] if asked.mapping else [])]
     check_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force)
     area = None if asked.box is None else WorkArea(*box(asked.box))
-    model = load_model(asked.model)
+    model = load_model(asked.model, asked.arm)
     poses = read_asked(asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.load, "--load"))
     console = Console(highlight=False)
     with console.status("predicting") as status:

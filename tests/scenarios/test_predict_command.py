@@ -148,6 +148,7 @@ def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
         (["0,0,nan,0"] * 2, (), "line 2, column force_z_N: expected a finite number, got 'nan'"),
         (["0,0,0,0"] * 2, ("--load", -3), "--load"),
         (["0,0,-1e9,0"] * 2, (), "line 2, column force_z_N: expected -1e+06 to 1e+06 N"),
+        (["0,0,-900,0"] * 2, ("--arm", "arm_6r"), "is a model of another arm, kr500_l480"),
         (["0,0,-900,0"] * 2, ("--box", "1,2"), "expected 6 numbers"),
     ],
 )
