@@ -37,17 +37,17 @@ class Options:
     mapping: MapFile = None
     load: Annotated[
         float | None,
-        typer.Option(min=0.001, max=10_000, help="Mass that hangs [kg] where the file says of no load."),
+        typer.Option(min=0.001, max=10_000, help="Mass in kg that hangs where the file says of no load."),
     ] = None
     linear: Annotated[
         bool, typer.Option("--linear", help="By Eq. (6) instead of the loaded equilibrium of Eq. (7).")
     ] = False
     push: Annotated[
         float | None,
-        typer.Option("--push", min=0.001, max=1e6, help="Force of the map [N]; weight of the payload."),
+        typer.Option("--push", min=0.001, max=1e6, help="Force of the map in N; the weight of the payload."),
     ] = None
     box: Annotated[
-        str | None, typer.Option(help="Corners of the map, x0,y0,z0,x1,y1,z1 [m]; all that is reached.")
+        str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; all that is reached.")
     ] = None
     force: Force = False
 
