@@ -17,6 +17,7 @@ MANY = 60  #: Runs beyond which dots are small.
 NAMED = 40  #: Most runs whose number stands on the axis.
 TARGETS = 6  #: Targets that the legend names at most.
 SHOWN = 24  #: Letters of a name on an axis.
+LEAST_MM = 0.01  #: Where an axis of errors ends at least: below is rounding of exact data.
 WIDE = 3.0  #: Largest over least error from which an axis is logarithmic [1].
 
 
@@ -51,7 +52,7 @@ def _models(axes: Axes, made: Explained) -> None:
     if high > WIDE * low > 0:
         log_ticks(axes, "x", low, high)
     else:
-        axes.set_xlim(0, 1.15 * high or 1)
+        axes.set_xlim(0, max(1.15 * high, LEAST_MM))
     for label, model in zip(axes.get_yticklabels(), fits.models, strict=True):
         label.set_fontweight("bold" if model.name == fits.recommended else "normal")
     axes.set_title("Models: bold is the one to take; filled with prior", fontsize="medium")
