@@ -38,6 +38,7 @@ PICTURES = {
     "recording_calibrate": ("calibrate", None, None, 0),
     "recording_wrong_inputs": ("wrong_inputs", None, None, 0),
     "recording_real_ur10": ("real_ur10", None, None, 0),
+    "recording_compensation": ("compensation", None, None, 0),
 }
 """By file: folder of the run, tab in front, timeline, place on it."""
 

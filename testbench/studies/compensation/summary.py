@@ -116,7 +116,11 @@ def _group(rows: Sequence[Of], truth: str, job: str) -> Group:
     before, after = (_distances(trials, key) for key in ("before_mm", "after_mm"))
     removed = [1 - new / old for old, new in zip(before, after, strict=True)]
     shares, worse = np.concatenate(removed), [int((some < 0).sum()) for some in removed]
-    held = [sum(row.inside for row in some) / sum(row.of for row in some) for some in trials if some[0].of]
+    held = [
+        sum(row.inside for row in some) / sum(row.of for row in some)
+        for some in trials
+        if all(row.of for row in some)
+    ]
     return Group(
         truth=truth,
         disturbed=first.disturbed,

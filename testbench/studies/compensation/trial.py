@@ -22,7 +22,7 @@ from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, correct
 from testbench.correct.target import asked as asked_for
 from testbench.data.dataset import Dataset, Mask
-from testbench.errors import Array
+from testbench.errors import Array, NoEquilibrium
 from testbench.identify import Estimate
 from testbench.identify.absolute.state import State
 from testbench.identify.prior import Prior
@@ -157,9 +157,12 @@ def execute(arm: TrueArm, own: Work, fits: Sequence[Fit]) -> Executed:
 
 
 def order(fit: Fit, own: Work) -> Order:
-    """The joints that a model commands."""
+    """The joints that a model commands: those of the program where it has the arm buckle."""
     if fit.model is not None:
-        found = compensate(fit.model, own.q, [own.load], AIM)
+        try:
+            found = compensate(fit.model, own.q, [own.load], AIM)
+        except NoEquilibrium:
+            return Order(own.q, None, np.zeros(len(own.q), dtype=bool))
         return Order(found.q, found.half, found.corrected)
     target = asked_for(fit.state, own.q, "unloaded", np.array(TIP))
     corrected = correct(fit.state, own.q, [own.load], target, AIM)
