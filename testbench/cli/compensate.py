@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from testbench import files
+from testbench.bench.campaign import build_cell
 from testbench.bench.compensate import NAMED, CorrectedProgram, correct_program
 from testbench.bench.compensate_report import report
 from testbench.bench.load_model import load_model
@@ -21,7 +22,6 @@ from testbench.data.program import read_program
 from testbench.errors import InputError
 from testbench.output.place import check_file
 from testbench.output.run import check_folder
-from testbench.plant import build_room
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
 from testbench.views.compensate.words import tables, words
@@ -55,12 +55,13 @@ class Options:
     hold: Annotated[Hold, typer.Option(help="Put right: pose, axis (the spindle may turn), or position.")] = (
         "pose"
     )
-    tip: Annotated[str, typer.Option(help="Tool point in the tool's frame, x,y,z [m].")] = "0,0,0"
+    tip: Annotated[str, typer.Option(help="Tool point in the frame of the tool, x,y,z in m.")] = "0,0,0"
     spindle: Annotated[str, typer.Option(help="Where the spindle points in the tool's frame: x, -x ...")] = (
         "x"
     )
     start: Annotated[
-        str | None, typer.Option(help="Joints near the first pose of the tool, [deg, mm], commas between.")
+        str | None,
+        typer.Option(help="Joints near the first pose of the tool, in deg and mm, commas between."),
     ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Leave points that cannot be put right as they are.")
@@ -77,13 +78,14 @@ def command(asked: Options) -> None:
     check_folder(to.report, COMMAND, own=frozenset(), inputs=given, force=asked.force)
     aim = _aim(asked)
     model = load_model(asked.model, asked.arm)
+    cell = build_cell(asked.model)
     program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
     start = None if asked.start is None else joints_of(asked.start, model.arm)
-    found = correct_program(model, program, aim, build_room(model.arm), start=start)
+    found = correct_program(model, program, aim, cell.room, start=start)
     if found.unreached and not asked.keep_unreachable:
         raise _unreached(asked, found)
     said = report(found)
-    write(found, said, _plain(asked), asked.model, to)
+    write(cell, found, said, _plain(asked), to)
     console, text = Console(highlight=False), words(said)
     console.print(text.block("answer"), style="bold", markup=False)
     console.print(grid(tables(said)["worst"]))
@@ -91,6 +93,7 @@ def command(asked: Options) -> None:
     lines = [
         f"corrected  {to.program}",
         f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
+        f"recording  {to.report / 'recording.rrd'}; open it with: testbench view {to.report}",
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 

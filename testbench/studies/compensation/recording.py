@@ -69,14 +69,16 @@ def scene(true: Cell, asked: Settings, data: Dataset, seed: int) -> Compensated:
         force=own.load.wrench[:, :3],
         bent=bent[0].theta - bent[1].theta,
         panel=on_panel(at).reshape(len(s), len(y), 3),
-        parts=tuple(
-            Part(one.name, part, one.name == MILLING) for one, part in zip(every, own.parts, strict=True)
-        ),
+        parts=tuple(_part(one.name, part) for one, part in zip(every, own.parts, strict=True)),
         offs=tuple(offs),
         point_words=point_words(own, [one.name for one in every], offs),
         summary="",
         tables="",
     )
+
+
+def _part(name: str, points: slice) -> Part:
+    return Part(name, points, path=name == MILLING, closed=name == MILLING)
 
 
 def point_words(own: Work, names: Sequence[str], offs: Sequence[Off]) -> list[str]:

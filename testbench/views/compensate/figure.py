@@ -48,9 +48,7 @@ def _errors(axes: Axes, found: CorrectedProgram) -> None:
     style = "o-" if len(at) <= MARKED else "-"
     before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half.max(axis=1)
     axes.plot(at, before, style, color=BEFORE, markersize=3, linewidth=1.2, label="as programmed")
-    axes.fill_between(
-        at, 0, half, color=AFTER, alpha=0.35, linewidth=0, label="corrected: 95 % of errors below"
-    )
+    axes.fill_between(at, 0, half, color=AFTER, alpha=0.35, linewidth=0, label="corrected: 95 % interval")
     bad = ~own.corrected
     if bad.any():
         axes.plot(at[bad], before[bad], "x", color="#404040", markersize=9, label="not corrected")

@@ -1,10 +1,12 @@
 """The corrected program and the folder of its report, all of it or nothing."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from testbench import files
+from testbench.bench.campaign import Cell
 from testbench.bench.compensate import CorrectedProgram, more_columns
 from testbench.bench.compensate_report import CompensationReport
 from testbench.data.motion.formats import CSV, WRITERS, write_moves
@@ -36,27 +38,38 @@ def kind_of(language: str) -> Kind:
 
 
 def write(
-    found: CorrectedProgram, report: CompensationReport, asked: Mapping[str, object], model: Path, to: Places
+    cell: Cell,
+    found: CorrectedProgram,
+    report: CompensationReport,
+    asked: Mapping[str, object],
+    to: Places,
 ) -> None:
-    """The report with its figure and manifest.json, and at last the corrected program.
+    """The report with its figure, recording and manifest.json, and at last the corrected program.
 
     Args:
+        cell: The arm, of the model's folder.
         found: The correction.
         report: What there is to say of it.
         asked: What was asked for, as plain data.
-        model: Folder of the model.
         to: Where to.
 
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.compensate.figure import overview  # here: importing matplotlib takes half a second
+    from testbench.views.compensate.figure import overview  # here: importing matplotlib and rerun takes two
+    from testbench.views.compensate.scene import scene  # thirds of a second
+    from testbench.views.recording.compensated import write_compensated
+    from testbench.views.recording.stream import Header
 
     with whole_folder(to.report) as folder:
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
         overview(found, report).savefig(folder / "compensation.png", dpi=120)
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[model])
+        header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
+        write_compensated(folder / "recording.rrd", header, scene(cell, found, report))
+        files.write_manifest(
+            folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[cell.arm.rigid.parent]
+        )
         write_corrected(found, to)
 
 

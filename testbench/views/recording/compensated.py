@@ -48,6 +48,7 @@ class Part:
     name: str
     points: slice
     path: bool  #: Whether the tool goes along it; else from hole to hole.
+    closed: bool = False  #: Whether the path ends where it began.
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Compensated:
     asked: Array  #: Where the tool was asked to be, (points, 3) [m].
     force: Array  #: On the tool, (points, 3) [N].
     bent: Array  #: Virtual joints loaded minus unloaded, not corrected, (points, n_theta) [m, rad].
-    panel: Array  #: What is worked on, a grid, (rows, columns, 3) [m].
+    panel: Array | None  #: What is worked on, a grid, (rows, columns, 3) [m]; None where nobody says.
     parts: tuple[Part, ...]
     offs: tuple[Off, ...]  #: The first is not corrected, the last one is what to look at.
     point_words: Sequence[str]  #: Markdown of every point.
@@ -99,7 +100,8 @@ def write_compensated(path: Path, header: Header, scene: Compensated) -> None:
         run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
         run.texts("this_point", scene.point_words)
         _write_arm(run, scene)
-        _write_panel(pen, scene)
+        if scene.panel is not None:
+            _write_panel(pen, scene.panel)
         _write_asked(pen, scene)
         for off in scene.offs:
             _write_way(pen, scene, off)
@@ -119,13 +121,13 @@ def _write_arm(pen: Pen, scene: Compensated) -> None:
     pen.arrows("world/load/force", (tip - ARROW * scene.force)[:, None], ARROW * scene.force[:, None])
 
 
-def _write_panel(pen: Pen, scene: Compensated) -> None:
-    rows, columns, _ = scene.panel.shape
+def _write_panel(pen: Pen, panel: Array) -> None:
+    rows, columns, _ = panel.shape
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     corners = np.column_stack([first, first + 1, first + columns])
     others = np.column_stack([first + 1, first + columns + 1, first + columns])
     faces = rr.Mesh3D(
-        vertex_positions=scene.panel.reshape(-1, 3),
+        vertex_positions=panel.reshape(-1, 3),
         triangle_indices=np.vstack([corners, others]),
         albedo_factor=(*NOISE, 90),
     )
@@ -149,7 +151,12 @@ def _write_way(pen: Pen, scene: Compensated, off: Off) -> None:
     for part in scene.parts:
         own, path = scene.places(off)[part.points], f"world/ways/{snake(off.name)}/{snake(part.name)}"
         if part.path:
-            pen.still(path, rr.LineStrips3D([np.vstack([own, own[:1]])], colors=off.colour, radii=THICK))
+            pen.still(
+                path,
+                rr.LineStrips3D(
+                    [np.vstack([own, own[:1]]) if part.closed else own], colors=off.colour, radii=THICK
+                ),
+            )
         else:
             pen.still(path, rr.Points3D(own, colors=off.colour, radii=3 * THICK))
 
@@ -192,7 +199,8 @@ def _blueprint(scene: Compensated) -> rrb.Blueprint:
 
 
 def _whole(scene: Compensated) -> rrb.Spatial3DView:
-    points = np.vstack([scene.asked, scene.panel.reshape(-1, 3), scene.frames.positions.reshape(-1, 3)])
+    panel = np.zeros((0, 3)) if scene.panel is None else scene.panel.reshape(-1, 3)
+    points = np.vstack([scene.asked, panel, scene.frames.positions.reshape(-1, 3)])
     eye = frame(points, np.full(len(points), 0.3), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
     return rrb.Spatial3DView(
         origin="world",

@@ -1,0 +1,56 @@
+"""A corrected program as a scene for the Rerun viewer; importing this module imports rerun."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.bench.campaign import Cell
+from testbench.bench.compensate import CorrectedProgram
+from testbench.bench.compensate_report import CompensationReport, PointRow
+from testbench.correct.rest import rest
+from testbench.data.dataset import Ids
+from testbench.views.colours import GREENS, MEASURED
+from testbench.views.compensate.words import words
+from testbench.views.recording.compensated import NOT_CORRECTED, Compensated, Off, Part
+
+MOST = 300  #: Points that are shown at most, evenly picked, the one of the largest error among them.
+
+
+def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Compensated:
+    """The arm along its program: where the loaded tool would go, and where it goes corrected."""
+    own, state, some = found.found, found.model.state, _some(found)
+    loads = [load.of(some) for load in found.loads]
+    q = own.start[some]
+    off = Off(NOT_CORRECTED, MEASURED, own.before[some])
+    corrected = Off("corrected, by the model", GREENS[0], own.after[some], own.half[some])
+    text = words(report)
+    made = Compensated(
+        cell=cell,
+        q=q,
+        asked=own.target.position[some],
+        force=np.sum([load.wrench[:, :3] for load in loads], axis=0),
+        bent=rest(state, q, loads).theta - rest(state, q).theta,
+        panel=None,
+        parts=(Part("program", slice(0, len(some)), path=len(some) > 1),),
+        offs=(off, corrected),
+        point_words=[_said(report.rows[k]) for k in some],
+        summary="",
+        tables=text.block("joints"),
+    )
+    return replace(made, summary=text.summary(text.block("how_to_read", scale=made.scale)))
+
+
+def _some(found: CorrectedProgram) -> Ids:
+    points = found.program.points
+    even = np.linspace(0, points - 1, min(MOST, points)).round().astype(int)
+    worst = int(np.linalg.norm(found.found.before, axis=1).argmax())
+    return np.unique([*even, worst])
+
+
+def _said(row: PointRow) -> str:
+    """Markdown of a point."""
+    half = (
+        "nothing bounds what is left" if row.half_95_mm is None else f"within {row.half_95_mm:.3f} mm (95 %)"
+    )
+    after = f"left as it is: {row.reason}" if row.reason else f"corrected {half}"
+    return f"**Point {row.label}**, line {row.line}: {row.before_mm:.3f} mm as programmed; {after}"
