@@ -12,7 +12,7 @@ from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.bench.plan_promise import fitted
 from testbench.bench.plan_report import PlanReport
-from testbench.bench.plan_settings import PlanSettings, structure
+from testbench.bench.plan_settings import Place, PlanSettings, structure
 from testbench.bench.plan_summary import summary
 from testbench.bench.rows import UM
 from testbench.data.station import Station
@@ -47,6 +47,11 @@ class Planned:
 def hung(cell: Cell, mass: float) -> Load:
     """A mass that hangs from the arm's load point [kg]."""
     return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load)
+
+
+def pulled(cell: Cell, force: Place) -> Load:
+    """A force that pulls at the arm's load point, world axes [N]."""
+    return Load(np.array([*force, 0, 0, 0]), cell.vjm.load)
 
 
 def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
@@ -99,7 +104,10 @@ def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:
     checks = build_checks(cell, Conditions(settings.area))
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
-        loads=tuple(hung(cell, mass) for mass in settings.loads_kg),
+        loads=(
+            *(hung(cell, mass) for mass in settings.loads_kg),
+            *(pulled(cell, force) for force in settings.pulls_n),
+        ),
         tasks=tasks,
         workspace=find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q,
         uncertainty=None if percent is None else percent / 100,
@@ -162,6 +170,6 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
             f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
-            "these hung weights cannot show, so that the error has no bound; needed is a prior (leave out "
-            "--no-prior) or a load in another direction"
+            "these loads cannot show, so that the error has no bound; needed is a prior (leave out "
+            "--no-prior) or a load in another direction (--pull)"
         )

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from testbench.bench.plan_settings import PlanSettings
+from testbench.bench.plan_settings import PlanSettings, pull_words
+from testbench.bench.plan_unshown import Unshown
 from testbench.design.observability import Observability
 from testbench.trials.spread import Spread
 
@@ -105,6 +106,7 @@ class Row:
 class PoseRow(Row):
     """A pose to measure; q are its joints in rad or m.
 
+    It is loaded by a hung mass, or by a pull, and then load_kg is 0; None where nothing pulls.
     Travel is that of the hinge that turns, or slide that moves, farthest from the run before.
     """
 
@@ -114,6 +116,12 @@ class PoseRow(Row):
     travel_deg: float
     travel_mm: float
     way: Way
+    pull_N: list[float] | None = None
+
+    @property
+    def load(self) -> str:
+        """What hangs or pulls."""
+        return f"{self.load_kg:g} kg" if self.pull_N is None else pull_words(self.pull_N)
 
 
 @dataclass(frozen=True)
@@ -224,6 +232,7 @@ class PlanReport(PlanSettings):
     curve: list[CurveRow]
     greedy_mm: list[float | None]
     advice: Advice
+    unshown: Unshown | None = None
 
     @property
     def blocked(self) -> list[int]:

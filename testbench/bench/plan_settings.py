@@ -1,8 +1,10 @@
 """What an engineer asks of a plan: plain data, the units in the names, as flags and plan.json have them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
 from testbench.bench.candidates import Conditions
 from testbench.bench.models import EVERY, named_models, own_names
@@ -18,6 +20,7 @@ from testbench.plant import Payload
 
 Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in bench.Scenario.
+PULL_RANGE = (GRAVITY * LOAD_RANGE[0], GRAVITY * LOAD_RANGE[1])  #: Sizes of forces that can pull [N].
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
 MOST_POSES, MOST_CANDIDATES = 200, 50_000
 
@@ -59,6 +62,8 @@ class PlanSettings(Site):
     criterion: str = "test"  #: Key of planning.CRITERIA.
     poses: int = 12  #: How many are to be measured.
     loads_kg: tuple[float, ...]  #: Masses that may be hung.
+    #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
+    pulls_n: tuple[Place, ...] = ()
     sigma_um: float = 50.0  #: Standard deviation of one reading along one axis.
     uncertainty_percent: float | None = 30.0  #: Of the CAD prior; None for an identification without a prior.
     tracker_m: Place | None = None  #: Where it stands; None leaves visibility unchecked.
@@ -77,6 +82,10 @@ class PlanSettings(Site):
             raise BenchError(f"--load: expected at least one, each once, got {list(self.loads_kg)}")
         for load in self.loads_kg:
             check_range("--load [kg]", load, *LOAD_RANGE)
+        if len(set(self.pulls_n)) < len(self.pulls_n):
+            raise BenchError(f"--pull: expected each once, got {list(self.pulls_n)}")
+        for pull in self.pulls_n:
+            check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
         check_range("--poses", self.poses, 1, MOST_POSES)
         check_range("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
         check_range("--sigma-um", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
@@ -87,9 +96,19 @@ class PlanSettings(Site):
         self.check_site()
 
     @property
+    def pulls(self) -> list[str]:
+        """Its pulls by their names."""
+        return [pull_words(pull) for pull in self.pulls_n]
+
+    @property
     def conditions(self) -> Conditions:
         """What a pose must satisfy; under the largest load, as the others hang inside its outline."""
         return Conditions(self.area, self.station, Payload(max(self.loads_kg), self.sling_m))
+
+
+def pull_words(pull: Sequence[float]) -> str:
+    """A pull, world axes [N], as plans name it."""
+    return f"pull {', '.join(f'{x:g}' for x in pull)} N"
 
 
 def check_range(what: str, value: float, low: float, high: float) -> None:

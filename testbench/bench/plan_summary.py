@@ -11,6 +11,7 @@ from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
 from testbench.bench.plan_promise import fitted, half_width, joints_alone, within
 from testbench.bench.plan_settings import PlanSettings
+from testbench.bench.plan_unshown import unshown
 from testbench.bench.rows import MM
 from testbench.design.baselines import (
     RANDOM,
@@ -80,6 +81,7 @@ def summary(
         curve=[_count(others, poses) for poses in others.random],
         greedy_mm=[_finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
+        unshown=unshown(plan, math.sqrt(influence.hidden) / tasks.overall),
     )
 
 
@@ -135,6 +137,7 @@ def _poses(settings: PlanSettings, plan: Plan, fit: Fitted) -> list[r.PoseRow]:
     own = deflection_rows(spec.experiment, plan.q, load)
     deflection = _rms(own @ spec.experiment.metric.expected)
     ways: list[r.Way] = ["start", *("clear" if clear else "via" for clear in plan.clear)]
+    pulls = plan.load >= len(settings.loads_kg)  # they come behind all that hangs
     turned, slid = travel(spec.experiment.vjm.arm, plan.q)
     expected = _expected(spec.experiment.vjm, plan.q, deflection, widened(promise_on(fit, plan.q, load)))
     return [
@@ -142,7 +145,8 @@ def _poses(settings: PlanSettings, plan: Plan, fit: Fitted) -> list[r.PoseRow]:
             **vars(row),
             run=k + 1,
             q=plan.q[k].tolist(),
-            load_kg=float(settings.loads_kg[plan.load[k]]),
+            load_kg=0.0 if pulls[k] else float(settings.loads_kg[plan.load[k]]),
+            pull_N=load.wrench[k, :3].tolist() if pulls[k] else None,
             travel_deg=float(turned[k]),
             travel_mm=float(slid[k]),
             way=way,

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.compensate import drawn_joints, loads_of
-from testbench.bench.plan_input import read_payload
+from testbench.bench.plan_input import read_payload, read_pulls
 from testbench.correct.arm_model import ArmModel
 from testbench.correct.newton import Aim
 from testbench.data.dataset import Ids
@@ -76,11 +76,12 @@ def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable
 
 
 def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
-    """Poses that `testbench plan` wrote, in which a weight hangs."""
-    q, found = read_poses(path, model.arm), read_payload(path)
+    """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
+    q, found, pulls = read_poses(path, model.arm), read_payload(path), read_pulls(path)
     hung = np.full(len(q), mass()) if found is None else found
     labels = tuple(map(str, range(1, len(q) + 1)))
-    return Asked(path, np.arange(len(q)) + 2, labels, q, (hanging(model, hung),), hung)
+    forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
+    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, hanging(model, hung)), hung)
 
 
 def hanging(model: ArmModel, mass: Array) -> Load:

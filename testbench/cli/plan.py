@@ -13,8 +13,8 @@ from testbench.bench.absolute_plan import plan_absolute
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.models import EVERY, plain_name, right_name
-from testbench.bench.payload import overloaded, payload_of
-from testbench.bench.plan_input import box, place, read_tasks
+from testbench.bench.payload import overloaded, overpulled, payload_of
+from testbench.bench.plan_input import box, place, pull, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.absolute_plan import Absolute
 from testbench.cli.arguments import ArmName, Noise
@@ -42,6 +42,13 @@ class Options:
         typer.Option(
             help="Mass to hang in kg, again for a choice; what the arm states if not given. With --absolute "
             "it hangs in every pose after the first reading, or nothing does."
+        ),
+    ] = None
+    pull: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Force that may pull at the load point in place of the weight: fx,fy,fz in N, world axes. "
+            "Again for more; the plan chooses for every pose."
         ),
     ] = None
     poses: Annotated[
@@ -97,7 +104,8 @@ def _plan_deflections(asked: Options, task: Path) -> None:
         structure(cell, settings.model)  # refused here, not after the search
     tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]))
     console = Console(highlight=False)
-    if doubt := overloaded(cell.arm, settings.loads_kg):
+    doubts = overloaded(cell.arm, settings.loads_kg), overpulled(cell.arm, settings.pulls_n)
+    for doubt in filter(None, doubts):
         console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
     with console.status("looking for feasible poses") as status:
         found = plans.search(cell, settings)
@@ -143,7 +151,7 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
 
 def _absolute_settings(cell: Cell, asked: Options, flags: Absolute) -> AbsolutePlanSettings:
     """The flags as settings; BenchError where one excludes --absolute or is out of range."""
-    for flag, given in (("--task", asked.task), ("--no-prior", asked.no_prior)):
+    for flag, given in (("--task", asked.task), ("--no-prior", asked.no_prior), ("--pull", asked.pull)):
         if given:
             raise BenchError(f"{flag}: expected no --absolute with it")
     usual = AbsolutePlanSettings
@@ -192,6 +200,7 @@ def _settings(cell: Cell, asked: Options) -> PlanSettings:
         criterion=criterion,
         poses=PlanSettings.poses if asked.poses is None else asked.poses,
         loads_kg=tuple(asked.load or [payload_of(cell.arm, None, "--load")]),
+        pulls_n=tuple(map(pull, asked.pull or [])),
         sigma_um=asked.sigma_um,
         uncertainty_percent=None if asked.no_prior else percent,
         tracker_m=None if asked.tracker is None else place(asked.tracker),

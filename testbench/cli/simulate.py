@@ -1,6 +1,6 @@
 """testbench simulate ARM [FILE] --out DATA: measured runs of the true arm."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -12,8 +12,8 @@ from rich.console import Console
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.bench.candidates import Conditions, build_checks, find
-from testbench.bench.payload import overloaded, payload_of
-from testbench.bench.plan_input import read_masses, read_payload
+from testbench.bench.payload import overloaded, overpulled, payload_of
+from testbench.bench.plan_input import read_masses, read_payload, read_pulls
 from testbench.bench.tracker_runs import by_trackers, places
 from testbench.cli.absolute import Absolute, campaign, files, write_readings
 from testbench.cli.arguments import ArmName, Noise
@@ -28,6 +28,7 @@ from testbench.shell.options import Force, takes
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
+FORCES = "columns force_x_N, force_y_N, force_z_N"
 MOST_POSES = 10_000  #: Random poses that are drawn at most.
 
 
@@ -91,6 +92,8 @@ def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
 
 def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
     """What hangs in every pose, nothing at first [kg]."""
+    if asked.file is not None and read_pulls(asked.file) is not None:
+        raise InputError(asked.file, FORCES, "expected no forces with --absolute")
     stated = None if asked.file is None else read_payload(asked.file)
     if stated is None and asked.loads is None and asked.payload_kg is None:
         return (0.0,)
@@ -106,23 +109,27 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     if q is None:
         q = find(build_checks(cell, Conditions()), asked.poses or 0, stream(asked.seed, 0)).q
     masses = _masses(cell, asked, len(q))
-    scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()), sigma=asked.sigma_um / 1e6)
+    pulls = None if asked.file is None else read_pulls(asked.file)
+    scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=asked.sigma_um / 1e6)
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
         cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
     trackers = places(asked.tracker or [])
-    data = measure(cell, scenario, _loaded(cell, q, masses), None if trackers else stream(asked.seed, 1))
+    loaded = _loaded(cell, q, masses, pulls)
+    data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
     if trackers:
         data = by_trackers(data, trackers, asked.seed)
     write_csv(data, cell.arm, asked.out)
     console, size = Console(highlight=False), 1e3 * np.linalg.norm(data.deflection, axis=-1)
-    _say_overload(console, cell, masses.ravel().tolist())
+    _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
     console.print(text, soft_wrap=True, markup=False)
 
 
-def _say_overload(console: Console, cell: Cell, masses: Iterable[float]) -> None:
-    if doubt := overloaded(cell.arm, masses):
+def _say_overload(
+    console: Console, cell: Cell, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()
+) -> None:
+    for doubt in filter(None, (overloaded(cell.arm, masses), overpulled(cell.arm, pulls))):
         console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
 
 
@@ -147,12 +154,16 @@ def _masses(cell: Cell, asked: Options, poses: int) -> Array:
         return np.tile([mass] if asked.loads is None else read_masses(asked.loads), (poses, 1))
     for flag, value in (("--payload-kg", asked.payload_kg), ("--loads", asked.loads)):
         if value is not None:
-            problem = f"says what hangs in every run; leave out {flag}"
-            raise InputError(asked.file or Path(), "column load_kg", problem)
+            problem = f"says what hangs or pulls in every run; leave out {flag}"
+            raise InputError(asked.file or Path(), "column load_kg" if stated.any() else FORCES, problem)
     return stated[:, None]
 
 
-def _loaded(cell: Cell, q: Array, masses: Array) -> LoadedPoses:
-    """A run a pose and mass, (poses, loads)."""
+def _loaded(cell: Cell, q: Array, masses: Array, pulls: Array | None) -> LoadedPoses:
+    """A run a pose and mass, (poses, loads) [kg]; pulls, (poses, 3) [N], act at the same point."""
     pose = np.repeat(np.arange(len(q)), masses.shape[1])
-    return hanging(cell, q[pose], pose + 1, masses.ravel())
+    loaded = hanging(cell, q[pose], pose + 1, masses.ravel())
+    if pulls is None:
+        return loaded
+    sideways = np.hstack([pulls, np.zeros_like(pulls)])
+    return replace(loaded, wrench=loaded.wrench + sideways[pose])

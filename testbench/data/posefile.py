@@ -15,16 +15,19 @@ SAME = 1e-3
 """Difference between a coordinate and the same in another unit that rounding explains [deg, mm]."""
 
 
-def plan_columns(joints: Sequence[Joint]) -> list[str]:
+def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
     """The header of a plan, in order; a row is a run, in the order of measuring.
 
     run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
+    force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
+    blank.
     expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
     identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
     run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
     straight, "via" where that way collides.
     """
     names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
+    names += [f"force_{axis}_N" for axis in "xyz" if pulls]
     names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
     return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
 

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 
 from testbench.bench.campaign import Scenario, hanging, measure
+from testbench.bench.models import MODELS
 from testbench.bench.plan import hung, straight_way
 from testbench.bench.plan_input import read_tasks
 from testbench.cli.program import program
+from testbench.data.csvfile import read_csv
 from testbench.data.posefile import plan_columns, read_poses
 from testbench.data.station import Station
+from testbench.identify import least_squares
 from testbench.model.loaded import load_jacobian
 from testbench.model.poses import in_area
 from testbench.model.vjm import chain
@@ -224,6 +227,30 @@ def test_tasks_that_no_hung_weight_can_serve_are_named_without_a_prior(tmp_path)
     assert "tasks 1, 2, 3 (3 of 3)" in said
     assert "needed is a prior (leave out --no-prior) or a load in another direction" in said
     assert not (tmp_path / "out").exists()
+
+
+def test_a_pull_shows_the_joint_that_no_hung_weight_turns(tmp_path, kr500):
+    """Joint 1 has a vertical axis: weights give it no torque, whatever the pose; a force along y does."""
+    sideways = tasks_with(tmp_path, "force_x_N,force_y_N,force_z_N", "0,2000,0")
+    flags = ["--model", "Joints", "--poses", 4, "--load", 460, "--candidates", 60]
+    found = {}
+    for name, pull in {"hung": [], "pulled": ["--pull", "0,3000,0"]}.items():
+        out = tmp_path / name
+        assert run("plan", ARM, "--task", sideways, *flags, *pull, "--out", out)[0] == 0
+        assert run("simulate", ARM, out / "plan.csv", "--out", tmp_path / f"{name}.csv")[0] == 0
+        data = read_csv(tmp_path / f"{name}.csv", kr500.arm)
+        fit = least_squares(kr500.vjm, MODELS["Joints"](kr500).structure, data)
+        report = json.loads((out / "plan.json").read_text())
+        found[name] = report, fit, data
+    (hung_, fit_hung, _), (pulled, fit, data) = found["hung"], found["pulled"]
+    assert hung_["unshown"] == {"joints": ["joint_1"], "turned_by_pull": ["joint_1"], "pull_N": [0, 4000, 0]}
+    assert "unshown" not in pulled
+    assert (hung_["directions"]["shown"], pulled["directions"]["shown"]) == (5, 6)
+    assert (fit_hung.regression.rank, fit.regression.rank) == (5, 6)
+    loads = [row.get("pull_N", [0, 0, -9.81 * row["load_kg"]]) for row in pulled["plan"]]
+    assert [0, 3000, 0] in loads
+    np.testing.assert_allclose(data.wrench, np.hstack([loads, np.zeros((4, 3))]), rtol=1e-12)
+    np.testing.assert_array_equal(data.point, np.tile(kr500.vjm.load, (4, 1)))
 
 
 def test_a_plan_and_a_payload_contradict_each_other(planned, tmp_path):

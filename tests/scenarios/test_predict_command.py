@@ -187,6 +187,12 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     assert hung.words == "250 kg"
     np.testing.assert_allclose(hung.loads[0].wrench[:, 2], -250 * GRAVITY)
     assert np.array_equal(hung.q, q)
+    mixed = ["250,,,,0.1", *[",0,3000,0,0.1"] * (POSES - 1)]
+    head = "load_kg,force_x_N,force_y_N,force_z_N,expected_error_mm"
+    pulled = read_asked(poses_file(tmp_path / "pulled.csv", q, mixed, head=head), found, None, lambda: MASS)
+    total = sum(load.wrench for load in pulled.loads)
+    np.testing.assert_allclose(total[:2, :3], [[0, 0, -250 * GRAVITY], [0, 3000, 0]])
+    assert all((load.point == kr500.vjm.load).all() for load in pulled.loads)
 
 
 def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, model, tmp_path, q):

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.arm.folder import Joint
 from testbench.bench.plan import hung, nearest_turn
-from testbench.bench.plan_input import box, place, read_payload, read_tasks
+from testbench.bench.plan_input import box, place, read_payload, read_pulls, read_tasks
 from testbench.bench.plan_settings import PlanSettings
 from testbench.data.posefile import read_poses
 from testbench.errors import BenchError, InputError
@@ -123,6 +123,36 @@ def test_an_angle_changed_in_one_unit_only_is_noticed(kr500, tmp_path):
 def test_an_absurd_load_in_a_plan_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"line 2, column load_kg: .*expected 0.001 to 10000, got 0"):
         read_payload(plan_csv(tmp_path / "plan.csv", "0.0"))
+
+
+LOADS = ["load_kg", *FORCE]
+PULLS = [
+    (LOADS, ["460", 0, 5, 0], "line 2, column load_kg: expected no mass beside a force, got 460 kg"),
+    (LOADS, ["", "", 0, ""], "line 2, column load_kg: expected 0.001 to 10000 where no force pulls, got nan"),
+    (LOADS, ["", 0, 1e6, 0], "line 2: expected a force of 0.00981 to 98100 N, got 1e+06"),
+    (["load_kg", *FORCE[:2]], ["", 0, 5], "line 1: expected force_z_N too"),
+    (FORCE + POINT, [0, 5, 0, 0, 0, 1], "which act at the arm's load point, got point_x_m, point_y_m, point"),
+]
+
+
+@pytest.mark.parametrize(("header", "cells", "text"), PULLS)
+def test_a_run_has_a_mass_or_a_force_at_the_load_point(tmp_path, header, cells, text):
+    path = write(tmp_path / "plan.csv", RAD + header, [[*np.deg2rad(POSES[0]), *cells]])
+    with pytest.raises(InputError) as err:
+        read_payload(path)
+    assert text in str(err.value)
+
+
+def test_forces_alone_are_read_without_a_column_of_masses(tmp_path):
+    path = write(tmp_path / "plan.csv", RAD + FORCE, np.hstack([np.deg2rad(POSES), [[0, 5, 0], [7, 0, 0]]]))
+    np.testing.assert_array_equal(read_payload(path), [0, 0])
+    np.testing.assert_array_equal(read_pulls(path), [[0, 5, 0], [7, 0, 0]])
+
+
+@pytest.mark.parametrize("pulls", [((0.0, 0.0, 0.0),), ((0.0, 5.0, 0.0),) * 2, ((0.0, 1e6, 0.0),)])
+def test_pulls_are_forces_and_each_stands_once(pulls):
+    with pytest.raises(BenchError, match=r"^--pull"):
+        PlanSettings(loads_kg=(460.0,), pulls_n=pulls)
 
 
 def test_places_in_flags_become_a_station_and_an_area():

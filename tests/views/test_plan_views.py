@@ -14,7 +14,9 @@ from made_up import fill, filled
 
 from testbench.arm.folder import Joint
 from testbench.bench.plan import Planned
+from testbench.bench.plan_input import FORCE, read_payload, read_pulls
 from testbench.bench.plan_report import CurveRow, Expected, PlanReport, PoseRow, TaskRow
+from testbench.bench.plan_unshown import Unshown
 from testbench.data.posefile import plan_columns
 from testbench.views.plan.figure import overview
 from testbench.views.plan.files import write_poses, write_tasks
@@ -65,12 +67,14 @@ def report(rng):
         surrounded=True,
         poses=POSES,
         criterion="test",
-        plan=filled(PoseRow, rng, poses, way="clear"),
+        plan=filled(PoseRow, rng, poses, way="clear", pull_N=None),
         tasks=filled(TaskRow, rng, tasks),
         greedy_mm=error,
         curve=[fill(CurveRow, rng, **row) for row in counts],
         error_mm=Expected(0.234, 0.123, 0.345),
         loads_kg=(460.0, 150.5),
+        pulls_n=(),
+        unshown=None,
         acceptance_deg=None,
         box_m=None,
         workspace_error_mm=Expected(0.71, 0.61, 0.81),
@@ -209,6 +213,51 @@ def test_what_must_not_be_overlooked_is_said_where_it_holds_only(report):
     ways = [replace(row, way="via" if row.run in (2, 4) else "clear") for row in report.plan]
     assert "collides** before runs 2 and 4:" in said(replace(quiet, plan=ways))
     assert "collides** before run 2:" in said(replace(quiet, plan=ways[:3]))
+
+
+def test_joints_that_no_load_turns_are_named_with_the_pull_that_would(report):
+    open_ = replace(
+        part(report, "directions", hidden_mm=0.2), unshown=Unshown(["swing"], ["swing"], [0, 4e3, 0])
+    )
+    expected = (
+        "of 0.234 mm expected there 0.200 mm stay open, whatever is measured. `--pull 0,4000,0` would turn"
+    )
+    assert f"**No load turns swing**, the tasks do: {expected} swing." in said(open_)
+    assert "prior alone" not in said(open_)
+    alone = replace(open_, unshown=Unshown(["bend", "turn"], [], None))
+    assert "**No load turns bend and turn**" in said(alone)
+    assert "No force at the load point does." in said(alone)
+
+
+@pytest.fixture
+def pulled(report):
+    """The third of the runs is pulled."""
+    rows = [
+        replace(row, load_kg=0.0, pull_N=[-500.0, 3e3, 0.0]) if row.run == 3 else row for row in report.plan
+    ]
+    return replace(report, pulls_n=((-500.0, 3e3, 0.0),), plan=rows)
+
+
+def test_a_pull_is_told_run_by_run(pulled, tmp_path):
+    text, pull = words(pulled), "pull -500, 3000, 0 N"
+    assert text.whole().startswith(f"# Calibration plan: heavy, {pulled.model}, 460 or 150.5 kg or {pull}\n")
+    for name in ("poses", "short"):
+        loads = [column for column in tables(pulled)[name].columns if column.heading == "load"]
+        assert [loads[0].cell(row) == pull for row in pulled.plan] == [False, False, True, False]
+    assert f"**Run 3**: {pull}. Expected" in text.block("step", row=pulled.plan[2])
+    assert "hang the weight or pull, read again" in text.whole()
+    assert "**No rope was checked**" in said(pulled)
+    lines = curves(figure(pulled)[0].axes[2])
+    np.testing.assert_array_equal(np.transpose(lines["plan, pulled"]), [pulled.plan[2].tool_m[:2]])
+    joints = [Joint(name, -99, 99, 1e-6) for name in JOINTS]
+    write_poses(pulled, joints, tmp_path / "plan.csv")
+    rows = [*csv.DictReader((tmp_path / "plan.csv").read_text().splitlines())]
+    assert list(rows[0]) == plan_columns(joints, pulls=True)
+    assert [rows[2][key] for key in ("load_kg", *FORCE)] == ["", "-500.0", "3000.0", "0.0"]
+    assert [rows[0][key] for key in FORCE] == ["", "", ""]
+    np.testing.assert_array_equal(read_pulls(tmp_path / "plan.csv")[2], [-500, 3000, 0])
+    masses = [row.load_kg for row in pulled.plan]
+    np.testing.assert_array_equal(read_payload(tmp_path / "plan.csv"), masses)
 
 
 def test_the_distance_to_the_limits_is_told_joint_by_joint(report):
@@ -351,7 +400,7 @@ def recorded(report, rng, kr500, tmp_path):
     """The made-up report recorded, over the workspace of the heavy arm; one place there has no bound."""
     q = rng.uniform(-1, 1, (POSES, 6))
     spec = SimpleNamespace(workspace=rng.uniform(-1, 1, (5, 6)))
-    plan = SimpleNamespace(q=q, load=np.array([0, 0, 1, 1]), specification=spec)
+    plan = SimpleNamespace(q=q, specification=spec)
     errors = SimpleNamespace(error=np.array([1e-4, 3e-4, np.inf, 2e-4, 5e-4]))
     made = scene(kr500, Planned(None, plan, errors, report), rng.uniform(-3, 3, (30, 3)))
     write_plan(tmp_path / "recording.rrd", Header("testbench plan", "{}", 1), made)
@@ -398,7 +447,7 @@ def test_the_numbers_of_the_recording_are_those_of_the_report(recorded, report):
         assert name in ("workspace, 4", "tasks, 7")
         assert [least, median, most] == [f"{v:.3f}" for v in (min(errors), np.median(errors), max(errors))]
     labels = [text for [text] in columns(recorded, "/world/load/label")["Points3D:labels"]]
-    assert labels == ["460 kg", "460 kg", "150.5 kg", "150.5 kg"]
+    assert labels == [f"{row.load_kg:.4g} kg" for row in report.plan]
 
 
 def test_the_chart_of_the_recording_tells_planned_from_random(recorded, report):

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.bench.plan_report import PlanReport
+from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.views.colours import MEASURED, NOMINAL, TASK, hexadecimal
 from testbench.views.figure import SOFT, log_ticks, quiet
@@ -24,7 +25,8 @@ def overview(report: PlanReport, candidates: Array) -> Figure:
     _poses(left, report)
     _tasks(centre, report)
     plan, tasks = (np.array([row.tool_m for row in rows]) for rows in (report.plan, report.tasks))
-    top_view(right, Top(plan, tasks, candidates, np.array(report.base_m), report.tracker_m))
+    pulled = np.array([row.pull_N is not None for row in report.plan])
+    top_view(right, Top(plan, tasks, candidates, np.array(report.base_m), report.tracker_m, pulled))
     for axes in (left, centre, right):
         quiet(axes)
     error, share = report.error_mm.expected, report.certificate.percent
@@ -95,6 +97,7 @@ class Top:
     candidates: Array  #: Tools of the feasible poses, (c, 3) [m].
     base: Array  #: Where the arm stands, (3,) [m].
     tracker: tuple[float, float, float] | None  #: Where the tracker stands [m].
+    pulled: Mask | None = None  #: In which poses of the plan a force pulls, (poses,); None for none.
 
 
 def top_view(axes: Axes, top: Top) -> None:
@@ -106,8 +109,14 @@ def top_view(axes: Axes, top: Top) -> None:
     axes.plot(*candidates[:, :2].T, ".", color=SOFT, alpha=0.3, markersize=3, label=grey, rasterized=True)
     if len(tasks):
         axes.plot(*tasks[:, :2].T, "s", color=WORK, markersize=5, label="tasks", zorder=3)
+    pulled = np.zeros(len(plan), dtype=bool) if top.pulled is None else top.pulled
     label = "plan, in its order"
-    axes.plot(*plan[:, :2].T, "o", color=OURS, markersize=13 if few else 5, label=label, zorder=4)
+    size = 13 if few else 5
+    axes.plot(*plan[~pulled, :2].T, "o", color=OURS, markersize=size, label=label, zorder=4)
+    if pulled.any():
+        axes.plot(
+            *plan[pulled, :2].T, "D", color=OURS, markersize=size * 0.75, label="plan, pulled", zorder=4
+        )
     for k, place in enumerate(plan[:, :2] if few else [], start=1):
         axes.annotate(str(k), place, color="white", fontsize="x-small", ha="center", va="center", zorder=5)
     axes.plot(*base, "+", color="black", markersize=12, zorder=4, label="base")

@@ -11,7 +11,7 @@ from testbench import files
 from testbench.arm.folder import Joint
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import Planned
-from testbench.bench.plan_report import PlanReport, Row
+from testbench.bench.plan_report import PlanReport, PoseRow, Row
 from testbench.bench.plan_settings import PlanSettings
 from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
@@ -21,6 +21,7 @@ from testbench.views.plan.figure import overview
 from testbench.views.plan.tables import words
 
 COMMAND = "testbench plan"  #: As manifest.json names it.
+OF_PULLS = ("pulls_n", "pull_N", "unshown")  #: Keys that stand in plan.json only where they say something.
 EXPECTED = [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
 
 
@@ -31,13 +32,13 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
     from testbench.views.recording.stream import Header
 
     report = planned.report
-    own = {field.name: getattr(report, field.name) for field in fields(PlanSettings)}
+    own = _said([(field.name, getattr(report, field.name)) for field in fields(PlanSettings)])
     asked = {"task": task.name, "arm": report.arm, **own}
     tools = chain(cell.vjm, planned.found.q).position
     with whole_folder(out) as folder:
         write_poses(report, cell.arm.joints, folder / "plan.csv")
         write_tasks(report, cell.arm.joints, folder / "tasks_expected.csv")
-        files.write_json(asdict(report), folder / "plan.json")
+        files.write_json(asdict(report, dict_factory=_said), folder / "plan.json")
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png", dpi=120)
         seeds = range(report.seed, report.seed + 1)
@@ -49,18 +50,29 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
 def write_poses(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:
     """plan.csv: `posefile.plan_columns`; rad and m in full, so that reading gives them back bit by bit."""
     rows: list[list[object]] = []
-    slides = any(joint.prismatic for joint in joints)
+    slides, pulls = any(joint.prismatic for joint in joints), bool(report.pulls_n)
     for row in report.plan:
-        asked = [row.run, *map(repr, row.q), *_shown(row), repr(row.load_kg)]
+        asked = [row.run, *map(repr, row.q), *_shown(row), *_load(row, pulls)]
         travel = [f"{row.travel_deg:.2f}", *[f"{row.travel_mm:.2f}"] * slides]
         rows.append([*asked, *_expected(row), *travel, row.way])
-    write_table(plan_columns(joints), rows, path)
+    write_table(plan_columns(joints, pulls=pulls), rows, path)
 
 
 def write_tasks(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:
     """tasks_expected.csv: of every task its pose and the error to expect."""
     head = ["task", *(joint.shown_column for joint in joints), *EXPECTED]
     write_table(head, [[row.task, *_shown(row), *_expected(row)] for row in report.tasks], path)
+
+
+def _load(row: PoseRow, pulls: bool) -> list[str]:
+    """What hangs, and where the plan may pull what pulls; a run has either."""
+    mass = "" if row.pull_N else repr(row.load_kg)
+    return [mass, *(map(repr, row.pull_N) if row.pull_N else [""] * 3 * pulls)]
+
+
+def _said(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Keys and values without what is said of pulls where there are none."""
+    return {key: value for key, value in pairs if value or key not in OF_PULLS}
 
 
 def _shown(row: Row) -> list[str]:

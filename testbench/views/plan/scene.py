@@ -27,7 +27,8 @@ def scene(cell: Cell, planned: Planned, candidates: Array) -> PlanScene:
     return PlanScene(
         cell=cell,
         station=report.tracker_m,
-        payload=np.array(report.loads_kg, dtype=float)[planned.plan.load],
+        payload=np.array([row.load_kg for row in report.plan]),
+        pull=np.array([row.pull_N or np.zeros(3) for row in report.plan]) if report.pulls_n else None,
         candidates=candidates,
         q=planned.plan.q,
         pose_words=[text.block("step", row=row) for row in report.plan],

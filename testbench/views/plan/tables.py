@@ -9,7 +9,7 @@ from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
 MOST_ROWS = 40  #: Rows of the plan that are shown; plan.csv has all of them.
-MANY = 6  #: More joints than these have no decimals in a terminal of 80 columns, and no travel of slides.
+MANY = 6  #: With more joints, or pulls, a terminal of 80 columns has no decimals and no travel of slides.
 WORST = 5  #: Tasks that are shown, those of the largest errors.
 CRITERIA = {
     "test": "mean square error at the tasks",
@@ -22,13 +22,15 @@ CRITERIA = {
 """What a criterion makes small."""
 DEFLECTION = Column("expected_deflection_mm", "deflection", "mm", ".2f")
 ERROR = Column("error_mm", "error there", "mm")
+TRAVEL = Column("travel_deg", "travel", "deg", ".0f")
 POSES = (
     Column("load_kg", "load", "kg", "g"),
     DEFLECTION,
     ERROR,
-    Column("travel_deg", "travel", "deg", ".0f"),
+    TRAVEL,
 )
 """What a plan says of a pose, behind its joints."""
+PULLED = Column("load", "load")  #: In place of the mass, where a plan may pull.
 SLID = Column("travel_mm", "travel", "mm", ".0f")
 WAY = Column("way", "way")
 TASKS = (Column("task", "task", form="d"), DEFLECTION, ERROR)
@@ -45,10 +47,11 @@ CURVE = (
 def tables(report: PlanReport) -> dict[str, Table]:
     """The poses in full and for 80 columns, the worst tasks, the errors of other plans."""
     shown = report.plan[:MOST_ROWS]
-    columns = (*POSES, *[SLID] * ("mm" in report.units), WAY)
+    load = (PULLED, *POSES[1:]) if report.pulls_n else POSES
+    columns = (*load, *[SLID] * ("mm" in report.units), WAY)
     narrow = tuple(replace(c, exact=True, heading="error") if c is ERROR else c for c in columns)
-    many = len(report.joints) > MANY
-    left_out = (DEFLECTION, *[SLID] * many)
+    many = len(report.joints) > MANY or bool(report.pulls_n)
+    left_out = (DEFLECTION, *[SLID] * many, *[TRAVEL] * bool(report.pulls_n))
     return {
         "poses": Table((*joint_columns(report, ".2f"), *columns), shown),
         "short": Table(

@@ -56,7 +56,13 @@ def write_places(
 
 
 def write_weight(pen: Pen, hook: Array, payload: Array, share: Array, size: float) -> None:
-    """The hung weight, a cube of steel; its label stands below it, away from the markers.
+    """The hung weight, a cube of steel; its label stands below it; see `write_cube`."""
+    below = write_cube(pen, hook, payload, share, size)
+    pen.label(LABEL, below, [f"{kg:.4g} kg" for kg in share * payload], LOAD)
+
+
+def write_cube(pen: Pen, hook: Array, payload: Array, share: Array, size: float) -> Array:
+    """The hung weight without its label.
 
     Args:
         pen: On the times of the rows.
@@ -64,6 +70,9 @@ def write_weight(pen: Pen, hook: Array, payload: Array, share: Array, size: floa
         payload: Mass of the weight, (rows,) [kg].
         share: How much of it the arm carries, (rows,) [1].
         size: Reach of the arm, the scale of symbols [m].
+
+    Returns:
+        Places below the weight, (rows, 3) [m].
     """
     half = np.cbrt(payload / STEEL) / 2
     pen.still("world/load/weight", rr.Boxes3D.from_fields(colors=LOAD, fill_mode=FillMode.Solid))
@@ -71,8 +80,7 @@ def write_weight(pen: Pen, hook: Array, payload: Array, share: Array, size: floa
     centre = hook + np.outer(ARROW * size * share + half, down)
     cubes = rr.Boxes3D.columns(centers=centre, half_sizes=np.column_stack([half] * 3))
     pen.rows("world/load/weight", cubes)
-    below = centre + np.outer(half + 0.04 * size, down)
-    pen.label(LABEL, below, [f"{kg:.4g} kg" for kg in share * payload], LOAD)
+    return np.asarray(centre + np.outer(half + 0.04 * size, down))
 
 
 def reach(frames: Frames) -> float:

@@ -10,13 +10,17 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.bench.campaign import Cell
+from testbench.bench.plan_settings import pull_words
+from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.recording.arm import (
     ARROW,
+    LABEL,
     orbit,
     origins,
     reach,
+    write_cube,
     write_places,
     write_shapes,
     write_weight,
@@ -30,6 +34,7 @@ from testbench.views.recording.swept import Sweep
 MOST_CANDIDATES = 2000  #: Candidates drawn at most, evenly picked.
 HEAD = 0.12  #: Radius of the tracker's head [m]; its feet stand three times as far from its axis.
 BESIDE = (0.45, 0.9, 0.4)  #: Where the eye is: beyond the arm on the way to the tracker, beside, above [1].
+LONGER = 2.0  #: Arrow of a pull over that of a weight, which has its cube too [1].
 NARROW, WIDE = 0.9, 1.4  #: Width over height of the panes of the plan and of the error map [1].
 
 
@@ -47,6 +52,8 @@ class PlanScene:
     error_mm: Array  #: Expected error of its prediction, (poses,) [mm].
     error_map: ErrorMap  #: Errors over the workspace and in the tasks.
     summary: str  #: Markdown: question, bold answer, table. Colours and how to scrub are appended.
+    #: Force that pulls in place of a weight, (poses, 3) [N], zero where one hangs; None where none ever does.
+    pull: Array | None = None
     tables: str = ""  #: Further tables in Markdown.
     sweep: Sweep | None = None  #: Accuracy against the number of poses.
     sweep_words: str = ""  #: The same in Markdown.
@@ -77,7 +84,7 @@ def write_world(pen: Pen, scene: PlanScene) -> None:
     size = reach(scene.frames)
     write_shapes(pen, scene.cell, ())
     write_places(pen, scene.cell, scene.frames)
-    if scene.payload.any():
+    if scene.payload.any() or scene.pull is not None:
         _write_load(pen, scene, size)
     markers = scene.bodies(*scene.cell.arm.markers)
     pen.still(f"{MARKERS}/nominal", rr.Points3D.from_fields(colors=NOMINAL, radii=0.012 * size))
@@ -89,11 +96,21 @@ def write_world(pen: Pen, scene: PlanScene) -> None:
 
 
 def _write_load(pen: Pen, scene: PlanScene, size: float) -> None:
-    """What hangs in every pose."""
+    """What hangs or pulls in every pose."""
     hook = scene.bodies(scene.cell.arm.load)
     pen.still("world/load/force", rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * size))
-    pen.arrows("world/load/force", hook, np.broadcast_to([0, 0, -ARROW * size], hook.shape))
-    write_weight(pen, hook[:, 0], scene.payload, np.ones(scene.poses), size)
+    along = np.tile([0.0, 0.0, -1.0], (scene.poses, 1))
+    if scene.pull is None:
+        pen.arrows("world/load/force", hook, ARROW * size * along[:, None])
+        write_weight(pen, hook[:, 0], scene.payload, np.ones(scene.poses), size)
+        return
+    pulled: Mask = np.asarray(scene.pull.any(axis=1))
+    along[pulled] = LONGER * scene.pull[pulled] / np.linalg.norm(scene.pull[pulled], axis=1, keepdims=True)
+    pen.arrows("world/load/force", hook, ARROW * size * along[:, None])
+    loads = zip(scene.payload, scene.pull, pulled, strict=True)
+    texts = [pull_words(force) if pulls else f"{kg:.4g} kg" for kg, force, pulls in loads]
+    below = write_cube(pen, hook[:, 0], scene.payload, np.where(pulled, 0.5, 1.0), size)
+    pen.label(LABEL, below, texts, LOAD)
 
 
 def _write_tracker(pen: Pen, station: Array, markers: Array) -> None:
