@@ -22,7 +22,17 @@ from testbench.plant import TYPICAL, disturb
 from testbench.studies.compensation import jobs, plans, settings, trial
 from testbench.studies.compensation.arms import exactly_loaded, measure, true_arm
 from testbench.studies.compensation.rows import PlanRow, Scene
-from testbench.studies.compensation.settings import BOTH, DEFAULT, DRILLING, MILLING, PERFECT, Way
+from testbench.studies.compensation.settings import (
+    ARMS,
+    BOTH,
+    DEFAULT,
+    DRILLING,
+    IDEAL,
+    MILLING,
+    PERFECT,
+    REAL,
+    Way,
+)
 
 APP = app_of_study("compensation")
 CANDIDATES = 14
@@ -75,16 +85,15 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 
 def test_the_loop_is_exact_where_the_arm_is_as_the_model_and_not_where_it_is_disturbed(rows):
     most = {
-        own: max(max(r["after_mm"]) for r in rows if (r["model"], r["disturbed"]) == (PERFECT, own))
-        for own in (False, True)
+        own: max(max(r["after_mm"]) for r in rows if (r["model"], r["arm"]) == (PERFECT, own)) for own in ARMS
     }
-    assert most[False] < 1e-6  # Newton leaves 1e-10 m on both sides
-    assert most[True] > 0.02
+    assert most[IDEAL] < 1e-6  # Newton leaves 1e-10 m on both sides
+    assert most[REAL] > 0.02
 
 
 def test_a_pull_from_the_side_is_what_the_default_needs(rows):
     def removed(loads):
-        own = [r for r in rows if (r["model"], r["loads"], r["disturbed"]) == (DEFAULT, loads, False)]
+        own = [r for r in rows if (r["model"], r["loads"], r["arm"]) == (DEFAULT, loads, IDEAL)]
         shares = [1 - np.array(r["after_mm"]) / np.array(r["before_mm"]) for r in own if r["job"] == MILLING]
         return np.median(shares)
 
@@ -117,7 +126,7 @@ def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, work):
 def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cell, work):
     asked = settings.Settings("kr500_l480", 4, (12,), 12, scene())
     way = Way(settings.PLANNED, BOTH, 12)
-    [data] = measure(cell, true_arm(cell, 4, disturbed=False), asked, [way], 4)
+    [data] = measure(cell, true_arm(cell, 4, IDEAL), asked, [way], 4)
     estimate = choose(cell, data, wrong_prior(cell, 4)).estimate
     weights = read_weights(cell.arm)
     sound = of_estimate(cell.vjm, estimate, weights)

@@ -12,12 +12,13 @@ from testbench.data.tracker import Tracker, read_positions
 from testbench.errors import Array
 from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, settle_pair
 from testbench.studies.compensation.plans import loads
-from testbench.studies.compensation.settings import PLANNED, RUNS, SIGMA, WEIGHT, Settings, Way
+from testbench.studies.compensation.settings import IDEAL, LINEAR, PLANNED, RUNS, SIGMA, WEIGHT, Settings, Way
 
 Settle = Callable[[Array, Array, Array], tuple[Equilibrium, Equilibrium]]
 """The arm unloaded and loaded, in poses (runs, n), under wrenches (runs, 6) at points (runs, 3)."""
 CHOSEN, NOISE = 30, 40  #: Streams of a seed: random poses, and noise, plus the number of the campaign.
 HIDDEN = 20  #: Stream of what disturbs the arm.
+LINEAR_JOINTS = replace(TYPICAL, stiffening=0.0, backlash=0.0, hysteresis=0.0)
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,12 @@ class TrueArm:
     working: Settle
 
 
-def true_arm(cell: Cell, seed: int, *, disturbed: bool) -> TrueArm:
-    """The arm of the cell's truth, as the model has it or with all that it does not know."""
-    if not disturbed:
+def true_arm(cell: Cell, seed: int, arm: str) -> TrueArm:
+    """The arm of the cell's truth, one of ARMS."""
+    if arm == IDEAL:
         own = partial(settle_both, cell.plant, "nonlinear")
         return TrueArm(own, own)
-    found = disturb(cell.plant, TYPICAL, stream(seed, HIDDEN))
+    found = disturb(cell.plant, LINEAR_JOINTS if arm == LINEAR else TYPICAL, stream(seed, HIDDEN))
     return TrueArm(partial(settle_pair, found), partial(settle_pair, exactly_loaded(found)))
 
 

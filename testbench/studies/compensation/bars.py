@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from testbench.studies.bar import Bar
 from testbench.studies.compensation.report import ALL, Group
-from testbench.studies.compensation.settings import BARRED, DEFAULT, PERFECT
+from testbench.studies.compensation.settings import BARRED, DEFAULT, IDEAL, LINEAR, PERFECT
 
 LEFT_UM = 1.0  #: Most that a perfect model may leave [um].
 MEDIAN = 0.97  #: Least median share removed.
@@ -15,11 +15,13 @@ COVERED = (0.93, 0.98)  #: Shares of components that intervals of 95 % have to h
 def bars(groups: Sequence[Group]) -> list[Bar]:
     """Of the loop, and of the default from the campaign that is advised, undisturbed and disturbed."""
     every = [g for g in groups if g.job == ALL]
-    [perfect] = [g for g in every if g.model == PERFECT and not g.disturbed]
+    [perfect] = [g for g in every if g.model == PERFECT and g.arm == IDEAL]
     found = [Bar("perfect model, left at most [um]", 1e3 * perfect.after.most_mm, None, LEFT_UM)]
     for own in every:
+        if own.arm == LINEAR:
+            continue  # a diagnosis, made after the disturbed arm was seen
         if own.model == DEFAULT and (own.by, own.loads, own.poses) == (BARRED.by, BARRED.loads, BARRED.poses):
-            found += _of_default(own, "disturbed" if own.disturbed else "undisturbed")
+            found += _of_default(own, own.arm)
     return found
 
 

@@ -12,10 +12,12 @@ from testbench.studies.compensation.settings import (
     BOTH,
     DEFAULT,
     IDENTIFIED,
+    LINEAR,
     NOMINAL,
     PERFECT,
     PLANNED,
     RANDOM,
+    REAL,
     WEIGHT,
 )
 from testbench.trials.spread import Spread
@@ -70,15 +72,18 @@ def _by_poses(axes: Axes, report: CompensationReport, by: str, loads: str) -> No
 def _disturbed(axes: Axes, report: CompensationReport) -> None:
     n = report.featured
     for k, (by, loads) in enumerate(CAMPAIGNS):
-        own = [report.group(m, f"{by}, {loads}", n, disturbed=True) for m in IDENTIFIED]
+        own = [report.group(m, f"{by}, {loads}", n, arm=REAL) for m in IDENTIFIED]
         _dots(axes, k, own, named=not k)
-    known = [report.group(m, disturbed=True) for m in (NOMINAL, PERFECT)]
+    known = [report.group(m, arm=REAL) for m in (NOMINAL, PERFECT)]
     _dots(axes, len(CAMPAIGNS), known, named=True)
-    names = [f"{by},\n{loads}" for by, loads in CAMPAIGNS]
-    axes.set_xticks(range(len(names) + 1), [*names, "not\nidentified"])
+    _dots(
+        axes, len(CAMPAIGNS) + 1, [report.group(m, f"{PLANNED}, {BOTH}", n, arm=LINEAR) for m in IDENTIFIED]
+    )
+    names = [*(f"{by},\n{loads}" for by, loads in CAMPAIGNS), "not\nidentified", "second, joints\nlinear"]
+    axes.set_xticks(range(len(names)), names)
     axes.set_ylabel("share of the deflection removed [%]")
     axes.set_title(f"arm with all that no model knows, {n} poses", fontsize="medium")
-    _share_axis(axes, len(names) + 1)
+    _share_axis(axes, len(names))
 
 
 def _dots(axes: Axes, at: float, groups: Sequence[Group], *, named: bool = False) -> None:

@@ -18,7 +18,7 @@ from testbench.plant import settle
 from testbench.studies.compensation.arms import measure, true_arm
 from testbench.studies.compensation.jobs import PATTERN, jobs, on_panel
 from testbench.studies.compensation.report import CompensationReport
-from testbench.studies.compensation.settings import BARRED, DEFAULT, MILLING, Settings
+from testbench.studies.compensation.settings import BARRED, DEFAULT, IDEAL, MILLING, Settings
 from testbench.studies.compensation.trial import Work, execute, identified, work
 from testbench.studies.study import Run
 from testbench.views.colours import GREENS, MEASURED
@@ -37,8 +37,8 @@ def write(run: Run[Settings, CompensationReport]) -> None:
     """dataset.csv and recording.rrd: the first trial, undisturbed, the campaign that the bars are about."""
     asked, seed = run.settings, run.seeds[0]
     cell = build_cell(find_arm(asked.arm))
-    true, ways = true_cell(cell, member(FAMILY, seed), seed), asked.ways(disturbed=False)
-    read = measure(true, true_arm(true, seed, disturbed=False), asked, ways, seed)
+    true, ways = true_cell(cell, member(FAMILY, seed), seed), asked.ways(IDEAL)
+    read = measure(true, true_arm(true, seed, IDEAL), asked, ways, seed)
     data = read[ways.index(BARRED)]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
     made = scene(true, asked, data, seed)
@@ -50,7 +50,7 @@ def write(run: Run[Settings, CompensationReport]) -> None:
 
 def scene(true: Cell, asked: Settings, data: Dataset, seed: int) -> Compensated:
     """The jobs of a trial, done by the true arm; without words on the whole."""
-    own, arm = work(asked, seed), true_arm(true, seed, disturbed=False)
+    own, arm = work(asked, seed), true_arm(true, seed, IDEAL)
     fits = {fit.name: fit for fit in identified(true, {BARRED: data}, wrong_prior(true, seed))}
     shown = [fits[name] for name in SHOWN]
     done = execute(arm, own, shown)

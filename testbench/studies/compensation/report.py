@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from testbench.studies.bar import Bar
+from testbench.studies.compensation.settings import IDEAL
 from testbench.trials.spread import Spread
 
 ALL = "both"  #: Both jobs together.
@@ -32,7 +33,7 @@ class Group:
     """A model, campaign and job over some trials; a case is a point of a trial."""
 
     truth: str  #: Of the trials; empty for all.
-    disturbed: bool
+    arm: str  #: One of ARMS.
     by: str
     loads: str
     poses: int
@@ -104,9 +105,7 @@ class CompensationReport:
     shown: Shown
     dataset: DatasetRow
 
-    def group(
-        self, model: str, campaign: str = NO_CAMPAIGN, poses: int = 0, *, disturbed: bool = False
-    ) -> Group:
+    def group(self, model: str, campaign: str = NO_CAMPAIGN, poses: int = 0, *, arm: str = IDEAL) -> Group:
         """One of the groups, both jobs."""
-        wanted = (model, campaign, poses, ALL, disturbed)
-        return next(g for g in self.groups if (g.model, g.campaign, g.poses, g.job, g.disturbed) == wanted)
+        wanted = (model, campaign, poses, ALL, arm)
+        return next(g for g in self.groups if (g.model, g.campaign, g.poses, g.job, g.arm) == wanted)

@@ -34,7 +34,7 @@ class Row:
     """One job of one trial, corrected by one model."""
 
     truth: str  #: The true arm's name.
-    disturbed: bool  #: Whether it does what the model does not know.
+    arm: str  #: What it does that no model knows, one of ARMS.
     by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
     loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
     poses: int  #: How many were measured; 0 for the same.

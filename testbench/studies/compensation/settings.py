@@ -27,6 +27,9 @@ PLANNED, RANDOM = "planned", "random"
 WEIGHT, BOTH = "weight", "weight and pull"
 """What loads the arm while it is measured: in every pose the weight, or in every pose one of both."""
 FEATURED = 12  #: Poses that the bars are about, and those of all campaigns of a disturbed arm.
+IDEAL, LINEAR, REAL = "undisturbed", "linear joints", "disturbed"
+"""What a true arm does that no model knows: nothing; all but that its joints are linear springs; all."""
+ARMS = (IDEAL, LINEAR, REAL)
 NUMBERS, QUICK_NUMBERS = (6, 12, 20), (FEATURED,)
 CANDIDATES, QUICK_CANDIDATES = 2000, 150
 FORCE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
@@ -71,9 +74,11 @@ class Settings:
     #: Made of the rest by `plans.prepare`; empty before.
     scene: Annotated[Scene, Field(exclude=True)] = EMPTY
 
-    def ways(self, *, disturbed: bool) -> tuple[Way, ...]:
-        """All campaigns; of a disturbed arm those of the featured number of poses."""
-        numbers = (FEATURED,) if disturbed else self.numbers
+    def ways(self, arm: str) -> tuple[Way, ...]:
+        """The campaigns of one of ARMS."""
+        if arm == LINEAR:
+            return (BARRED,)
+        numbers = self.numbers if arm == IDEAL else (FEATURED,)
         return tuple(Way(*one) for one in product((PLANNED, RANDOM), (WEIGHT, BOTH), numbers))
 
 

@@ -21,9 +21,11 @@ from testbench.studies.compensation.report import (
 )
 from testbench.studies.compensation.rows import Row
 from testbench.studies.compensation.settings import (
+    ARMS,
     BARRED,
     DEFAULT,
     FORCE,
+    IDEAL,
     IDENTIFIED,
     JOBS,
     MILLING,
@@ -79,7 +81,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> CompensationR
 def shown(barred: Sequence[Of]) -> Shown:
     """The milling path of the first trial."""
     seed = barred[0][0]
-    own = {row.model: row for at, row in barred if at == seed and row.job == MILLING and not row.disturbed}
+    own = {row.model: row for at, row in barred if at == seed and row.job == MILLING and row.arm == IDEAL}
     first = own[DEFAULT]
     return Shown(
         seed=seed,
@@ -98,12 +100,12 @@ def way_of(row: Row) -> Way:
 
 def gathered(asked: Settings, rows: Sequence[Of], truth: str = "") -> list[Group]:
     """By disturbance, campaign, model and job, in the order of the report."""
-    groups = grouped(rows, lambda own: (own[1].disturbed, way_of(own[1]), own[1].model))
+    groups = grouped(rows, lambda own: (own[1].arm, way_of(own[1]), own[1].model))
     found = []
-    for disturbed in (False, True):
-        ways = (NOWHERE, *asked.ways(disturbed=disturbed))
+    for arm in ARMS:
+        ways = (NOWHERE, *asked.ways(arm))
         for way, model in product(ways, MODELS):
-            own = groups.get((disturbed, way, model), [])
+            own = groups.get((arm, way, model), [])
             if (model in IDENTIFIED) == (way != NOWHERE) and own:
                 found += [_group(own, truth, job) for job in (ALL, *JOBS)]
     return found
@@ -123,7 +125,7 @@ def _group(rows: Sequence[Of], truth: str, job: str) -> Group:
     ]
     return Group(
         truth=truth,
-        disturbed=first.disturbed,
+        arm=first.arm,
         by=first.by,
         loads=first.loads,
         poses=first.poses,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from testbench.studies.bar import bar_table
 from testbench.studies.compensation.report import ALL, CompensationReport
-from testbench.studies.compensation.settings import IDENTIFIED, JOBS
+from testbench.studies.compensation.settings import ARMS, IDEAL, IDENTIFIED, JOBS
 from testbench.views.schema import Column, Table, pivot
 
 MODEL = Column("model", "model")
@@ -51,13 +51,16 @@ TRUTHS = (
 def tables(report: CompensationReport) -> dict[str, Table]:
     """Share removed by campaign and poses; all numbers; trial by trial, true arm by true arm; bars."""
     found = {"bars": bar_table(report.bars, ".3g")}
-    for name, disturbed in (("undisturbed", False), ("disturbed", True)):
-        groups = [g for g in report.groups if g.disturbed == disturbed]
-        for job in (ALL, *JOBS):
-            found[f"{name}, {job}"] = Table(FOUND, [g for g in groups if g.job == job])
-        found[f"{name}, trials"] = Table(TRIALS, [g for g in groups if g.job == ALL])
-        found[f"{name}, truths"] = Table(TRUTHS, [g for g in report.by_truth if g.disturbed == disturbed])
-    own = [g for g in report.groups if not g.disturbed and g.job == ALL and g.model in IDENTIFIED]
+    for name in ARMS:
+        groups = [g for g in report.groups if g.arm == name]
+        every = [g for g in groups if g.job == ALL]
+        own = [g for g in groups if g.poses in (0, report.featured)]
+        found[f"{name}, both"] = Table(FOUND, every)
+        for job in JOBS:
+            found[f"{name}, {job}"] = Table(FOUND, [g for g in own if g.job == job])
+        found[f"{name}, trials"] = Table(TRIALS, [g for g in own if g.job == ALL])
+        found[f"{name}, truths"] = Table(TRUTHS, [g for g in report.by_truth if g.arm == name])
+    own = [g for g in report.groups if g.arm == IDEAL and g.job == ALL and g.model in IDENTIFIED]
     title = "share of the deflection removed, median over all points, %"
     for model in IDENTIFIED:
         rows = Table((), [g for g in own if g.model == model], title)

@@ -32,6 +32,7 @@ from testbench.studies.compensation.arms import TrueArm, measure, true_arm
 from testbench.studies.compensation.jobs import TIP, drawn, jobs, wrenches
 from testbench.studies.compensation.rows import Row
 from testbench.studies.compensation.settings import (
+    ARMS,
     DEFAULT,
     IDENTIFIED,
     NOMINAL,
@@ -97,13 +98,13 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> list[Row]:
     truth = member(FAMILY, seed)
     true, prior, own = true_cell(cell, truth, seed), wrong_prior(cell, seed), work(asked, seed)
     rows = []
-    for disturbed in (False, True):
-        arm, ways = true_arm(true, seed, disturbed=disturbed), asked.ways(disturbed=disturbed)
+    for name in ARMS:
+        arm, ways = true_arm(true, seed, name), asked.ways(name)
         data = measure(true, arm, asked, ways, seed)
         fits = known(true, prior) + identified(true, dict(zip(ways, data, strict=True)), prior)
         done = execute(arm, own, fits)
         for k, fit in enumerate(fits):
-            rows += [replace(row, truth=truth, disturbed=disturbed) for row in rows_of(own, fit, done, k)]
+            rows += [replace(row, truth=truth, arm=name) for row in rows_of(own, fit, done, k)]
     return rows
 
 
@@ -178,7 +179,7 @@ def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
         rows.append(
             Row(
                 truth="",
-                disturbed=False,
+                arm="",
                 by=fit.way.by,
                 loads=fit.way.loads,
                 poses=fit.way.poses,

@@ -189,7 +189,7 @@ def _blueprint(scene: Compensated) -> rrb.Blueprint:
         rrb.TimeSeriesView(origin="left_um", name="The same, corrected (um)", plot_legend=legend),
     ]
     words = [text_view("summary", "Summary"), text_view("this_point", "This point")]
-    beside = rrb.Vertical(*words, *plots, row_shares=[13, 2, 4, 4])
+    beside = rrb.Vertical(*words, *plots, row_shares=[15, 2, 4, 4])
     views = rrb.Vertical(_near(scene), _whole(scene), row_shares=[1, 1])
     return layout(
         rrb.Horizontal(views, beside, column_shares=[3, 2], name="Overview"),
@@ -201,7 +201,7 @@ def _blueprint(scene: Compensated) -> rrb.Blueprint:
 def _whole(scene: Compensated) -> rrb.Spatial3DView:
     panel = np.zeros((0, 3)) if scene.panel is None else scene.panel.reshape(-1, 3)
     points = np.vstack([scene.asked, panel, scene.frames.positions.reshape(-1, 3)])
-    eye = frame(points, np.full(len(points), 0.3), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
+    eye = frame(points, np.full(len(points), 0.6), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
     return rrb.Spatial3DView(
         origin="world",
         name=f"The arm (m), bent by the process x {scene.scale:g}",
