@@ -61,7 +61,7 @@ class Options:
     )
     start: Annotated[
         str | None,
-        typer.Option(help="Joints near the first pose of the tool, in deg and mm, commas between."),
+        typer.Option(help="Joints near the first pose, in deg and mm, commas between."),
     ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Leave points that cannot be put right as they are.")
