@@ -81,6 +81,7 @@ class SpreadRow(Strict):
     degrees_of_freedom: (
         Annotated[float, Field(gt=0)] | None
     )  #: Of Student's distribution; null for the normal one.
+    heavy_rows: Annotated[int, Field(ge=0)]  #: Last rows of root that are the prior's, of Student's.
     pull: Size
     on_boundary: bool
 

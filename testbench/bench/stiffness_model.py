@@ -51,7 +51,10 @@ def _model(found: StiffnessDocument, arm: Arm, arrays: Sequence[Array]) -> ArmMo
         tail=math.inf if tail is None else tail,
         pull=found.spread.pull,
         on_boundary=found.spread.on_boundary,
+        heavy=found.spread.heavy_rows,
     )
+    if found.spread.heavy_rows > len(root):
+        raise ValueError(f"spread.heavy_rows: expected at most the {len(root)} rows of root")
     state = bending(build_vjm(arm), C, weights_of(found.weights, arm))
     return of_compliances(state, structure, spread, about_of(found.about))
 

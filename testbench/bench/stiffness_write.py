@@ -65,7 +65,10 @@ def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str
         certificate=_certificate_row(estimate),
         unseen=_unseen_row(fits, estimate, spread),
         spread=SpreadRow(
-            degrees_of_freedom=_finite(spread.tail), pull=spread.pull, on_boundary=spread.on_boundary
+            degrees_of_freedom=_finite(spread.tail),
+            heavy_rows=spread.heavy,
+            pull=spread.pull,
+            on_boundary=spread.on_boundary,
         ),
         weights=weights_row(weights),
         notes=[*notes, *fits.notes],

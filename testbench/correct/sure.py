@@ -4,6 +4,7 @@ A position is linear in what is unknown as far as that is still open: its rows a
 Eq. (12) for compliances. What two poses share in them cancels in their difference.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -53,17 +54,17 @@ def half_widths(
     check_confidence(confidence)
     if start is None and not model.absolute:
         raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
-    wide = quantile(model.spread.tail, (1 + confidence) / 2)
+    scatter = quantile(math.inf, (1 + confidence) / 2) * model.scatter
     found = []
     for first in range(0, max(len(end.q), 1), TOGETHER):
         some = slice(first, first + TOGETHER)
         before = None if start is None else start.of(some)
         rows = rows_between(model, end.of(some), before, points)
-        half = wide * model.spread.deviations(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
+        half = model.spread.half_widths(rows.reshape(-1, rows.shape[-1]), confidence).reshape(rows.shape[:3])
         if not model.absolute:
             half = np.hypot(half, curvature(model, end.of(some), points))
         elif start is None:
-            half = np.hypot(half, wide * model.scatter)
+            half = np.hypot(half, scatter)
         found.append(half)
     return np.concatenate(found)
 

@@ -159,6 +159,23 @@ def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campa
     assert quantile(np.inf, 0.975) == pytest.approx(1.95996, abs=1e-5)
 
 
+def test_noise_counts_as_normal_and_what_the_prior_puts_in_as_student(kr500, campaign):
+    """Of a direction that readings tell, noise is left; of one that none tells, the prior."""
+    s = all153(kr500.arm)
+    learnt = linearise(with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, s, campaign.identification))
+    noise, prior = np.vsplit(learnt.root, [len(learnt.root) - learnt.heavy])
+    shares = np.linalg.norm(prior, axis=0) / np.linalg.norm(learnt.root, axis=0)
+    joint_1 = s.n - kr500.arm.n_joints
+    assert shares[joint_1] == pytest.approx(1, abs=1e-9)
+    a = np.linalg.svd(noise)[2][:1]
+    for functional, tail in ((a, np.inf), (np.eye(s.n)[joint_1 : joint_1 + 1], HEAVY)):
+        own = learnt.half_widths(functional) / learnt.deviations(functional)
+        low, high = quantile(np.inf, 0.975), quantile(HEAVY, 0.975)
+        assert low <= own[0] <= high * (1 + 1e-9)
+        if tail == HEAVY:
+            assert own[0] == pytest.approx(high, rel=1e-9)
+
+
 def test_readings_that_move_against_the_load_are_refused_in_one_line(kr500, campaign):
     data = campaign.identification
     with pytest.raises(BenchError, match="expected data that move with the load"):
@@ -184,6 +201,6 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_
     )
     found = intervals(kr500.vjm, estimate, data)
     rows = observation(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
-    half = quantile(HEAVY, 0.975) * linearise(estimate).deviations(rows.reshape(-1, 56)).reshape(whole.shape)
+    half = linearise(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
     left_out = curvature(kr500.vjm, estimate.C_theta, data)
     np.testing.assert_allclose(found.upper - found.centre, np.hypot(half, CURVED * left_out), rtol=1e-9)

@@ -14,7 +14,6 @@ from run_here import FILES, app_of_study, check_refused, here
 from testbench.bench.campaign import build_cell, stream
 from testbench.bench.default import Choice, with_priors
 from testbench.bench.models import named_models
-from testbench.bench.wrong_prior import wrong_prior
 from testbench.correct.arm_model import of_estimate
 from testbench.correct.process import tangents
 from testbench.model.load import on_joints
@@ -143,7 +142,7 @@ def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cel
     asked = settings.Settings("kr500_l480", 4, (12,), 12, scene())
     way = Way(settings.PLANNED, BOTH, 12)
     [data] = measure(cell, true_arm(cell, 4, IDEAL), asked, [way], 4)
-    estimate = undisputed(cell, data, wrong_prior(cell, 4)).estimate
+    estimate = undisputed(cell, data, trial.prior_in_turn(cell, 4)).estimate
     weights = read_weights(cell.arm)
     sound = of_estimate(cell.vjm, estimate, weights)
     soft = of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)

@@ -10,7 +10,6 @@ from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import MM, UM
 from testbench.bench.truths import FAMILY, member, true_cell
-from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -19,7 +18,7 @@ from testbench.studies.compensation.arms import measure, true_arm
 from testbench.studies.compensation.jobs import PATTERN, jobs, on_panel
 from testbench.studies.compensation.report import CompensationReport
 from testbench.studies.compensation.settings import BARRED, DEFAULT, IDEAL, MILLING, Settings
-from testbench.studies.compensation.trial import Work, execute, identified, work
+from testbench.studies.compensation.trial import Work, execute, identified, prior_in_turn, work
 from testbench.studies.study import Run
 from testbench.views.colours import GREENS, MEASURED
 from testbench.views.colours import JOINTS as BLUE
@@ -51,7 +50,7 @@ def write(run: Run[Settings, CompensationReport]) -> None:
 def scene(true: Cell, asked: Settings, data: Dataset, seed: int) -> Compensated:
     """The jobs of a trial, done by the true arm; without words on the whole."""
     own, arm = work(asked, seed), true_arm(true, seed, IDEAL)
-    fits = {fit.name: fit for fit in identified(true, {BARRED: data}, wrong_prior(true, seed))}
+    fits = {fit.name: fit for fit in identified(true, {BARRED: data}, prior_in_turn(true, seed))}
     shown = [fits[name] for name in SHOWN]
     done = execute(arm, own, shown)
     offs = [Off(NOT_CORRECTED, MEASURED, done.before)]

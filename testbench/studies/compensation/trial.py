@@ -15,8 +15,8 @@ from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.default import choose
 from testbench.bench.judged import identify_each
 from testbench.bench.models import named_models
-from testbench.bench.truths import FAMILY, member, true_cell
-from testbench.bench.wrong_prior import wrong_prior
+from testbench.bench.truths import FAMILY, TRUTHS, member, true_cell
+from testbench.bench.wrong_prior import PRIORS, prior_of
 from testbench.correct.arm_model import ArmModel, bending, of_estimate
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, correct
@@ -96,7 +96,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
 
 def _trial(cell: Cell, asked: Settings, seed: int) -> list[Row]:
     truth = member(FAMILY, seed)
-    true, prior, own = true_cell(cell, truth, seed), wrong_prior(cell, seed), work(asked, seed)
+    true, prior, own = true_cell(cell, truth, seed), prior_in_turn(cell, seed), work(asked, seed)
     rows = []
     for name in ARMS:
         arm, ways = true_arm(true, seed, name), asked.ways(name)
@@ -106,6 +106,11 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> list[Row]:
         for k, fit in enumerate(fits):
             rows += [replace(row, truth=truth, arm=name) for row in rows_of(own, fit, done, k)]
     return rows
+
+
+def prior_in_turn(cell: Cell, seed: int) -> Prior:
+    """Every truth of the family meets every prior once in as many seeds as there are pairs."""
+    return prior_of(cell, list(PRIORS)[seed // len(TRUTHS) % len(PRIORS)], seed)
 
 
 def work(asked: Settings, seed: int) -> Work:
