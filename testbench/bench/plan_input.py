@@ -51,7 +51,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
 def _read_load(columns: Columns, hung: Load) -> Load:
     """The load of every task."""
     table = columns.table
-    force, moment, point = vector(columns, "force"), vector(columns, "moment"), vector(columns, "point")
+    force, moment, point = (vector(columns, what) for what in ("force", "moment", "point"))
     if force is None and moment is None:
         if point is None:
             return hung

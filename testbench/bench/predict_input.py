@@ -1,7 +1,7 @@
 """What a prediction is asked for: poses of any table of ours, and what acts in them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,7 +14,7 @@ from testbench.correct.arm_model import ArmModel
 from testbench.correct.newton import Aim
 from testbench.data.dataset import Ids
 from testbench.data.posefile import read_poses
-from testbench.data.program import read_program
+from testbench.data.program import read_program, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, InputError, NoEquilibrium
 from testbench.model.load import Load
@@ -33,6 +33,7 @@ class Asked:
     q: Array  #: Joints, (poses, n) [rad, m].
     loads: tuple[Load, ...]  #: With a row a pose.
     hung: Array  #: Mass that hangs, part of the loads, (poses,) [kg].
+    notes: tuple[str, ...] = ()  #: How the file was read, sentences without a full stop.
 
     @property
     def words(self) -> str:
@@ -52,7 +53,7 @@ def _between(values: Array) -> str:
 
 
 def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]) -> Asked:
-    """Poses of a plan or of a program.
+    """Poses of a plan or of a program; of a corrected program its joints, which are what is commanded.
 
     Args:
         path: The file.
@@ -66,22 +67,32 @@ def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable
     if PROMISED in read_table(path, lambda name: name == PROMISED).names:
         return _of_plan(path, model, mass)
     program = read_program(path, model.arm, mapping, jumps=True)
-    aim = Aim()
+    aim, notes = Aim(), unread(program)
+    if program.corrected and program.q is not None:
+        notes += ("The program was corrected: its joints count as they stand",)
+        program = replace(program, position=None, rotation=None)
     q = drawn_joints(model, program, aim, None)
     loads, hung = loads_of(model, program, aim, q), program.mass
     if not (program.mass.any() or program.wrench.any() or program.along.any()):
         hung = np.full(len(q), mass())
-        loads = (hanging(model, hung),)
-    return Asked(path, program.line, program.labels, q, loads, hung)
+        loads, notes = (hanging(model, hung),), (*notes, no_load(model, hung[0]))
+    return Asked(path, program.line, program.labels, q, loads, hung, notes)
 
 
 def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
     """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
     q, found, pulls = read_poses(path, model.arm), read_payload(path), read_pulls(path)
     hung = np.full(len(q), mass()) if found is None else found
+    notes = (no_load(model, hung[0]),) if found is None else ()
     labels = tuple(map(str, range(1, len(q) + 1)))
     forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
-    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, hanging(model, hung)), hung)
+    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, hanging(model, hung)), hung, notes)
+
+
+def no_load(model: ArmModel, mass: float) -> str:
+    """What hangs [kg] where the file says of no load, a sentence."""
+    what = f"the payload of {mass:g} kg hangs" if mass == model.arm.payload else f"{mass:g} kg hang"
+    return f"No load in the file: {what}"
 
 
 def hanging(model: ArmModel, mass: Array) -> Load:

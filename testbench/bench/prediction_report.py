@@ -90,6 +90,7 @@ class PredictionReport:
     moment_ratio: float | None
     extrapolated: list[str]
     doubts: list[str]
+    notes: list[str]
     softest: PoseRow
     worst: list[PoseRow]
     map: MapRow
@@ -125,6 +126,7 @@ def reported(made: Predicted) -> PredictionReport:
         moment_ratio=extent.moment_ratio,
         extrapolated=list(extent.sentences),
         doubts=list(about.doubts),
+        notes=list(made.asked.notes),
         softest=pose_row(made, int(made.stiffness.give[:, 0].argmax())),
         worst=worst,
         map=_map_row(made),

@@ -20,6 +20,10 @@ READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation"
 """Quantities whose cells are blank, or hold a word, where a target was lost."""
 
 
+ACTS: tuple[What, ...] = ("force", "moment", "process")
+"""Quantities that are 0 where nothing acts."""
+
+
 @dataclass(frozen=True)
 class Column:
     """A column that is read."""
@@ -66,14 +70,16 @@ class Columns:
             what, key = (
                 ("a line behind the table", "footer = 1") if last else ("merged cells", "merged = true")
             )
-            problem = f"expected a finite number, got ''; for {what} say {key} in the map's [file]"
-            raise self.table.error(blank[0], column.name, problem)
+            hint = f"for {what} say {key} in the map's [file]"
+            if column.slot.what in ACTS:
+                hint = "say 0 where none acts"
+            raise self.table.error(blank[0], column.name, f"expected a finite number, got ''; {hint}")
         return values
 
     def lack(self, missing: Sequence[str], hint: str = "") -> InputError:
         """The error about columns that are not there."""
-        ignored = list(self.ignored)
-        problem = f"missing columns {list(missing)}, ignored columns {ignored}{hint}"
+        ignored = f", ignored columns {list(self.ignored)}" if self.ignored else ""
+        problem = f"missing columns {list(missing)}{ignored}{hint}"
         return InputError(self.table.path, f"line {self.table.header}", problem)
 
     def constant(self, slot: Slot) -> float | None:
@@ -193,8 +199,9 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     q = np.empty((columns.table.rows, arm.n_joints))
     found = [columns.get(Slot("joint", k)) for k in range(arm.n_joints)]
     stated = [columns.constant(Slot("joint", k)) for k in range(arm.n_joints)]
+    units = {column.unit.si: column.unit.name for column in found if column and column.unit}
     missing = [
-        joint.column
+        f"{joint.name}_{units.get(joint.unit, joint.unit)}"
         for joint, column, value in zip(arm.joints, found, stated, strict=True)
         if column is None and value is None
     ]

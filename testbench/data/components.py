@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbench.data.columns import Column, Columns, axes
-from testbench.data.names import SI, Slot, What
+from testbench.data.columns import Column, Columns
+from testbench.data.names import SI, XYZ, Slot, What
 from testbench.errors import Array, InputError
 
 FARTHEST: dict[What, float] = {
@@ -20,12 +20,12 @@ FARTHEST: dict[What, float] = {
 
 
 def vector(columns: Columns, what: What) -> Array | None:
-    """A vector of every row, (rows, 3): x, y, z, or one of them alone; None without any.
+    """A vector of every row, (rows, 3), zero for whichever of x, y, z is missing; None without any.
 
     Raises:
-        InputError: Where a part is missing, blank or too large.
+        InputError: Where a part is blank or too large.
     """
-    return components(columns, what, axes(columns, what))
+    return components(columns, what, [columns.get(Slot(what, k)) for k in range(len(XYZ))])
 
 
 def components(columns: Columns, what: What, found: Sequence[Column | None]) -> Array | None:

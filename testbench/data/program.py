@@ -1,6 +1,8 @@
 """A robot's program as a table: where the tool goes, point by point, and what acts on it there."""
 
 from dataclasses import dataclass, field
+from difflib import get_close_matches
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +13,21 @@ from testbench.data.components import components, vector
 from testbench.data.dataset import Ids
 from testbench.data.jumps import refuse_joint_jumps, refuse_tool_jumps
 from testbench.data.mapping import read_map
-from testbench.data.names import ALONG, ROTATIONS, XYZ, Slot, program_names
+from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, program_names
 from testbench.data.series_rotation import read_rotations
 from testbench.data.table import Table, read_table
+from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, InputError
 
 MAX_POINTS = 1_000_000
+CORRECTION = "correction_"  #: What begins the columns that tell of a correction.
+LISTED = 12  #: Columns that a sentence names.
+LOADS: tuple[tuple[What, tuple[str, ...]], ...] = (
+    ("force", (*(f"force_{axis}" for axis in XYZ), *ALONG)),
+    ("moment", tuple(f"moment_{axis}" for axis in XYZ)),
+    ("mass", ("mass", "payload")),
+)
+"""Of every kind of load the names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +60,36 @@ class Program:
     def points(self) -> int:
         """How many points there are."""
         return len(self.line)
+
+    @property
+    def corrected(self) -> bool:
+        """Whether it was corrected: its joints are what is commanded."""
+        return any(name.startswith(CORRECTION) for name in self.other)
+
+
+def unread(program: Program) -> tuple[str, ...]:
+    """Sentences on columns that were not read, without a full stop; first those that look like loads."""
+    found = []
+    for name in program.other:
+        said = split_unit(name)
+        if said and (like := _load_like(*said)) is not None:
+            hint = f" ({like}?)" if like else ""
+            found.append(f"Not read though its unit is that of a load: {name}{hint}; it counts for nothing")
+    own = takewhile(lambda name: not name.startswith(CORRECTION), program.other)
+    rest = [name for name in own if not ((said := split_unit(name)) and _load_like(*said) is not None)]
+    if rest:
+        more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
+        found.append(f"Not read: {', '.join(rest[:LISTED])}{more}")
+    return tuple(found)
+
+
+def _load_like(name: str, unit: Unit) -> str | None:
+    """The load's name that is nearest, "" if none is near; None where the unit is not that of a load."""
+    for what, names in LOADS:
+        if unit.si in SI[what]:
+            near = get_close_matches(name.casefold(), names, n=1, cutoff=0.7)
+            return f"{near[0]}_{unit.name}" if near else ""
+    return None
 
 
 def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bool = False) -> Program:
@@ -83,7 +124,9 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
         refuse_tool_jumps(path, table.lines, position, rotation)
-    force, moment = (_or_zero(vector(columns, what), table.rows) for what in ("force", "moment"))
+    force, moment, point = (
+        _or_zero(vector(columns, what), table.rows) for what in ("force", "moment", "point")
+    )
     mass, found = _mass(columns), [columns.get(Slot("process", k)) for k in range(len(ALONG))]
     return Program(
         name=path.stem,
@@ -96,7 +139,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         wrench=np.hstack([force, moment]),
         along=_or_zero(components(columns, "process", found), table.rows),
         mass=mass,
-        point=_or_zero(vector(columns, "point"), table.rows),
+        point=point,
         other=columns.ignored,
         arm=arm,
         table=table,

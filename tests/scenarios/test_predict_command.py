@@ -182,6 +182,7 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     forces = np.linalg.norm(cut.loads[0].wrench[:, :3], axis=1)
     np.testing.assert_allclose(forces, sizes, rtol=5e-3)  # chords are not quite across the spindle
     assert cut.words == "0 to 1,019 N"
+    assert cut.notes == ("Not read: speed_mm_s",)
     plan = poses_file(tmp_path / "plan.csv", q, ["250,0.1"] * POSES, head="load_kg,expected_error_mm")
     hung = read_asked(plan, found, None, lambda: MASS)
     assert hung.words == "250 kg"
@@ -193,6 +194,30 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     total = sum(load.wrench for load in pulled.loads)
     np.testing.assert_allclose(total[:2, :3], [[0, 0, -250 * GRAVITY], [0, 3000, 0]])
     assert all((load.point == kr500.vjm.load).all() for load in pulled.loads)
+
+
+def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500, model, tmp_path, q):
+    poses = read_asked(ROOT / "docs" / "program.csv", tb.load_model(model), None, lambda: MASS)
+    rows = (ROOT / "docs" / "program.csv").read_text().splitlines()
+    head = [rows[0], *(f"joint_{k}_rad" for k in range(1, 7)), "correction_joint_1_deg"]
+    moved = poses.q + 1e-3
+    cells = [
+        ",".join([row, *map(repr, own), "0.1"]) for row, own in zip(rows[1:], moved.tolist(), strict=True)
+    ]
+    (file := tmp_path / "corrected.csv").write_text("\n".join([",".join(head), *cells]) + "\n")
+    found = read_asked(file, tb.load_model(model), None, lambda: MASS)
+    assert np.array_equal(found.q, moved)
+    assert found.notes[-1] == "The program was corrected: its joints count as they stand"
+
+
+def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_said(model, tmp_path, q):
+    file = poses_file(tmp_path / "poses.csv", q[:2], ["900", "900"], head="axail_N")
+    done = run(model, file, "--push", 1000, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "out" / "report.md").read_text()
+    for text in (" ".join(done.stdout.split()), page.replace("**", "")):
+        assert "No load in the file: the payload of 460.3 kg hangs." in text
+        assert "Not read though its unit is that of a load: axail_N (axial_N?); it counts for" in text
 
 
 def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, model, tmp_path, q):

@@ -606,7 +606,7 @@ def damaged(name, line, column, cell):
     [
         ("spreadsheet", 6, 9, "1.234", "line 6, column Gewicht [kg]: expected a finite number, got '1.234'"),
         ("spreadsheet", 6, 4, "12.5", "line 6, column A2 [°]: expected a finite number, got '12.5'; the dec"),
-        ("spreadsheet", 4, 3, "A7 [°]", "line 4: missing columns ['joint_1_rad'], ignored columns ['Da"),
+        ("spreadsheet", 4, 3, "A7 [°]", "line 4: missing columns ['joint_1_deg'], ignored columns ['Da"),
         ("spreadsheet", 4, 3, "A1 [mm]", "line 4, column A1 [mm]: expected one unit, of _rad, got"),
         ("spreadsheet", 4, 11, "Ziel 1 x", "missing columns ['P1_before_y_m']"),
         ("spreadsheet", 7, 10, "", "line 7, column Ziel 1 unbelastet X [mm]: expected a finite"),

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
-from testbench.data.program import read_program
+from testbench.data.program import read_program, unread
 from testbench.data.program_corrected import write_program
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
@@ -53,6 +53,29 @@ def test_joints_loads_labels_and_other_columns_are_read(kr500, write):
     assert program.along.tolist() == [[100, 0, -2]] * 3
     assert program.mass.tolist() == [7] * 3
     np.testing.assert_allclose(program.point, [[0.04, 0, -0.005]] * 3)
+
+
+def test_missing_parts_of_a_vector_are_zero(kr500, write):
+    header = f"{DEG},force_y_N,force_z_N,moment_x_Nm,point_z_mm"
+    program = read_program(write(header, [[*q, 30, -40, 5, 150] for q in np.degrees(Q)]), kr500.arm)
+    assert program.wrench.tolist() == [[0, 30, -40, 5, 0, 0]] * 3
+    np.testing.assert_allclose(program.point, [[0, 0, 0.15]] * 3)
+
+
+def test_columns_that_were_not_read_are_said_and_louder_where_they_look_like_loads(kr500, write):
+    """What our own corrections stand in is no surprise; a load behind them is."""
+    header = f"speed_mm_s,{DEG},axail_N,torque_Nm,load_kg,comment,correction_joint_1_deg,before_x_mm,pull_N"
+    rows = [["20", *q, 900, 1, 2, "cut", 0.1, 1, 5] for q in np.degrees(Q)]
+    program = read_program(write(header, rows), kr500.arm)
+    assert program.corrected
+    loud = [
+        f"Not read though its unit is that of a load: {name}; it counts for nothing"
+        for name in ("axail_N (axial_N?)", "torque_Nm", "load_kg (payload_kg?)", "pull_N")
+    ]
+    assert unread(program) == (*loud, "Not read: speed_mm_s, comment")
+    plain = read_program(write(f"{DEG},axial_N", [[*q, 9] for q in np.degrees(Q)]), kr500.arm)
+    assert unread(plain) == ()
+    assert not plain.corrected
 
 
 NOTATIONS = {
@@ -116,10 +139,14 @@ WRONG = {
     ),
     "line 2, column feed_N: expected -1e.06 to 1e.06 N, got 2e.06": (DEG + ",feed_N", changed(0, 6, 2e6)),
     "line 2, column mass_kg: expected a mass of at least 0": (DEG + ",mass_kg", changed(0, 6, -1)),
-    r"missing columns \['joint_6_rad'\]": (DEG.removesuffix(",joint_6_deg"), [changed(0, 6, 1)[0][:5]]),
+    r"missing columns \['joint_6_deg'\]$": (DEG.removesuffix(",joint_6_deg"), [changed(0, 6, 1)[0][:5]]),
     r"missing columns \['joint_1_deg', .*or x_mm": ("feed_N,axial_N", [[1, 2]]),
     "line 2: expected 1 to 1000000 points, got 0": (DEG, []),
     "line 2, column x_mm: expected -100 to 100 m, got 2000": (f"{PLACE},{QUATERNION}", [[2e6, *POSE[1:]]]),
+    "line 3, column force_x_N: expected a finite number, got ''; say 0 where none acts$": (
+        DEG + ",force_x_N",
+        changed(1, 6, ""),
+    ),
     "line 3, column qw: expected a unit quaternion, got one of norm 0": (
         f"{PLACE},{QUATERNION}",
         [POSE, [*POSE[:3], 0, 0, 0, 0]],
