@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.urdf_text import BEGINS, with_origins
+from testbench.arm.urdf_text import BEGINS, BEGINS_NEW, with_origins
 from testbench.bench.export_align import align, axis_lines, onto_axis
 from testbench.bench.export_geometry import (
     Rigid,
@@ -77,7 +77,7 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
         InputError: When it is no URDF, or its joints up to the tip are not the arm's.
     """
     root, text = read_xml(file), read_text(file, MAX_BYTES)
-    if re.match(BEGINS, text.encode()):
+    if re.match(BEGINS, text.encode()) and not re.match(BEGINS_NEW, text.encode()):
         raise InputError(file, "", "testbench export wrote it; expected the robot's own URDF")
     if root.tag != "robot":
         raise InputError(file, "", f"expected URDF (<robot>) at the top, got <{root.tag}>")
@@ -158,6 +158,8 @@ def place(own: Own, state: State) -> Placed:
         problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from that of"
         limits = f"{1e3 * SAME:g} mm and mrad"
         why = "it is another robot, or counts its joints otherwise"
+        if re.match(BEGINS_NEW, own.text.encode()):
+            why = "testbench export wrote it from scratch, with the geometry of a calibration"
         raise InputError(own.file, "", f"{problem} {vjm.arm.name} as drawn; expected {limits}: {why}")
     exact = [
         onto_axis(link, theirs, ours, slide=slide)

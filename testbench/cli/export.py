@@ -1,6 +1,8 @@
 """testbench export MODEL --urdf robot.urdf: the identified geometry in the robot's own file."""
 
+import json
 import re
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +16,7 @@ from testbench.bench.export import Exported, beside_of, draft_new, draft_own, ex
 from testbench.bench.export_beside import BEGINS
 from testbench.bench.load_model import load_model
 from testbench.errors import BenchError, InputError
-from testbench.output.place import HEAD, Kind, check_file, look
+from testbench.output.place import HEAD, INSTEAD, Kind, check_file, look
 from testbench.output.scratch import writing
 from testbench.shell.options import Force, takes
 
@@ -42,15 +44,17 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Write the identified geometry as URDF, what it cannot hold as JSON beside it; read both back."""
-    own = look(asked.urdf) is not None and not _new(asked.urdf)
+    scratch = _new(asked.urdf)  # with --out it is read as any other
+    own = look(asked.urdf) is not None and not (scratch and asked.out is None)
     out = _place(asked, own=own)
     inputs = [asked.model, *([asked.urdf] if own else [])]
     check_file(out, URDF, inputs=inputs, force=asked.force)
     check_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force)
     model = load_model(asked.model)
-    state = model.state
+    state, arm, stood = model.state, model.arm.name, look(out) is not None
+    _refuse_another(out, arm, force=asked.force)
     done = export(state, draft_own(state, asked.urdf, asked.tip) if own else draft_new(state), out)
-    lines = _words(model.arm.name, done)
+    lines = _words(arm, done, replaced=stood)
     if not model.absolute:
         lines.append("the model is of compliances alone: its geometry is the drawing's")
     Console(highlight=False).print("\n".join(lines), soft_wrap=True, markup=False)
@@ -72,7 +76,7 @@ def _place(asked: Options, *, own: bool) -> Path:
         problem = "expected the robot's own URDF; to write one from scratch leave --out away"
         raise InputError(asked.urdf, "", problem)
     elif asked.tip is not None:
-        raise BenchError(f"--tip: is for a robot's own URDF; there is no {asked.urdf}")
+        raise BenchError(f"--tip: is for a robot's own URDF; {asked.urdf} is written from scratch")
     else:
         out = asked.urdf
     if out.suffix.lower() != ".urdf":
@@ -80,10 +84,39 @@ def _place(asked: Options, *, own: bool) -> Path:
     return out
 
 
-def _words(arm: str, done: Exported) -> list[str]:
+def _refuse_another(out: Path, arm: str, *, force: bool) -> None:
+    """Refuse to replace what an earlier call wrote of another arm."""
+    named = {_arm_of(out), _arm_beside(beside_of(out))} - {None, arm}
+    if named and not force:
+        other = " and ".join(sorted(filter(None, named)))
+        raise InputError(out, "", f"testbench export wrote it of another arm, {other}; {INSTEAD}")
+
+
+def _arm_of(urdf: Path) -> str | None:
+    """The arm of a URDF from scratch; None of any other file."""
+    if not _new(urdf):
+        return None
+    try:
+        return ET.parse(urdf).getroot().get("name")
+    except ET.ParseError as err:
+        raise InputError(urdf, "", f"not XML: {err}") from err
+
+
+def _arm_beside(document: Path) -> str | None:
+    """The arm of the JSON beside a URDF; None where there is none that can be read."""
+    try:
+        found = json.loads(document.read_bytes())
+    except (OSError, ValueError):
+        return None
+    name = found.get("arm") if isinstance(found, dict) else None
+    return name if isinstance(name, str) else None
+
+
+def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     back, moved, rest = done.back, done.geometry, done.rest
     lines = [
-        f"{arm}: the identified geometry is in {done.urdf}, its tool is {done.tip!r}",
+        f"{arm}: the identified geometry is in {done.urdf}{', replaced' if replaced else ''}, "
+        f"its tool is {done.tip!r}",
         f"read back by Pinocchio in {back.poses} poses: at most {back.position_um:.6f} um and "
         f"{back.rotation_urad:.6f} urad from the model",
         f"it moves the tool by {moved.rms_mm:.3f} mm RMS, {moved.max_mm:.3f} mm at most, from the drawing",
@@ -91,9 +124,8 @@ def _words(arm: str, done: Exported) -> list[str]:
         f"errors of the joints move the tool by {rest.rms_mm:.3f} mm RMS, {rest.max_mm:.3f} mm at most",
     ]
     if done.drawing_off is None:
-        lines.append(
-            f"there was no {done.urdf}: this one is new, with links, joints and masses, without shapes"
-        )
+        found = f"{done.urdf} was one: replaced" if replaced else f"no file {done.urdf}: written"
+        lines.insert(0, f"{found} from scratch, with links, joints and masses, without shapes")
     else:
         lines.append(
             f"its own drawing was that of {arm} to {1e6 * done.drawing_off:.3g} um and urad; {done.tip!r} "

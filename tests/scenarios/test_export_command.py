@@ -63,14 +63,37 @@ def test_an_own_urdf_a_new_one_and_both_again(place):
     assert said["kind"] == "what a URDF cannot hold"
     assert said["urdf_sha256"] == files.digest(place / "robot_calibrated.urdf")
     assert said["read_back"]["position_um"] < 1
-    assert "this one is new" in run("model", "--urdf", "new.urdf").stdout
+    assert run("model", "--urdf", "new.urdf").stdout.startswith("no file new.urdf: written from scratch")
     assert "testbench export wrote it" in run("model", "--urdf", "robot_calibrated.urdf").stderr
     for urdf in ("in/robot.urdf", "new.urdf"):  # what the command wrote may be replaced
-        assert run("model", "--urdf", urdf).returncode == 0
+        assert "replaced" in run("model", "--urdf", urdf).stdout
     after = held(place)
     made = {Path(f"{stem}.{kind}") for stem in ("robot_calibrated", "new") for kind in ("urdf", "json")}
     assert set(after) - set(before) == made
     assert all(after[path] == content for path, content in before.items())
+
+
+def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_robots_own(place):
+    document = json.loads((place / "model" / "model.json").read_text())
+    (place / "drawn").mkdir()
+    for path in (place / "model").iterdir():
+        shutil.copyfile(path, place / "drawn" / path.name)
+    (place / "drawn" / "model.json").write_text(json.dumps(document | {"theta_0": [0.0] * 48}))
+    assert run("drawn", "--urdf", "new.urdf").returncode == 0
+    copied = run("model", "--urdf", "new.urdf", "--out", "mine.urdf")
+    assert copied.returncode == 0, copied.stderr
+    assert (place / "mine.urdf").read_text() != (place / "new.urdf").read_text()
+    assert run("model", "--urdf", "identified.urdf").returncode == 0
+    done = run("model", "--urdf", "identified.urdf", "--out", "mine.urdf")
+    assert "wrote it from scratch, with the geometry of a calibration" in done.stderr
+    text = (place / "new.urdf").read_text().replace('<robot name="ur10"', '<robot name="arm_6r"')
+    (place / "new.urdf").write_text(text)
+    before = held(place)
+    done = run("model", "--urdf", "new.urdf")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "testbench export wrote it of another arm, arm_6r; choose another name" in done.stderr
+    assert held(place) == before
+    assert run("model", "--urdf", "new.urdf", "--force").returncode == 0
 
 
 @pytest.mark.parametrize(
