@@ -12,8 +12,6 @@ from testbench.arm.folder import Arm
 from testbench.bench.absolute_document import CalibrationDocument, ErrorsRow, FrameRow, MountRow, NoiseRow
 from testbench.bench.model_document import AboutRow, Document, Rows, about_of, loaded_by, weights_row
 from testbench.bench.model_folder import (
-    DOCUMENT,
-    POSTERIOR,
     Kind,
     copy_arm,
     numbers_of,
@@ -21,6 +19,7 @@ from testbench.bench.model_folder import (
     read_arrays,
     read_document,
     weights_of,
+    write_parts,
 )
 from testbench.correct.arm_model import About
 from testbench.errors import Array, check_array
@@ -37,7 +36,7 @@ from testbench.model.kinematics import build_vjm
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 
-CALIBRATION = Kind("absolute calibration", range(1, 3), CalibrationDocument, "testbench calibrate")
+CALIBRATION = Kind("absolute calibration", range(1, 3), 2, CalibrationDocument, "testbench calibrate")
 ARRAYS = ("root", "L")
 """Of posterior.npz: root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
 TURN = 1e-6  #: Most that a rotation of a file differs from one [1].
@@ -61,10 +60,9 @@ def write_model(
     """
     belief, digests = belief_of(calibration), copy_arm(calibration.state.vjm.arm, folder)
     document = _document(calibration, belief, digests, _about_row(calibration, data, doubts))
-    files.write_json(document.model_dump(), folder / DOCUMENT)
     elastic = belief.own.elastic
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    np.savez_compressed(folder / POSTERIOR, root=belief.root, L=L)
+    write_parts(document, folder, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:
@@ -163,7 +161,7 @@ def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
     """
     assert isinstance(found, CalibrationDocument)
     arm = read_arm(folder, found, meshes=found.format > 1)
-    root, L = read_arrays(folder / POSTERIOR, ARRAYS)
+    root, L = read_arrays(folder, found, ARRAYS)
     with numbers_of(folder):
         state = _state(found, arm)
         if (found.about is None) != (found.format == 1):

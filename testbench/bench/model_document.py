@@ -52,6 +52,8 @@ class Document(Strict):
     arm: str
     digests: dict[str, str]
     weights: WeightsRow
+    posterior: str | None = None  #: SHA-256 of posterior.npz.
+    checksum: str | None = None  #: Of all the rest, see `bench.model_seal`.
 
 
 def weights_row(weights: Weights) -> WeightsRow:

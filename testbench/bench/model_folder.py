@@ -24,6 +24,7 @@ from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import assets, read_mjcf
 from testbench.bench.model_document import Document, Head, WeightsRow
+from testbench.bench.model_seal import check_document, check_posterior, sealed
 from testbench.errors import Array, BenchError, InputError, check_array, read_bytes, read_text
 from testbench.model.weights import Weights
 
@@ -41,6 +42,7 @@ class Kind:
 
     name: str  #: As model.json has it.
     formats: range  #: Those that are read, the last one is written.
+    sealed: int  #: The first of them that has checksums.
     document: type[Document]
     command: str  #: That writes it.
 
@@ -69,7 +71,8 @@ def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
         kinds: Those that are expected, by name.
 
     Raises:
-        InputError: When there is none, or none of these kinds, of a format that nobody knows, or not whole.
+        InputError: When there is none, or none of these kinds, of a format that nobody knows, not whole, or
+            changed since it was written.
     """
     path = folder / DOCUMENT
     if not path.is_file():
@@ -88,7 +91,10 @@ def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
         raise InputError(
             path, "format", f"is a {head.kind} of format {head.format}, this version reads {known}"
         )
-    return _valid(kind.document, text, path)
+    found = _valid(kind.document, text, path)
+    if found.format >= kind.sealed or found.checksum is not None:
+        check_document(path, text, found.checksum)
+    return found
 
 
 def _valid(document: type[D], text: str, path: Path) -> D:
@@ -148,13 +154,21 @@ def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
             raise InputError(folder, "", f"is a model of another arm, {found.arm} ({digests})")
 
 
-def read_arrays(path: Path, names: Sequence[str]) -> tuple[Array, ...]:
+def write_parts(document: Document, folder: Path, **arrays: Array) -> None:
+    """Write posterior.npz of these arrays, and model.json with the checksums of both."""
+    np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]  # stubs: allow_pickle
+    whole = sealed(document.model_dump(), (folder / POSTERIOR).read_bytes())
+    files.write_json(whole, folder / DOCUMENT)
+
+
+def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Array, ...]:
     """Arrays of posterior.npz, of any size, finite.
 
     Raises:
-        InputError: When it is too large, or lacks one of them.
+        InputError: When it has changed since it was written, is too large, or lacks one of them.
     """
-    raw = read_bytes(path, MAX_ROOT)
+    raw = read_bytes(path := folder / POSTERIOR, MAX_ROOT)
+    check_posterior(path, raw, found.posterior)
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())

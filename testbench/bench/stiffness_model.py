@@ -17,7 +17,7 @@ from testbench.identify.intervals import Linearised
 from testbench.model.kinematics import build_vjm
 from testbench.model.structure import Structure, labels_of
 
-STIFFNESS = Kind("stiffness", range(1, 2), StiffnessDocument, "testbench identify")
+STIFFNESS = Kind("stiffness", range(1, 2), 1, StiffnessDocument, "testbench identify")
 ARRAYS = ("pi", "root", "unseen", "scale")  #: Of posterior.npz: those of `identify.intervals.Linearised`.
 
 
@@ -29,7 +29,7 @@ def read_stiffness(folder: Path, found: Document) -> ArmModel:
     """
     assert isinstance(found, StiffnessDocument)
     arm = read_arm(folder, found, meshes=True)
-    arrays = read_arrays(folder / POSTERIOR, ARRAYS)
+    arrays = read_arrays(folder, found, ARRAYS)
     with numbers_of(folder):
         return _model(found, arm, arrays)
 

@@ -12,7 +12,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.fit_rows import Fits
 from testbench.bench.fits import Identified, Runs
 from testbench.bench.model_document import AboutRow, loaded_by, weights_row
-from testbench.bench.model_folder import DOCUMENT, POSTERIOR, copy_arm
+from testbench.bench.model_folder import copy_arm, write_parts
 from testbench.bench.stiffness_document import (
     CertificateRow,
     Entry,
@@ -74,10 +74,7 @@ def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str
         notes=[*notes, *fits.notes],
         about=_about_row(cell, found, runs, data, notes),
     )
-    files.write_json(document.model_dump(), folder / DOCUMENT)
-    np.savez_compressed(
-        folder / POSTERIOR, pi=spread.pi, root=spread.root, unseen=spread.unseen, scale=spread.scale
-    )
+    write_parts(document, folder, pi=spread.pi, root=spread.root, unseen=spread.unseen, scale=spread.scale)
 
 
 def _certificate_row(estimate: Estimate) -> CertificateRow:

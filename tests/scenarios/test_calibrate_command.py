@@ -1,5 +1,6 @@
 """testbench calibrate and score: a folder of model, report and views; what is planted is said in it."""
 
+import contextlib
 import json
 import re
 import shutil
@@ -17,6 +18,7 @@ from testbench.arm.folder import load_arm
 from testbench.bench import absolute_model
 from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
+from testbench.bench.model_seal import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.absolute.posterior import Placed, predict, without
@@ -207,8 +209,35 @@ TAMPERED = {
 def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_path):
     folder = shutil.copytree(made[0], tmp_path / "model")
     document = json.loads((folder / "model.json").read_text())
-    (folder / "model.json").write_text(TAMPERED[words](document))
+    written_again(folder, TAMPERED[words](document))
     check_refused(folder, readings, words)
+
+
+def written_again(folder, text):
+    """As one who forges a model would: with the checksums of what it is now."""
+    with contextlib.suppress(json.JSONDecodeError):
+        text = whole(sealed(json.loads(text), (folder / "posterior.npz").read_bytes()))
+    (folder / "model.json").write_text(text)
+
+
+BY_HAND = {
+    "C_theta": lambda d: (2 * np.array(d["C_theta"])).tolist(),
+    "theta_0": lambda d: [x + 1e-3 for x in d["theta_0"]],
+    "errors": lambda d: d["errors"] | {"play": not d["errors"]["play"]},
+    "noise": lambda d: d["noise"] | {"open_position_m": 2 * d["noise"]["open_position_m"] + 1e-6},
+    "weights": lambda d: d["weights"] | {"mass_kg": [2 * x + 1 for x in d["weights"]["mass_kg"]]},
+    "about": lambda d: d["about"] | {"force_N": 9e3},
+    "posterior": lambda d: "0" * 64,
+    "checksum": lambda d: None,
+}
+
+
+@pytest.mark.parametrize("key", BY_HAND)
+def test_numbers_changed_by_hand_are_refused_though_they_belong_together(key, made, readings, tmp_path):
+    folder = shutil.copytree(made[0], tmp_path / "model")
+    document = json.loads((folder / "model.json").read_text())
+    (folder / "model.json").write_text(whole({**document, key: BY_HAND[key](document)}))
+    check_refused(folder, readings, "model.json: checksum: ")
 
 
 def check_refused(folder, readings, words):
@@ -220,7 +249,7 @@ def check_refused(folder, readings, words):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("rigid.xml", "it has changed"), ("posterior.npz", "expected the posterior")]
+    ("name", "words"), [("rigid.xml", "it has changed"), ("posterior.npz", "has changed since")]
 )
 def test_another_arm_or_a_pickle_in_the_folder_is_one_line(name, words, made, readings, tmp_path):
     folder = shutil.copytree(made[0], tmp_path / "model")
@@ -308,7 +337,8 @@ def test_a_model_says_where_it_comes_from_and_one_of_format_1_does_not(made, rea
     document = json.loads((folder / "model.json").read_text())
     shutil.rmtree(folder / "meshes")
     digests = {name: document["digests"][name] for name in ("rigid.xml", "elastic.toml")}
-    old = {k: v for k, v in document.items() if k != "about"} | {"format": 1, "digests": digests}
+    later = ("about", "posterior", "checksum")
+    old = {k: v for k, v in document.items() if k not in later} | {"format": 1, "digests": digests}
     (folder / "model.json").write_text(json.dumps(old))
     model = tb.load_model(folder)
     assert (model.about.force, model.about.data) == (None, ())

@@ -12,6 +12,7 @@ import testbench as tb
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
+from testbench.bench.model_seal import sealed
 from testbench.bench.models import named_models
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
@@ -97,6 +98,12 @@ def refusal(folder):
         return str(err)
 
 
+def written_again(folder, document):
+    """As one who forges a model would: with the checksums of what it is now."""
+    whole = sealed(document, (folder / "posterior.npz").read_bytes())
+    (folder / "model.json").write_text(json.dumps(whole))
+
+
 def spoil(text, at, new):
     document = json.loads(text)
     inner = document
@@ -106,7 +113,7 @@ def spoil(text, at, new):
         del inner[at[-1]]
     else:
         inner[at[-1]] = new
-    return json.dumps(document)
+    return document
 
 
 WRONG = (KeyError, None, "x", -1, float("nan"), [], {}, [[1.0]])
@@ -114,13 +121,43 @@ FREE = {"arm", "name", "units", "notes", "runs", "certificate", "prior", "unseen
 """Words, and numbers that nothing else depends on: another value of the same type may be read."""
 
 
-def test_a_model_with_any_key_spoiled_is_read_or_refused_in_one_line(small, tmp_path):
+def leaf(document, at):
+    for key in at:
+        document = document[key]
+    return document
+
+
+def near(value):
+    """Another value of the same type, of what is one."""
+    others = {bool: lambda x: not x, int: lambda x: x + 1, float: lambda x: 1.01 * x + 1e-9}
+    return (others | {str: lambda x: f"{x}."}).get(type(value), lambda _: None)(value)
+
+
+def test_whatever_changes_in_a_model_is_refused_in_one_line(small, tmp_path):
+    """Every key in turn, also where nothing else depends on it."""
+    folder = shutil.copytree(small, tmp_path / "model")
+    text = (folder / "model.json").read_text()
+    for at in list(paths(json.loads(text)))[1:]:
+        old = leaf(json.loads(text), at)
+        for new in (*WRONG, near(old)):
+            if new is KeyError or new != old:
+                (folder / "model.json").write_text(json.dumps(spoil(text, at, new)))
+                said = refusal(folder)
+                assert said is not None, (at, new)
+                assert len(said.splitlines()) == 1
+    (folder / "model.json").write_text(json.dumps(json.loads(text), sort_keys=True))
+    assert refusal(folder) is None  # the same, written otherwise
+    posterior(folder, root=2 * np.load(small / "posterior.npz")["root"])
+    assert "posterior.npz: has changed since the model was written" in refusal(folder)
+
+
+def test_a_forged_model_with_any_key_spoiled_is_read_or_refused_in_one_line(small, tmp_path):
     folder = shutil.copytree(small, tmp_path / "model")
     text = (folder / "model.json").read_text()
     read = set()
-    for at in list(paths(json.loads(text)))[1:]:
+    for at in [at for at in paths(json.loads(text)) if at and at[0] not in ("posterior", "checksum")]:
         for new in WRONG:
-            (folder / "model.json").write_text(spoil(text, at, new))
+            written_again(folder, spoil(text, at, new))
             said = refusal(folder)
             read |= set() if said else {at}
             assert said is None or (len(said.splitlines()) == 1 and "model" in said)
@@ -144,7 +181,7 @@ TAMPERED = [
 @pytest.mark.parametrize(("at", "new", "words"), TAMPERED)
 def test_what_does_not_belong_together_is_said(small, tmp_path, at, new, words):
     folder = shutil.copytree(small, tmp_path / "model")
-    (folder / "model.json").write_text(spoil((small / "model.json").read_text(), at, new))
+    written_again(folder, spoil((small / "model.json").read_text(), at, new))
     with pytest.raises(InputError) as caught:
         tb.load_model(folder)
     assert words in str(caught.value)
@@ -169,6 +206,7 @@ def posterior(folder, **changed):
 def test_a_posterior_that_is_none_is_one_line(small, tmp_path, changed, words):
     folder = shutil.copytree(small, tmp_path / "model")
     posterior(folder, **changed)
+    written_again(folder, json.loads((folder / "model.json").read_text()))
     with pytest.raises(InputError) as caught:
         tb.load_model(folder)
     assert words in str(caught.value)
@@ -182,7 +220,7 @@ def test_a_posterior_cut_anywhere_is_one_line(small, tmp_path):
         broken = bytearray(whole)
         broken[cut[0]] ^= 0xFF
         (folder / "posterior.npz").write_bytes(broken[: cut[1]] if rng.integers(2) else broken)
-        assert "posterior.npz" in (refusal(folder) or "posterior.npz")
+        assert "posterior.npz: has changed" in refusal(folder)
 
 
 def test_compliances_that_claim_to_be_conservative_are(small, tmp_path):
@@ -191,12 +229,12 @@ def test_compliances_that_claim_to_be_conservative_are(small, tmp_path):
     for entry in document["structure"]["entries"]:
         entry["value"] *= -1
     document["joints"] = {name: -value for name, value in document["joints"].items()}
-    (folder / "model.json").write_text(json.dumps(document))
     posterior(folder, pi=np.array([entry["value"] for entry in document["structure"]["entries"]]))
+    written_again(folder, document)
     with pytest.raises(InputError, match="conservative: expected symmetric positive semi-definite"):
         tb.load_model(folder)
     document["conservative"] = False
-    (folder / "model.json").write_text(json.dumps(document))
+    written_again(folder, document)
     assert tb.load_model(folder).spread.pi.max() < 0
 
 
