@@ -88,6 +88,8 @@ def command(asked: Options) -> None:
         f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
         f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'identify.png'}",
         f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        f"next       testbench predict {out} POSES.csv",
+        f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 

@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 
 from testbench.data.dataset import Dataset, read_by
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 from testbench.identify.in_base import in_base, with_targets
 from testbench.identify.registration import Frame, Registration, register, spread, station_names
 from testbench.identify.registration_notes import fit_note, frame_notes, target_notes
-from testbench.model.vjm import Vjm, skew
+from testbench.model.vjm import Vjm, chain, skew
+from testbench.model.weights import own_weight, read_weights
 
 Choice = Literal["auto", "base", "tracker"]
 
@@ -104,7 +105,7 @@ def _in_base(vjm: Vjm, data: Dataset) -> Registered:
     except BenchError as why:
         return _unknown(vjm, data, str(why))
     far = ~(np.linalg.norm(found.targets - found.nominal, axis=1) <= MOVED)
-    notes = ("readings are in the base's frame", fit_note(found), *target_notes(found, far))
+    notes = ("readings are in the base's frame", fit_note(found, _sag(vjm, data)), *target_notes(found, far))
     return Registered(with_targets(vjm, found, far), data, found, "base", notes)
 
 
@@ -118,5 +119,16 @@ def _in_tracker(vjm: Vjm, data: Dataset, found: Registration) -> Registered:
                 "or the frame itself"
             )
     every = np.ones(len(found.markers), dtype=bool)
-    notes = (*frame_notes(found), *target_notes(found, every))
+    notes = (*frame_notes(found, _sag(vjm, data)), *target_notes(found, every))
     return Registered(with_targets(vjm, found, every), in_base(found, data), found, "tracker", notes)
+
+
+def _sag(vjm: Vjm, data: Dataset) -> float | None:
+    """How far own weight bends the folder's arm at its tool, linear, RMS [m]; None where nobody knows it."""
+    try:
+        weights = read_weights(vjm.arm)
+    except InputError:
+        return None
+    where = chain(vjm, data.q)
+    moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight(where, weights))
+    return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))

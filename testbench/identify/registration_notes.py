@@ -11,7 +11,7 @@ from testbench.identify.registration import Registration, spread
 SMALL = 1e-9  #: Rotation that has no axis [rad].
 
 
-def frame_notes(found: Registration) -> Iterator[str]:
+def frame_notes(found: Registration, sag: float | None) -> Iterator[str]:
     """Where the base is in every station's frame, how well that is known, and how well all readings fit."""
     for frame in found.frames:
         axis = (frame.rotation_vector / max(frame.angle, SMALL)).round(3) + 0.0  # no -0.000
@@ -23,13 +23,16 @@ def frame_notes(found: Registration) -> Iterator[str]:
             where = 1e3 * spread(frame.covariance[3:, 3:])
             text += f"; by noise known to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
         yield text
-    yield fit_note(found)
+    yield fit_note(found, sag)
 
 
-def fit_note(found: Registration) -> str:
-    """How well all readings fit."""
+def fit_note(found: Registration, sag: float | None) -> str:
+    """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
     text = f"unloaded readings fit the arm's kinematics to {1e3 * found.rms:.2f} mm RMS"
-    return text + (f"; {found.wild} of {found.readings} fit worse and count less" if found.wild else "")
+    if found.wild:
+        text += f"; {found.wild} of {found.readings} fit worse and count less"
+    known = "" if sag is None else f" the tool by {1e3 * sag:.2f} mm RMS, by the arm's folder"
+    return f"{text}; own weight alone sags{known or ' the arm'}, which harms no deflection"
 
 
 def target_notes(found: Registration, taken: Mask) -> Iterator[str]:

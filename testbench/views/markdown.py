@@ -99,6 +99,7 @@ def _environment(folder: Path) -> Environment:
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
     found.filters["line"] = line
     found.filters["counted"] = counted
+    found.filters["ended"] = ended
     found.filters["against"] = against
     return found
 
@@ -106,6 +107,11 @@ def _environment(folder: Path) -> Environment:
 def line(text: str) -> str:
     """Words on one line."""
     return " ".join(text.split())
+
+
+def ended(sentence: str) -> str:
+    """A sentence with one mark at its end, a full stop where it has none."""
+    return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."
 
 
 def listed(names: list[str]) -> str:
