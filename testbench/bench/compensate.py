@@ -13,7 +13,7 @@ from testbench.correct.newton import Aim
 from testbench.correct.process import process_wrench
 from testbench.data.jumps import refuse_joint_jumps
 from testbench.data.program import Program
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, InputError, NoEquilibrium
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
 from testbench.plant import Room
@@ -55,12 +55,16 @@ def correct_program(
         start: Joints near those of the first point, where the program has poses of the tool, (n,) [rad, m].
 
     Raises:
-        InputError: When a set-point is out of the drawn arm's reach, or the feed is nowhere; names the line.
-        NoEquilibrium: When the arm cannot bear a load.
+        InputError: When a set-point is out of the drawn arm's reach, the feed is nowhere, or the arm cannot
+            bear a load.
     """
     q = drawn_joints(model, program, aim, start)
     loads = loads_of(model, program, aim, q)
-    return CorrectedProgram(program, model, aim, loads, compensate(model, q, loads, aim, room))
+    try:
+        found = compensate(model, q, loads, aim, room)
+    except NoEquilibrium as err:
+        raise InputError(program.path, "", str(err)) from err
+    return CorrectedProgram(program, model, aim, loads, found)
 
 
 def drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | None) -> Array:
@@ -93,7 +97,7 @@ def loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Loa
         along = process_wrench(program.along, position + rotation @ tip, spindle, names)
     except BenchError as err:
         raise InputError(program.path, "", str(err)) from err
-    at = program.point if program.point.any() else np.tile(tip, (program.points, 1))
+    at = np.tile(tip, (program.points, 1)) if program.point is None else program.point
     loads = [Load(program.wrench + along, at)]
     if program.mass.any():
         weight = np.zeros((program.points, 6))

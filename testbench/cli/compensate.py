@@ -84,7 +84,7 @@ def command(asked: Options) -> None:
     found = correct_program(model, program, aim, cell.room, start=start)
     if found.unreached and not asked.keep_unreachable:
         raise _unreached(asked, found)
-    said = report(found)
+    said = report(found, to.program.name)
     write(cell, found, said, _plain(asked), to)
     console, text = Console(highlight=False), words(said)
     console.print(text.block("answer"), style="bold", markup=False)
@@ -99,7 +99,10 @@ def command(asked: Options) -> None:
 
 
 def _places(asked: Options) -> Places:
-    beside = asked.out.with_name(f"{asked.out.stem}_report")
+    named = asked.out.stem if asked.out.suffix == ".csv" else asked.out.name.replace(".", "_")
+    beside = asked.out.with_name(f"{named}_report")
+    if asked.report == asked.out:
+        raise InputError(asked.out, "", "expected another place for --report than for --out")
     with of_flag("--format" if asked.format else "--out"):
         return Places(asked.out, format_of(asked.out, asked.format), asked.report or beside)
 

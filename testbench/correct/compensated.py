@@ -11,7 +11,7 @@ from testbench.correct.newton import FIELDS, Aim, Asked, Corrected, Mask, Points
 from testbench.correct.rest import rest
 from testbench.correct.sure import Stand, half_widths
 from testbench.correct.target import asked
-from testbench.errors import Array
+from testbench.errors import Array, BenchError, check_array
 from testbench.model.load import Load
 from testbench.plant import Room, collisions
 
@@ -61,6 +61,9 @@ def compensate(
         BenchError: When shapes do not fit.
         NoEquilibrium: When the arm cannot bear a load; names the pose.
     """
+    q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
+    if not len(q):
+        raise BenchError("q [rad, m]: expected at least one point")
     aim, loads = aim or Aim(), [load.over(len(q)) for load in loads]
     point = np.array(aim.point)
     meant: Asked = aim.asked or ("drawn" if model.absolute else "unloaded")
@@ -71,8 +74,11 @@ def compensate(
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     left = np.where(bad[:, None], before, -found.left)
     corrected = np.where(bad[:, None], q, found.q)
+    acts = np.asarray(before.any(axis=1))
+    corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
     start = None if model.absolute and meant == "drawn" else Stand(q)
-    half = half_widths(model, Stand(corrected, loads), start, point[None])[:, 0]
+    end = Stand(corrected, loads, heavy=meant == "drawn")
+    half = half_widths(model, end, start, point[None])[:, 0]
     return Compensated(corrected, q, target, before, left, found.turned, half, held, tuple(refused), meant)
 
 
@@ -116,6 +122,6 @@ def _refused(arm: Arm, found: Corrected, q: Array, room: Room | None) -> list[st
     if room is not None:
         good = np.flatnonzero([reason is None for reason in reasons])
         for k, pair in zip(good, collisions(room, found.q[good]), strict=True):
-            if pair and collisions(room, q[k : k + 1])[0] is None:
+            if pair and collisions(room, q[k : k + 1])[0] != pair:
                 reasons[k] = f"{pair[0]} would collide with {pair[1]}"
     return reasons

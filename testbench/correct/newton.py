@@ -3,20 +3,21 @@
 Both unknowns go together: the virtual joints theta to the equilibrium of `rest`, the commanded joints q to
 the target. Every step evaluates the bent arm once; it foretells by J_theta where the new theta brings the
 tool, and moves q by what is left then. What it neglects is a hundredth on heavy arms, so five steps reach
-1e-10 m. The operator of `step` is that of the start as long as joints move little; a point that does not
-come to rest takes new ones, in steps of bounded length (a damped Newton).
+1e-10 m. The operator of `step` is that of the start: what is met, and what is damped, follows from where a
+point starts alone, so neighbours on a path stay neighbours. Steps are of bounded length, and get shorter
+where they do not end (a damped Newton). What has not come to rest by then takes a new operator in every step.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from testbench.correct.rest import TOGETHER, loads_at, unbent
 from testbench.correct.step import Hold, solutions
-from testbench.errors import Array, check_array
+from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.state import State
 from testbench.model.load import Load
 from testbench.model.vjm import Chain, chain, cross
@@ -25,9 +26,12 @@ Asked = Literal["unloaded", "drawn"]
 """Where the model has the tool under its own weight alone, a taught point; or as drawn and rigid."""
 Mask = npt.NDArray[np.bool_]
 TOLERANCE = 1e-10  #: Of the position of a point, and of its equilibrium [m, rad].
-FEW, QUICK, MOST = 5, 12, 50  #: Steps that do for most points; with one operator; in all.
+FEW, MOST = 5, 60  #: Steps that do for most points, and in all.
+SHORTER = 10  #: Steps after which they are half as long, then a quarter.
 STILL = 1e-9  #: A step of all joints below this is the last [rad, m].
 LONGEST = 0.1  #: Of a step of one joint [rad, m].
+FARTHEST, UNIT = 10.0, 1e-6
+"""Farthest that a tool point can be from the tool's origin [m], and rounding of a unit vector."""
 SPINDLE = (1.0, 0.0, 0.0)  #: Its axis in the tool's frame, where nothing else is said.
 
 
@@ -52,6 +56,16 @@ class Aim:
     asked: Asked | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Tool point in the tool's frame [m].
     spindle: tuple[float, float, float] = SPINDLE  #: Unit vector in the tool's frame.
+
+    def __post_init__(self) -> None:
+        """Refuse other words, a point that is none and a spindle of another length, by BenchError."""
+        if self.hold not in get_args(Hold) or self.asked not in (None, *get_args(Asked)):
+            known = f"{', '.join(get_args(Hold))} and {', '.join(get_args(Asked))}"
+            raise BenchError(f"aim: expected {known}, got {self.hold!r} and {self.asked!r}")
+        point, spindle = check_array(np.array([self.point, self.spindle]), (2, 3), "tool point and spindle")
+        if np.abs(point).max() > FARTHEST or abs(np.linalg.norm(spindle) - 1) > UNIT:
+            problem = f"a tool point within {FARTHEST:g} m and a spindle of length 1"
+            raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
 
 
 @dataclass(frozen=True)
@@ -174,11 +188,13 @@ def solve(points: Points) -> Corrected:
     late = np.flatnonzero(found.steps > FEW)
     if len(late):
         _put(found, late, _in_batches(points.of(late), MOST))
-    bad = np.flatnonzero(~found.solved)
-    if len(bad) and points.aim.hold != "position":
-        alone = _in_batches(replace(points.of(bad), aim=replace(points.aim, hold="position")), MOST)
-        better = np.flatnonzero(alone.solved)
-        _put(found, bad[better], Corrected(*(getattr(alone, name)[better] for name in FIELDS)))
+    alone = replace(points.aim, hold="position")
+    for aim, renewed in ((points.aim, True), (alone, False), (alone, True)):
+        bad = np.flatnonzero(~found.solved)
+        if len(bad):
+            again = _in_batches(replace(points.of(bad), aim=aim), MOST, renewed=renewed)
+            better = np.flatnonzero(again.solved)
+            _put(found, bad[better], Corrected(*(getattr(again, name)[better] for name in FIELDS)))
     return found
 
 
@@ -188,14 +204,14 @@ def _put(found: Corrected, where: npt.NDArray[np.int_], others: Corrected) -> No
         getattr(found, name)[where] = getattr(others, name)
 
 
-def _in_batches(points: Points, most: int) -> Corrected:
+def _in_batches(points: Points, most: int, *, renewed: bool = False) -> Corrected:
     """After so many steps at most; `steps` is one more where that did not do."""
     every = range(0, max(len(points.start), 1), TOGETHER)
-    parts = [_correct(points.of(slice(k, k + TOGETHER)), most) for k in every]
+    parts = [_correct(points.of(slice(k, k + TOGETHER)), most, renewed=renewed) for k in every]
     return Corrected(*(np.concatenate([getattr(part, name) for part in parts]) for name in FIELDS))
 
 
-def _correct(points: Points, most: int) -> Corrected:
+def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
     found = Corrected(q, theta, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
@@ -205,10 +221,10 @@ def _correct(points: Points, most: int) -> Corrected:
         off = _off(now, q[moving], theta[moving])
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
-        if step == 0 or step > QUICK:
+        if step == 0 or renewed:
             J = _jacobian(now.aim, off.where, slice(-q.shape[1], None)) * now.free[:, None]
             G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
-        move = _move(now, off, q[moving], G, J)
+        move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // SHORTER)
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
         go = np.flatnonzero(~still & np.isfinite(off.left).all(axis=1))
         if not len(go):

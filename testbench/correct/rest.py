@@ -30,6 +30,11 @@ class Rest:
     position: Array  #: Of the tool's origin, world, (poses, 3) [m].
     rotation: Array  #: World from tool, (poses, 3, 3).
 
+    @property
+    def pose(self) -> tuple[Array, Array]:
+        """Position and orientation."""
+        return self.position, self.rotation
+
     def at(self, point: Array) -> Array:
         """Positions of a point of the tool's frame, (3,) or (poses, 3) [m], in the world, (poses, 3) [m]."""
         return np.asarray(self.position + np.matvec(self.rotation, point))

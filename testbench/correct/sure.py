@@ -17,7 +17,8 @@ from testbench.identify.intervals import CONFIDENCE, check_confidence, quantile
 from testbench.model.joint_errors import basis
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
-from testbench.model.vjm import chain, parameter_rows, translation_rows
+from testbench.model.vjm import chain, parameter_rows, tool_pose, translation_rows
+from testbench.model.weights import own_weight
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,13 @@ class Stand:
 
     q: Array  #: Joints as commanded, (poses, n) [rad, m].
     loads: Sequence[Load] = ()
+    #: Whether own weight counts as one of the loads, to a model of compliances alone: deflections are then
+    #: from the arm as drawn.
+    heavy: bool = False
 
     def of(self, some: slice) -> "Stand":
         """Some of the poses."""
-        return Stand(self.q[some], [load.over(len(self.q)).of(some) for load in self.loads])
+        return Stand(self.q[some], [load.over(len(self.q)).of(some) for load in self.loads], self.heavy)
 
 
 def half_widths(
@@ -69,6 +73,33 @@ def half_widths(
     return np.concatenate(found)
 
 
+def fitted_half_widths(model: ArmModel, end: Stand, point: Array, confidence: float = CONFIDENCE) -> Array:
+    """Half intervals of where a point of the tool is, relative to its other places: a frame fitted to them.
+
+    Readings of a tracker do not tell where the base is from where its frame is: a calibrated arm knows places
+    better beside each other than in its base. What a work frame measured by the tool takes up is taken out
+    here: the rigid motion that fits all places best.
+
+    Args:
+        model: Absolute.
+        end: At least 3 poses, not all in one place.
+        point: In the tool's frame, (3,) [m].
+        confidence: Of each interval by itself.
+
+    Returns:
+        Along world x, y, z, (poses, 3) [m].
+    """
+    rows = rows_between(model, end, None, point[None])[:, 0]
+    x = rest(model.state, end.q, end.loads).at(point)
+    x = x - x.mean(axis=0)
+    turns = np.stack([np.cross(axis, x) for axis in np.eye(3)], axis=2)
+    F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
+    A = rows.reshape(len(F), -1)
+    A = A - F @ np.linalg.lstsq(F, A)[0]
+    half = model.spread.half_widths(A, confidence).reshape(x.shape)
+    return np.asarray(np.hypot(half, quantile(math.inf, (1 + confidence) / 2) * model.scatter))
+
+
 def rows_between(model: ArmModel, end: Stand, start: Stand | None, points: Array) -> Array:
     """Positions, or how far they are from where they were, per unit of every uncertain column.
 
@@ -105,8 +136,10 @@ def _linear_rows(model: ArmModel, stand: Stand, points: Array) -> Array:
     Bending and own weight mix a little of every direction into every other; of one that the data have not
     seen that little would be infinite. What is left out here is in `curvature`.
     """
-    where = chain(model.vjm, stand.q, np.tile(model.state.theta_0, (len(stand.q), 1)))
+    where = chain(model.vjm, stand.q)
     u = on_joints(where, [load.over(len(stand.q)) for load in stand.loads])
+    if stand.heavy:
+        u = u + own_weight(where, model.state.weights)
     A = np.stack([*parameter_rows(model.structure, translation_rows(where, points), u)])
     return A.transpose(2, 0, 1).reshape(len(stand.q), len(points), 3, -1)
 
@@ -117,9 +150,9 @@ def curvature(model: ArmModel, stand: Stand, points: Array) -> Array:
     Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
     """
     state, loads = model.state, [load.over(len(stand.q)) for load in stand.loads]
-    before, after = rest(state, stand.q), rest(state, stand.q, loads)
-    bent = np.einsum("rxy,py->rpx", after.rotation - before.rotation, points)
-    bent += (after.position - before.position)[:, None]
-    where = chain(model.vjm, stand.q, state.theta_0 + np.zeros_like(before.theta))
-    u = loads_at(state, where, loads) - loads_at(state, where, ())
+    before = tool_pose(model.vjm, stand.q) if stand.heavy else rest(state, stand.q).pose
+    after = rest(state, stand.q, loads).pose
+    bent = np.einsum("rxy,py->rpx", after[1] - before[1], points) + (after[0] - before[0])[:, None]
+    where = chain(model.vjm, stand.q)
+    u = loads_at(state, where, loads) if stand.heavy else on_joints(where, loads)
     return np.asarray(np.abs(bent - displacement(where, (state.C_theta @ u).T, points)))

@@ -47,7 +47,8 @@ class Program:
     wrench: Array  #: Force and moment on the tool at `point`, world axes, (points, 6) [N, N m].
     along: Array  #: Process force along the feed, across it, along the spindle, at `point`, (points, 3) [N].
     mass: Array  #: Hung mass, (points,) [kg].
-    point: Array  #: Where wrench and process force act, in the tool's frame, (points, 3) [m].
+    #: Where wrench and process force act, tool's frame, (points, 3) [m]; None where the file is silent.
+    point: Array | None
     other: tuple[str, ...]  #: Columns that are carried through, in the order of the file.
     arm: Arm = field(repr=False)  #: The arm that it is for.
     table: Table = field(repr=False)  #: The file's cells.
@@ -124,9 +125,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
         refuse_tool_jumps(path, table.lines, position, rotation)
-    force, moment, point = (
-        _or_zero(vector(columns, what), table.rows) for what in ("force", "moment", "point")
-    )
+    force, moment = (_or_zero(vector(columns, what), table.rows) for what in ("force", "moment"))
     mass, found = _mass(columns), [columns.get(Slot("process", k)) for k in range(len(ALONG))]
     return Program(
         name=path.stem,
@@ -139,7 +138,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         wrench=np.hstack([force, moment]),
         along=_or_zero(components(columns, "process", found), table.rows),
         mass=mass,
-        point=point,
+        point=vector(columns, "point"),
         other=columns.ignored,
         arm=arm,
         table=table,

@@ -14,7 +14,9 @@ from testbench.views.figure import SOFT, quiet
 BEFORE, AFTER = hexadecimal(MEASURED), hexadecimal(GREENS[0])
 SHARE = 0.12  #: Longest error as it is drawn, over the size of the path [1].
 ROUND = (1, 2, 5)  #: Steps of a magnification.
-MARKED = 60  #: Points up to which each has a dot.
+MARKED = 40  #: Points up to which each has a dot.
+ARROWS = 25  #: Errors that are drawn as arrows.
+TITLE = 26  #: Of a title above its legend [pt].
 
 
 def overview(found: CorrectedProgram, report: CompensationReport) -> Figure:
@@ -45,15 +47,20 @@ def magnified(before: Array, size: float) -> float:
 def _errors(axes: Axes, found: CorrectedProgram) -> None:
     """Without correction, and the bound of what is left with it."""
     own, at = found.found, np.arange(1, found.program.points + 1)
-    style = "o-" if len(at) <= MARKED else "-"
+    few = len(at) <= MARKED
     before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half.max(axis=1)
-    axes.plot(at, before, style, color=BEFORE, markersize=3, linewidth=1.2, label="as programmed")
-    axes.fill_between(at, 0, half, color=AFTER, alpha=0.35, linewidth=0, label="corrected: 95 % interval")
+    axes.plot(at, before, "o-" if few else "-", color=BEFORE, markersize=4, label="as programmed")
+    label = "corrected: 95 % interval"
+    if few:
+        axes.bar(at, np.where(np.isfinite(half), half, 0), width=0.5, color=AFTER, alpha=0.5, label=label)
+    else:
+        axes.fill_between(at, 0, half, color=AFTER, alpha=0.35, linewidth=0, label=label)
     bad = ~own.corrected
     if bad.any():
         axes.plot(at[bad], before[bad], "x", color="#404040", markersize=9, label="not corrected")
-    axes.set(xlabel="point", ylabel="error of the loaded tool [mm]", title="How far off", ylim=(0, None))
-    axes.legend(frameon=False)
+    axes.set(xlabel="point", ylabel="error of the loaded tool [mm]", ylim=(0, None))
+    axes.set_title("How far off", pad=TITLE)
+    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3, fontsize="small")
     quiet(axes)
 
 
@@ -61,22 +68,28 @@ def _path(axes: Axes, found: CorrectedProgram) -> None:
     """The path as seen along its least extent, errors magnified."""
     own = found.found
     asked = own.target.position
-    centred = asked - asked.mean(axis=0)
     size = float(np.linalg.norm(np.ptp(asked, axis=0))) or 0.1
     scale = magnified(own.before, size)
-    across, up = _plane(centred)
-    names = [f"{_axis(v)} [m]" for v in (across, up)]
+    across, up = _plane(asked - asked.mean(axis=0))
+    style = "o-" if len(asked) <= MARKED else "-"
     off = asked + scale * own.before
+    some = np.unique(np.linspace(0, len(asked) - 1, min(ARROWS, len(asked))).round().astype(int))
+    ways = off[some] - asked[some]
+    axes.quiver(
+        *(asked[some] @ v for v in (across, up)),
+        *(ways @ v for v in (across, up)),
+        angles="xy", scale_units="xy", scale=1, width=0.004, color=BEFORE, alpha=0.5,
+    )  # fmt: skip
     for path, colour, width, label in (
-        (off, BEFORE, 1.2, f"as programmed, error x {scale:g}"),
-        (asked + scale * own.after, AFTER, 3.5, f"corrected, by the model, x {scale:g}"),
-        (asked, SOFT, 1.0, "asked"),
+        (asked, AFTER, 2.5, "asked, and corrected by the model"),
+        (off, BEFORE, 1.0, f"as programmed, error x {scale:g}"),
     ):
-        axes.plot(path @ across, path @ up, color=colour, linewidth=width, label=label)
-    axes.set(xlabel=names[0], ylabel=names[1], title="Where")
+        axes.plot(path @ across, path @ up, style, color=colour, linewidth=width, markersize=3, label=label)
+    axes.set(xlabel=f"{_axis(across)} [m]", ylabel=f"{_axis(up)} [m]")
+    axes.set_title("Where", pad=TITLE)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.08)
-    axes.legend(frameon=False, loc="upper left", fontsize="small")
+    axes.margins(0.1)
+    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, fontsize="small")
     quiet(axes)
 
 
@@ -91,15 +104,21 @@ def _axis(v: Array) -> str:
 
 
 def _joints(figure: SubFigure, found: CorrectedProgram) -> None:
-    """Corrections along the program, a strip a joint."""
+    """Corrections along the program, a strip a joint, of one scale for all of a unit."""
     own, arm = found.found, found.model.arm
-    at, moved = np.arange(1, found.program.points + 1), own.q - own.start
+    at = np.arange(1, found.program.points + 1)
+    shown = np.array([joint.shown for joint in arm.joints])
+    moved, units = shown * (own.q - own.start), [joint.shown_unit for joint in arm.joints]
     strips = figure.subplots(arm.n_joints, 1, sharex=True, squeeze=False)[:, 0]
     for k, (axes, joint) in enumerate(zip(strips, arm.joints, strict=True)):
-        axes.plot(at, joint.shown * moved[:, k], color=AFTER, linewidth=1.4)
+        axes.plot(
+            at, moved[:, k], "o-" if len(at) <= MARKED else "-", color=AFTER, linewidth=1.4, markersize=3
+        )
         axes.axhline(0, color=SOFT, linewidth=0.6)
+        most = 1.15 * np.abs(moved[:, [unit == units[k] for unit in units]]).max() or 1.0
+        axes.set_ylim(-most, most)
         axes.set_ylabel(f"{joint.name}\n[{joint.shown_unit}]", rotation=0, ha="right", va="center")
         axes.yaxis.set_major_locator(MaxNLocator(2))
         quiet(axes)
-    strips[0].set_title("Corrections of the joints")
+    strips[0].set_title("Corrections of the joints", pad=TITLE)
     strips[-1].set_xlabel("point")

@@ -29,7 +29,7 @@ def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Co
         q=q,
         asked=own.target.position[some],
         force=np.sum([load.wrench[:, :3] for load in loads], axis=0),
-        bent=rest(state, q, loads).theta - rest(state, q).theta,
+        bent=rest(state, q, loads).theta - (0 if own.asked == "drawn" else rest(state, q).theta),
         panel=None,
         parts=(Part("program", slice(0, len(some)), path=len(some) > 1),),
         offs=(off, corrected),

@@ -8,7 +8,7 @@ from testbench.bench.compensate_report import CompensationReport, PointRow
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
-MOST = 8  #: Points that a table lists.
+ALL, MOST = 20, 8  #: Points up to which a table lists all, and how many of more.
 WORST = (
     Column("line", "line", form="d"),
     Column("label", "point"),
@@ -43,7 +43,8 @@ def tables(report: CompensationReport) -> dict[str, Table]:
 def worst(report: CompensationReport) -> list[PointRow]:
     """Points that are not corrected, then the one of the largest error in every stretch of the program."""
     refused = [row for row in report.rows if row.reason is not None][:MOST]
-    stretches = np.array_split(np.arange(report.points), min(MOST, report.points))
+    parts = report.points if report.points <= ALL else MOST
+    stretches = np.array_split(np.arange(report.points), parts)
     rows = [max((report.rows[k] for k in part), key=lambda row: row.before_mm) for part in stretches]
     return refused + [row for row in rows if row.reason is None]
 

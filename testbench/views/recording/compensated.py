@@ -27,7 +27,9 @@ ARROW = 1e-4  #: Length of the force's arrow [m/N].
 THICK, CROSS = 0.004, 0.03  #: Radius of lines, and half a cross [m].
 BESIDE, ASPECT = (-0.6, 0.9, 0.4), 1.2
 """Where the eye is: ahead along the reach of the arm, beside it, above; width over height of its pane."""
-NEAR = (-1.0, -0.75, 0.45)  #: Of the eye that sees the panel, from its middle [m].
+NEAR = (-0.8, -0.6, 0.36)  #: Of the eye that sees the panel, from its middle, over what is drawn there [1].
+ROOM = 0.6  #: Around what is seen of the arm [m].
+LEAST = 0.5  #: What is drawn there at least [m].
 NOT_CORRECTED = "not corrected"
 
 
@@ -70,7 +72,8 @@ class Compensated:
     @property
     def scale(self) -> float:
         """Magnification of what is off: 1, 2 or 5 times a power of ten [1]."""
-        most = LONGEST / float(np.linalg.norm(self.offs[0].metres, axis=1).max())
+        largest = float(np.linalg.norm(self.offs[0].metres, axis=1).max())
+        most = LONGEST / largest if largest else 1.0
         steps = [k * 10.0**power for power in range(5) for k in (1, 2, 5)]
         return max([1.0, *(step for step in steps if step <= most)])
 
@@ -177,8 +180,8 @@ def _write_plots(pen: Pen, scene: Compensated) -> None:
             pen.line(Line(f"left_um/{snake(off.name)}", f"{off.name} (um)", *look), UM * size)
     last = scene.offs[-1]
     if last.half is not None and np.isfinite(last.half).all():
-        line = Line("left_um/stated", f"{last.name}, 95 % interval (um)", NOISE, 1.5)
-        pen.line(line, UM * np.linalg.norm(last.half, axis=1))
+        line = Line("left_um/stated", "95 % interval, widest axis (um)", NOISE, 1.5)
+        pen.line(line, UM * last.half.max(axis=1))
 
 
 def _blueprint(scene: Compensated) -> rrb.Blueprint:
@@ -201,7 +204,7 @@ def _blueprint(scene: Compensated) -> rrb.Blueprint:
 def _whole(scene: Compensated) -> rrb.Spatial3DView:
     panel = np.zeros((0, 3)) if scene.panel is None else scene.panel.reshape(-1, 3)
     points = np.vstack([scene.asked, panel, scene.frames.positions.reshape(-1, 3)])
-    eye = frame(points, np.full(len(points), 0.6), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
+    eye = frame(points, np.full(len(points), ROOM), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
     return rrb.Spatial3DView(
         origin="world",
         name=f"The arm (m), bent by the process x {scene.scale:g}",
@@ -210,10 +213,11 @@ def _whole(scene: Compensated) -> rrb.Spatial3DView:
 
 
 def _near(scene: Compensated) -> rrb.Spatial3DView:
-    middle = scene.asked.mean(axis=0)
+    drawn = np.vstack([scene.asked, scene.places(scene.offs[0])])
+    middle, size = (drawn.min(axis=0) + drawn.max(axis=0)) / 2, float(np.linalg.norm(np.ptp(drawn, axis=0)))
     return rrb.Spatial3DView(
         origin="world",
         contents=[f"+ $origin/{part}/**" for part in ("ways", "tool", "panel", "load")],
         name=f"Tool (m): how far it is off, x {scene.scale:g}",
-        eye_controls=orbit(middle + np.array(NEAR), middle),
+        eye_controls=orbit(middle + max(size, LEAST) * np.array(NEAR), middle),
     )
