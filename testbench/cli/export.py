@@ -114,9 +114,9 @@ def _arm_beside(document: Path) -> str | None:
 
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     back, moved, rest = done.back, done.geometry, done.rest
+    at = f"{done.urdf}, replaced" if replaced and done.drawing_off is not None else done.urdf
     lines = [
-        f"{arm}: the identified geometry is in {done.urdf}{', replaced' if replaced else ''}, "
-        f"its tool is {done.tip!r}",
+        f"{arm}: the identified geometry is in {at}, its tool is {done.tip!r}",
         f"read back by Pinocchio in {back.poses} poses: at most {back.position_um:.6f} um and "
         f"{back.rotation_urad:.6f} urad from the model",
         f"it moves the tool by {moved.rms_mm:.3f} mm RMS, {moved.max_mm:.3f} mm at most, from the drawing",
@@ -124,8 +124,10 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
         f"errors of the joints move the tool by {rest.rms_mm:.3f} mm RMS, {rest.max_mm:.3f} mm at most",
     ]
     if done.drawing_off is None:
-        found = f"{done.urdf} was one: replaced" if replaced else f"no file {done.urdf}: written"
-        lines.insert(0, f"{found} from scratch, with links, joints and masses, without shapes")
+        found = f"no file {done.urdf}: written from scratch"
+        if replaced:
+            found = f"{done.urdf} of an earlier export: replaced, from scratch as that was"
+        lines.insert(0, f"{found}, with links, joints and masses, without shapes")
     else:
         lines.append(
             f"its own drawing was that of {arm} to {1e6 * done.drawing_off:.3g} um and urad; {done.tip!r} "
