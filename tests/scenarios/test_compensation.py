@@ -146,12 +146,13 @@ def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cel
     weights = read_weights(cell.arm)
     sound = of_estimate(cell.vjm, estimate, weights)
     soft = of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)
-    moved, still = (trial.order(trial.Fit(way, DEFAULT, m.state, m), work) for m in (sound, soft))
+    moved, still = (trial.order(trial.Fit(way, DEFAULT, m), work) for m in (sound, soft))
     assert moved.solved.all()
     assert np.abs(moved.q - work.q).max() > 1e-4
     assert not still.solved.any()
     assert np.array_equal(still.q, work.q)
     assert still.half is None
+    assert (moved.buckled, still.buckled) == (False, True)
 
 
 def scene():

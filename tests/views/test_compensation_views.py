@@ -62,6 +62,8 @@ def row_of(rng, seed, way, model, job, arm):
         after_mm=tuple((left * before).tolist()),
         inside=round(0.95 * of),
         of=of,
+        unseen=0,
+        buckled=False,
         solved=POINTS[job],
     )
 
@@ -146,6 +148,19 @@ def test_intervals_that_miss_in_one_trial_lower_the_share(trials, report):
     told = STUDY.summary(SETTINGS, SEEDS, spoilt(trials, inside=0)).group(DEFAULT, WAY, 12)
     assert told.covered == pytest.approx(report.group(DEFAULT, WAY, 12).covered * 5 / 6)
     assert told.covered_by_trial.p05 < 0.5
+
+
+def test_components_without_a_bound_count_in_no_share_and_are_shown(trials, report):
+    """Some of one trial, and a model that buckles in it."""
+    few = spoilt(trials, inside=40, of=40, unseen=50, buckled=True)
+    told = STUDY.summary(SETTINGS, SEEDS, few)
+    own = told.group(DEFAULT, WAY, 12)
+    assert report.group(DEFAULT, WAY, 12).covered < own.covered < 1
+    assert own.unseen == pytest.approx(2 * 50 / (2 * 90 + 5 * 3 * 94))
+    assert own.buckled == 1
+    shown = {name: {c.heading for c in t.columns} for name, t in STUDY.tables(told).items()}
+    assert {"without bound", "trials without equilibrium"} <= shown["undisturbed, trials"]
+    assert "without bound" not in {c.heading for c in STUDY.tables(report)["undisturbed, trials"].columns}
 
 
 def test_truths_are_told_apart(report):

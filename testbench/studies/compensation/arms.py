@@ -16,7 +16,7 @@ from testbench.studies.compensation.settings import IDEAL, LINEAR, PLANNED, RUNS
 
 Settle = Callable[[Array, Array, Array], tuple[Equilibrium, Equilibrium]]
 """The arm unloaded and loaded, in poses (runs, n), under wrenches (runs, 6) at points (runs, 3)."""
-CHOSEN, NOISE = 30, 40  #: Streams of a seed: random poses, and noise, plus the number of the campaign.
+CHOSEN, NOISE = 30, 1000  #: Streams of a seed: random poses, and noise, plus the number of the campaign.
 HIDDEN = 20  #: Stream of what disturbs the arm.
 LINEAR_JOINTS = replace(TYPICAL, stiffening=0.0, backlash=0.0, hysteresis=0.0)
 

@@ -51,8 +51,11 @@ class Group:
     nine_kept: float  #: Share of trials that have nine tenths removed in as many cases as the bar asks.
     worse: int  #: Cases made worse.
     trials_worse: int  #: Trials that have one.
-    covered: float | None  #: Share of components of what is left inside their 95 % interval.
+    #: Share of components of what is left inside their 95 % interval, of those that have a bound.
+    covered: float | None
     covered_by_trial: Spread | None
+    unseen: float | None  #: Share of components whose interval has no bound.
+    buckled: int  #: Trials in which the model had no equilibrium under the process.
     solved: float  #: Share of cases for which joints were found.
 
     @property

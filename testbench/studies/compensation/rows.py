@@ -45,8 +45,10 @@ class Row:
     #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
     before_mm: tuple[float, ...]
     after_mm: tuple[float, ...]  #: The same, corrected.
-    inside: int  #: Components of what is left that lie in their 95 % interval.
-    of: int  #: Of so many; 0 for a model that has no intervals.
+    inside: int  #: Components of what is left that lie in their 95 % interval, of those that have a bound.
+    of: int  #: So many have one; 0 for a model that has no intervals.
+    unseen: int  #: And so many have none, as the readings say nothing of them.
+    buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
     solved: int  #: Points for which joints were found.
 
     @property

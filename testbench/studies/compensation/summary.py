@@ -44,6 +44,7 @@ from testbench.trials.spread import grouped, spread
 
 Of = tuple[int, Row]  #: A row and its seed.
 NOWHERE = Way()
+COUNTS = ("inside", "of")  #: Of a row.
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> CompensationReport:
@@ -118,11 +119,9 @@ def _group(rows: Sequence[Of], truth: str, job: str) -> Group:
     before, after = (_distances(trials, key) for key in ("before_mm", "after_mm"))
     removed = [1 - new / old for old, new in zip(before, after, strict=True)]
     shares, worse = np.concatenate(removed), [int((some < 0).sum()) for some in removed]
-    held = [
-        sum(row.inside for row in some) / sum(row.of for row in some)
-        for some in trials
-        if all(row.of for row in some)
-    ]
+    inside, of = (np.array([sum(getattr(row, key) for row in some) for some in trials]) for key in COUNTS)
+    unseen = sum(row.unseen for _, row in own)
+    held = (inside[of > 0] / of[of > 0]).tolist()
     return Group(
         truth=truth,
         arm=first.arm,
@@ -143,8 +142,10 @@ def _group(rows: Sequence[Of], truth: str, job: str) -> Group:
         nine_kept=_share(removed, lambda some: nine(some) >= OFTEN),
         worse=sum(worse),
         trials_worse=sum(map(bool, worse)),
-        covered=float(np.mean(held)) if held else None,  # every trial has as many components
+        covered=float(inside.sum() / of.sum()) if held else None,
         covered_by_trial=spread(held) if held else None,
+        unseen=unseen / (unseen + float(of.sum())) if held or unseen else None,
+        buckled=sum(any(row.buckled for row in some) for some in trials),
         solved=sum(row.solved for _, row in own) / len(shares),
     )
 

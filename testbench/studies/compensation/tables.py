@@ -1,9 +1,10 @@
 """The columns of the study of compensation, and its tables."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from testbench.studies.bar import bar_table
-from testbench.studies.compensation.report import ALL, CompensationReport
+from testbench.studies.compensation.report import ALL, CompensationReport, Group
 from testbench.studies.compensation.settings import ARMS, IDEAL, IDENTIFIED, JOBS
 from testbench.views.schema import Column, Table, pivot
 
@@ -16,6 +17,8 @@ WORST = Column("worst", "worst case", "%", ".1f", scale=100)
 NINE = Column("nine", "cases with 90 % or more removed", "%", ".1f", scale=100)
 WORSE = Column("worse", "cases made worse", form="d")
 COVERED = Column("covered", "inside 95 % intervals", "%", ".1f", scale=100)
+UNSEEN = Column("unseen", "without bound", "%", ".1f", scale=100)
+BUCKLED = Column("buckled", "trials without equilibrium", form="d")
 AFTER = Column("after.median_mm", "after", "mm")
 SIZES = (
     Column("before.median_mm", "before", "mm"),
@@ -55,11 +58,11 @@ def tables(report: CompensationReport) -> dict[str, Table]:
         groups = [g for g in report.groups if g.arm == name]
         every = [g for g in groups if g.job == ALL]
         own = [g for g in groups if g.poses in (0, report.featured)]
-        found[f"{name}, both"] = Table(FOUND, every)
+        found[f"{name}, both"] = _table(FOUND, every)
         for job in JOBS:
-            found[f"{name}, {job}"] = Table(FOUND, [g for g in own if g.job == job])
-        found[f"{name}, trials"] = Table(TRIALS, [g for g in own if g.job == ALL])
-        found[f"{name}, truths"] = Table(TRUTHS, [g for g in report.by_truth if g.arm == name])
+            found[f"{name}, {job}"] = _table(FOUND, [g for g in own if g.job == job])
+        found[f"{name}, trials"] = _table(TRIALS, [g for g in own if g.job == ALL])
+        found[f"{name}, truths"] = _table(TRUTHS, [g for g in report.by_truth if g.arm == name])
     own = [g for g in report.groups if g.arm == IDEAL and g.job == ALL and g.model in IDENTIFIED]
     title = "share of the deflection removed, median over all points, %"
     for model in IDENTIFIED:
@@ -68,3 +71,9 @@ def tables(report: CompensationReport) -> dict[str, Table]:
     at = Table((), [g for g in own if g.poses == report.featured], title)
     found["short"] = pivot(at, CAMPAIGN, MODEL, replace(REMOVED, exact=True))
     return found
+
+
+def _table(columns: tuple[Column, ...], groups: Sequence[Group]) -> Table:
+    """These columns, and what went wrong where anything did."""
+    there = [column for column in (UNSEEN, BUCKLED) if any(getattr(g, column.key) for g in groups)]
+    return Table((*columns, *there), groups)

@@ -4,6 +4,7 @@ The corrected joints go to the true arm in MuJoCo. The error is where its loaded
 unloaded tool is at the programmed joints.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,16 +18,17 @@ from testbench.bench.judged import identify_each
 from testbench.bench.models import named_models
 from testbench.bench.truths import FAMILY, TRUTHS, member, true_cell
 from testbench.bench.wrong_prior import PRIORS, prior_of
-from testbench.correct.arm_model import ArmModel, bending, of_estimate
+from testbench.correct.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, correct
-from testbench.correct.target import asked as asked_for
+from testbench.correct.newton import Aim
 from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array, NoEquilibrium
 from testbench.identify import Estimate
 from testbench.identify.absolute.state import State
+from testbench.identify.intervals import Linearised
 from testbench.identify.prior import Prior
 from testbench.model.load import Load
+from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.studies.compensation.arms import TrueArm, measure, true_arm
 from testbench.studies.compensation.jobs import TIP, drawn, jobs, wrenches
@@ -55,8 +57,7 @@ class Fit:
 
     way: Way
     name: str
-    state: State
-    model: ArmModel | None = None  #: Where it is identified.
+    model: ArmModel
     chosen: str | None = None  #: Of the default: what it chose.
 
 
@@ -77,6 +78,7 @@ class Order:
     q: Array  #: Corrected joints, (points, n) [rad].
     half: Array | None  #: Half the 95 % interval of what is left, world, (points, 3) [m]; None without any.
     solved: Mask  #: Points that are put right, (points,).
+    buckled: bool = False  #: Whether the model has no equilibrium there.
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,15 @@ def known(cell: Cell, prior: Prior) -> list[Fit]:
     """Models that nobody identified: the folder's, the prior, and the true one."""
     weights = read_weights(cell.arm)
     every = {NOMINAL: cell.arm.C_theta, PRIOR: prior.C_theta, PERFECT: cell.plant.arm.C_theta}
-    return [Fit(NOT_IDENTIFIED, name, bending(cell.vjm, C, weights)) for name, C in every.items()]
+    return [Fit(NOT_IDENTIFIED, name, sure(bending(cell.vjm, C, weights), name)) for name, C in every.items()]
+
+
+def sure(state: State, name: str) -> ArmModel:
+    """An arm that nobody doubts: all its compliances, with no spread."""
+    structure = all153(state.vjm.arm)
+    pi, none = structure.entries(state.C_theta), np.zeros((0, structure.n))
+    spread = Linearised(pi, none, none, np.ones(structure.n), math.inf, 0.0, on_boundary=False)
+    return of_compliances(state, structure, spread, About(name))
 
 
 def identified(cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior) -> list[Fit]:
@@ -146,8 +156,7 @@ def identified(cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior) -> li
         found.append((way, DEFAULT, own.name, own.estimate))
     fits = []
     for way, name, taken, estimate in found:
-        arm_model = of_estimate(cell.vjm, estimate, weights)
-        fits.append(Fit(way, name, arm_model.state, arm_model, taken))
+        fits.append(Fit(way, name, of_estimate(cell.vjm, estimate, weights), taken))
     return fits
 
 
@@ -164,15 +173,12 @@ def execute(arm: TrueArm, own: Work, fits: Sequence[Fit]) -> Executed:
 
 def order(fit: Fit, own: Work) -> Order:
     """The joints that a model commands: those of the program where it has the arm buckle."""
-    if fit.model is not None:
-        try:
-            found = compensate(fit.model, own.q, [own.load], AIM)
-        except NoEquilibrium:
-            return Order(own.q, None, np.zeros(len(own.q), dtype=bool))
-        return Order(found.q, found.half, found.corrected)
-    target = asked_for(fit.state, own.q, "unloaded", np.array(TIP))
-    corrected = correct(fit.state, own.q, [own.load], target, AIM)
-    return Order(corrected.q, None, corrected.solved)
+    try:
+        found = compensate(fit.model, own.q, [own.load], AIM)
+    except NoEquilibrium:
+        return Order(own.q, None, np.zeros(len(own.q), dtype=bool), buckled=True)
+    half = None if fit.way == NOT_IDENTIFIED else found.half
+    return Order(found.q, half, found.corrected)
 
 
 def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
@@ -180,7 +186,9 @@ def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
     after, order = done.after[k], done.orders[k]
     rows = []
     for job, size, part in zip(jobs(), own.sizes, own.parts, strict=True):
-        inside = None if order.half is None else np.abs(after[part]) <= order.half[part]
+        half = np.zeros((0, 3)) if order.half is None else order.half[part]
+        told = np.isfinite(half)
+        inside = told & (np.abs(after[part][: len(half)]) <= half)
         rows.append(
             Row(
                 truth="",
@@ -194,8 +202,10 @@ def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
                 force=size,
                 before_mm=_distances(done.before[part]),
                 after_mm=_distances(after[part]),
-                inside=0 if inside is None else int(inside.sum()),
-                of=0 if inside is None else inside.size,
+                inside=int(inside.sum()),
+                of=int(told.sum()),
+                unseen=int((~told).sum()),
+                buckled=order.buckled,
                 solved=int(order.solved[part].sum()),
             )
         )
