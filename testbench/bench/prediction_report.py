@@ -122,8 +122,8 @@ def reported(made: Predicted) -> PredictionReport:
         position_half_mm=finite(MM * np.median(found.position_half[:, 0].max(axis=1))),
         force_n=extent.force,
         moment_nm=extent.moment,
-        force_ratio=extent.force_ratio,
-        moment_ratio=extent.moment_ratio,
+        force_ratio=finite(extent.force_ratio),
+        moment_ratio=finite(extent.moment_ratio),
         extrapolated=list(extent.sentences),
         doubts=list(about.doubts),
         notes=list(made.asked.notes),
@@ -155,9 +155,9 @@ def pose_row(made: Predicted, k: int) -> PoseRow:
     )
 
 
-def finite(value: float) -> float | None:
-    """A number, None for infinity."""
-    return float(value) if np.isfinite(value) else None
+def finite(value: float | None) -> float | None:
+    """A number, None for infinity and none."""
+    return float(value) if value is not None and np.isfinite(value) else None
 
 
 def _map_row(made: Predicted) -> MapRow:

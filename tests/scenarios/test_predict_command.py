@@ -2,7 +2,7 @@
 
 import csv
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from testbench.bench.fits import Runs, fit
 from testbench.bench.models import named_models
 from testbench.bench.predict_input import read_asked
 from testbench.bench.prediction import Wanted, predicted
+from testbench.bench.prediction_report import reported
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
 from testbench.errors import InputError
@@ -208,6 +209,17 @@ def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500
     found = read_asked(file, tb.load_model(model), None, lambda: MASS)
     assert np.array_equal(found.q, moved)
     assert found.notes[-1] == "The program was corrected: its joints count as they stand"
+
+
+def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tmp_path, q):
+    """JSON has no infinity."""
+    loaded = tb.load_model(model)
+    bare = replace(loaded, about=replace(loaded.about, force=0.0, moment=0.0))
+    file = poses_file(tmp_path / "poses.csv", q[:2], ["0,0,-900,0"] * 2)
+    report = reported(predicted(bare, read_asked(file, bare, None, lambda: MASS), Wanted(1000.0)))
+    json.dumps(asdict(report), allow_nan=False)
+    assert report.force_ratio is None
+    assert "own weight alone" in report.extrapolated[0]
 
 
 def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_said(model, tmp_path, q):
