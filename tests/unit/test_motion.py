@@ -149,6 +149,37 @@ def test_every_name_is_made_legal(tmp_path, name, stem):
     assert word.lower() not in WORDS[name]
 
 
+TAKEN = {
+    "krl": ("sin", "E6POS", "strlen"),
+    "rapid": """tool0 wobj0 load0 vMove VMOVE num speeddata robtarget jointtarget zonedata bool string
+        tooldata wobjdata fine z0 z50 v5 v1000 vmax MoveAbsJ MoveLDO Offs CRobT ERR_NAME ErrWrite""".split(),
+    "urscript": """get_inverse_kin movej movel sleep set_tcp socket_open pose_trans d2r textmsg pi popup
+        write_output_integer_register end_force_mode None""".split(),
+}
+"""Names that the controller has, or the program."""
+FREE = ("Zaun", "z", "value", "drill_1", "moves", "panel", "numbers", "home")
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_no_program_is_called_as_what_the_controller_has(tmp_path, name):
+    for stem in (*TAKEN[name], *FREE):
+        text, _ = written(tmp_path, name, "hhhhhh", stem=stem)
+        word = re.split(r"[\s(]", text)[1]
+        assert word == (f"p_{stem}" if stem in TAKEN[name] else stem)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_joint_beyond_its_limits_is_named_with_its_point_and_leaves_no_file(tmp_path, name):
+    joints, q = arm("hhhhhh"), np.zeros((3, 6))
+    q[1, 4] = 7.0 + 5e-7  # what a file may have by rounding
+    write_moves(tmp_path / "x", WRITERS[name], q, joints)
+    (tmp_path / "x").unlink()
+    q[2, 3] = -7.1
+    with pytest.raises(BenchError, match=r"point 3, axis 3 END;h: expected -401\.07.. to 401\.07.. deg, its"):
+        write_moves(tmp_path / "x", WRITERS[name], q, joints)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_format_is_asked_for_or_that_of_the_suffix(tmp_path):
     found = [format_of(tmp_path / f"x.{suffix}") for suffix in ("csv", "src", "MOD", "script")]
     assert found == ["csv", "krl", "rapid", "urscript"]

@@ -12,6 +12,7 @@ from testbench.data.motion.words import (
     numbers,
     plain,
     split_axes,
+    taken,
 )
 from testbench.errors import Array
 
@@ -21,14 +22,35 @@ PREFIX = "run_"  #: Of the procedure: a module and a procedure in it have differ
 NONE = "9E9"  #: An external axis that is not there.
 SPEED = "[100,30,100,30]"
 """Of the tool [mm/s, deg/s] and of external axes [mm/s, deg/s]."""
-RESERVED = frozenset(
+RESERVED = taken(
     """
-    ALIAS AND BACKWARD CASE CONNECT CONST DEFAULT DIV DO ELSE ELSEIF ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC
-    ENDRECORD ENDTEST ENDTRAP ENDWHILE ERROR EXIT FALSE FOR FROM FUNC GOTO IF INOUT LOCAL MAIN MOD MODULE
-    NOSTEPIN NOT NOVIEW OR PERS PROC RAISE READONLY RECORD RETRY RETURN STEP SYSMODULE TASK TEST THEN TO TRAP
-    TRUE TRYNEXT UNDO USER VAR VIEWONLY WHILE WITH XOR BASE
-    """.split()
+    Abs AbsDnum AccSet ACos ActUnit Add aiotrigg ALIAS AliasIO AND ArcMove ArgName ASin ATan ATan2 BACKWARD
+    BASE BitAnd BitClear BitOr BitSet BookErrNo bool Break btnres busstate buttondata byte CalcJointT
+    CalcRobT CallByVar CASE CDate CJointT Clear ClkRead ClkReset ClkStart ClkStop clock Close cnvcmd
+    confdata ConfJ ConfL CONNECT CONST corrdescr Cos CPos CRobT CSpeedOverride CTime CTool CWObj datapos
+    DeactUnit Decr DEFAULT DefFrame Dim dionum dir diskhome diskram disktemp Distance DIV dnum DO edge
+    egmident ELSE ELSEIF ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC ENDRECORD ENDTEST ENDTRAP ENDWHILE EOffsOff
+    EOffsOn EOffsSet EulerZYX event_type EXIT ExitCycle extjoint FALSE fine fllwtime FOR FROM FUNC GetTime
+    GOTO GripLoad handler_type high icondata IDelete identno IDisable IEnable IF Incr INOUT inpos intnum
+    iodev iounit_state IsFile IWatch jointtarget listitem Load load0 loaddata loadidnum loadsession LOCAL
+    low MAIN mecunit MirPos MOD MODULE MotionSup motsetdata NOrient NOSTEPIN NOT NOVIEW num NumToStr Offs
+    opcalc Open OpMode opnum OR orient OrientZYX paridnum paridvalidnum PathAccLim pathrecid PDispOff
+    PDispOn PDispSet PERS pi pos pose PoseInv PoseMult PoseVect Pow Present PROC ProcCall progdisp PulseDO
+    Quad RAISE Random rawbytes ReadBin ReadNum READONLY ReadStr ReadStrBin RECORD RelTool Reset restartdata
+    RestoPath RETRY RETURN Rewind robjoint robtarget Round RunMode Save Set SetAO SetDO SetGO shapedata
+    signalai signalao signaldi signaldo signalgi signalgo Sin SingArea SoftAct speeddata SpeedRefresh Sqrt
+    StartLoad StartMove STEP Stop StopMove stoppointdata stoptime StorePath supervtype switch symnum
+    syncident SYSMODULE Tan TASK taskid tasks TEST TestDI testsignal TextGet THEN TO tool0 tooldata TPErase
+    tpnum TPReadFK TPReadNum TPShow TPWrite TRAP trapdata TRUE Trunc TRYNEXT uishownum UNDO UnLoad USER
+    ValToStr VAR VelSet VIEWONLY visiondata vmax vMove WaitDI WaitDO WaitSync WaitTime WaitUntil WHILE WITH
+    wobj0 wobjdata Write WriteBin WriteStrBin XOR zonedata
+    """,
+    "[zv][0-9]+",
+    "v(lin|rot)[0-9]+",
+    "move(abs|ext|c|j|l)[a-z]*",
+    "(err|str|evt|tune|socket|trigg|search|wz|cap|uimsg|gi|rmq)_?[a-z0-9_]*",
 )
+"""Words of the language, its predefined types, data, routines, and the constant of ours."""
 
 
 def lines(name: str, q: Array, joints: Sequence[Joint], labels: Sequence[str] = ()) -> Iterator[str]:

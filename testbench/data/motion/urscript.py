@@ -3,20 +3,27 @@
 from collections.abc import Iterator, Sequence
 
 from testbench.arm.folder import Joint
-from testbench.data.motion.words import MAIN, check_moves, comment, identifier, numbers, plain
+from testbench.data.motion.words import MAIN, check_moves, comment, identifier, numbers, plain, taken
 from testbench.errors import Array, BenchError
 
 LONGEST = 64  #: Characters of a name.
 DECIMALS = 11  #: Of a radian.
 ACCELERATION, SPEED = 0.5, 0.25  #: Of the joint that leads [rad/s^2, rad/s].
-RESERVED = frozenset(
+RESERVED = taken(
     """
-    AND BREAK CONTINUE DEF ELIF ELSE END ENTER_CRITICAL EXIT_CRITICAL FALSE FORCE FREEDRIVE_MODE FUNCTION
-    GET_ACTUAL_JOINT_POSITIONS GLOBAL HALT IF JOIN KILL LOCAL MOVEC MOVEJ MOVEL MOVEP NOT OR PASS POPUP
-    POWERDOWN RETURN RUN SEC SERVOC SERVOJ SLEEP SPEEDJ SPEEDL STOPJ STOPL STRUCT SYNC TEXTMSG THREAD TRUE
-    WHILE XOR
-    """.split()
+    abs acos and as asin assert atan atan2 break case ceil const continue conveyor_pulse_decode cos d2r def
+    default elif else end enter_critical eval exec exit_critical false floor force function global gripper
+    halt if in inf interpolate_pose inv inverse join kill length list local lock log make_list mod movec
+    movej movel movep nan none norm normalize not optimovej optimovel or pass pi point_dist popup pose
+    position_deviation_warning pow powerdown r2d random rename reset_revolution_counter return rotvec2rpy
+    rpc_factory rpy2rotvec run screw_driving sec servo servoc servoj sin size sleep speedj speedl sqrt stopj
+    stopl struct switch sync tan teach_mode textmsg thread transpose true type unlock while wrench_trans xor
+    zero_ftsensor
+    """,
+    "(get|set|end|is|read|write|socket|modbus|rtde|encoder|path_offset|track_conveyor|stop|pose|str|to)_[a-z0-9_]*",
+    "(force|freedrive|high_holding_torque|integer|binary|collision|pause|request|ft|tool|enable|disable)_[a-z0-9_]*",
 )
+"""Words of the language, and its functions: most of their names begin alike."""
 
 
 def lines(name: str, q: Array, joints: Sequence[Joint], labels: Sequence[str] = ()) -> Iterator[str]:

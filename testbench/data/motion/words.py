@@ -10,19 +10,25 @@ from testbench.errors import Array, BenchError, check_array
 
 LONGEST_COMMENT = 80  #: Characters of a label in a comment: a line of a controller's editor.
 MAIN, EXTERNAL = 6, 6  #: Axes of a robot, and axes beside it, that KRL and RAPID know.
+ROUNDING = 1e-6  #: By which a joint may be beyond its limit, as in files that are read [rad, m].
 MARK = "p_"  #: Stands before a name that the language would not take.
 
 
-def identifier(name: str, longest: int, reserved: frozenset[str]) -> str:
-    """A name as a language takes it: letters, digits and `_`, a letter first, no word of the language.
+def taken(words: str, *patterns: str) -> re.Pattern[str]:
+    """Names that a language has a meaning for, in any case: words, and regular expressions of whole names."""
+    return re.compile("|".join([*words.split(), *patterns]), re.IGNORECASE)
+
+
+def identifier(name: str, longest: int, reserved: re.Pattern[str]) -> str:
+    """A name as a language takes it: letters, digits and `_`, a letter first, no name that it has.
 
     Args:
         name: Any text.
         longest: Most characters.
-        reserved: Words of the language, in capitals; case does not tell them apart.
+        reserved: Names that the language has, see `taken`.
     """
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
-    if not fit[0].isalpha() or fit.upper() in reserved:
+    if not fit[0].isalpha() or reserved.fullmatch(fit):
         fit = MARK + fit
     return fit[:longest].rstrip("_")
 
@@ -38,8 +44,14 @@ def comment(point: int, label: str) -> str:
 
 
 def check_moves(q: Array, joints: Sequence[Joint], labels: Sequence[str]) -> Array:
-    """The joints, (points, n) [rad, m], as many labels as points or none; else a BenchError."""
+    """The joints, (points, n) [rad, m], within limits, labels as many or none; else a BenchError."""
     found = check_array(q, (None, len(joints)), "q [rad, m]")
+    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
+    for k, j in np.argwhere((found < lower - ROUNDING) | (found > upper + ROUNDING))[:1]:
+        own = joints[j]
+        low, high, got = (own.shown * x for x in (own.lower, own.upper, found[k, j]))
+        limits = f"expected {low:.4f} to {high:.4f} {own.shown_unit}, its limits"
+        raise BenchError(f"point {k + 1}, {plain(own.name)}: {limits}, got {got:.4f}")
     if len(labels) not in (0, len(found)):
         raise BenchError(f"labels: expected one for each of {len(found)} points, got {len(labels)}")
     return found
