@@ -45,13 +45,18 @@ def correcting_ten_thousand_points() -> list[Row]:
     return [
         at_most(f"(m) correcting {POINTS} points", np.median(own), "s", 2, spread(own, digits=2)),
         at_most(
-            "(m) the same over one loaded equilibrium a point, as `rest` finds it",
-            np.median(own / still),
+            "(m) the same over one loaded equilibrium a point, Eq. (7) by Newton",
+            np.median(own / one),
             "x",
             3,
+            f"{FEW} points timed, {spread(one, digits=2)} s for all",
+        ),
+        note(
+            "    the same over one equilibrium a point by the steps that corrections take too",
+            np.median(own / still),
+            "x",
             f"own weight in both; {spread(still, digits=2)} s of equilibria alone",
         ),
-        note("    over one loaded equilibrium a point by Newton, Eq. (7)", np.median(own / one), "x", ""),
         at_most("(m) farthest that a tool is left from its target", left, "m", 1e-9, ""),
         _with_intervals(q, load),
     ]

@@ -27,7 +27,7 @@ ARROW = 1e-4  #: Length of the force's arrow [m/N].
 THICK, CROSS = 0.004, 0.03  #: Radius of lines, and half a cross [m].
 BESIDE, ASPECT = (-0.6, 0.9, 0.4), 1.2
 """Where the eye is: ahead along the reach of the arm, beside it, above; width over height of its pane."""
-NEAR = (-0.8, -0.6, 0.36)  #: Of the eye that sees the panel, from its middle, over what is drawn there [1].
+NEAR = (-0.62, -0.46, 0.28)  #: Of the eye that sees the panel, from its middle, over what is drawn there [1].
 ROOM = 0.6  #: Around what is seen of the arm [m].
 LEAST = 0.5  #: What is drawn there at least [m].
 NOT_CORRECTED = "not corrected"
