@@ -11,7 +11,7 @@ from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, correct
 from testbench.correct.open import most_open
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, fitted_half_widths, half_widths
+from testbench.correct.sure import Stand, fitted_half_widths, half_widths, rows_between
 from testbench.correct.target import asked
 from testbench.errors import BenchError
 from testbench.identify.intervals import Linearised
@@ -25,6 +25,7 @@ from testbench.plant import settle
 TIP = np.array([0.2, 0.0, 0.1])
 AIM = Aim(point=tuple(TIP))
 POINTS, DRAWS = 8, 120
+ELASTIC = 54  #: First column of the compliances.
 FORCE = Load(np.array([900.0, 1500, -700, 0, 0, 0]), TIP)
 
 
@@ -66,6 +67,11 @@ def drawn_state(model, rng):
     """The arm that a model may be, as its doubts have it."""
     x = model.unknowns.current(model.state)
     x[model.columns] += rng.standard_normal(len(model.spread.root)) @ model.spread.root
+    return state_of(model, x)
+
+
+def state_of(model, x):
+    """The arm with these values of all unknowns."""
     unknowns = model.unknowns
     theta = model.state.theta_0.copy()
     theta[unknowns.inner] = x[unknowns.columns("geometry")]
@@ -95,6 +101,21 @@ def test_intervals_hold_what_the_doubts_of_a_model_do(request, kind, meant):
     model = request.getfixturevalue(kind)
     share = share_inside(model, replace(AIM, asked=meant), np.random.default_rng(5))
     assert 0.90 < share < 0.99
+
+
+@pytest.mark.parametrize("column", [3, 12, 29, 30, 37, 53, 54, 60, 130, 204, 206])
+def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
+    """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
+    q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
+    row = rows_between(absolute, Stand(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    x, tips = absolute.unknowns.current(absolute.state), []
+    step = 1e-5 if column < ELASTIC else 1e-3 * max(abs(x[column]), 1e-7)
+    for sign in (1, -1):
+        moved = x.copy()
+        moved[column] += sign * step
+        tips.append(rest(state_of(absolute, moved), q, [FORCE]).at(TIP)[0])
+    slope = (tips[0] - tips[1]) / (2 * step)
+    assert np.abs(slope - row).max() < 0.03 * np.abs(slope).max() + 1e-6
 
 
 def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
@@ -164,6 +185,9 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     none = replace(known, about=About("made up", force=0.0, moment=0.0))
     assert "under own weight alone" in extent(none, q, [FORCE]).sentences[0]
     assert not extent(replace(known, about=About("made up")), q, [FORCE]).sentences
+    lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
+    held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
+    assert extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
     assert "2.0 times the payload" in extent(known, q, [heavy]).sentences[0]
 

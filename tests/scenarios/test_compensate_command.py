@@ -117,6 +117,10 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     off = tip_of(settle(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1)))) - tip_of(settle(kr500.plant, q))
     assert report["before_mm"]["max"] == pytest.approx(1e3 * np.linalg.norm(off, axis=1).max(), rel=1e-3)
     assert report["corrected"] == report["points"] == POINTS
+    table = (out / "right.csv").read_text().splitlines()
+    first = table[0].split(",").index("correction_joint_1_deg")
+    moved = np.array([row.split(",")[first : first + 6] for row in table[1:]], dtype=float)
+    assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
     assert f"{report['before_mm']['max']:.3f} mm at most" in done.stdout
     assert {p.name for p in (out / "right_report").iterdir()} >= {
         "report.md",
@@ -154,6 +158,18 @@ def test_a_robots_language_has_the_same_joints(kr500, folder, corrected, tmp_pat
     text = (tmp_path / "right.src").read_text()
     q = read_program(out / "right.csv", kr500.arm).q[0]
     assert f"{np.degrees(q[0]):.5f}"[:-1] in text
+
+
+def test_a_point_that_is_stated_counts_even_where_it_is_the_tools_origin(folder, corrected, tmp_path):
+    out, _ = corrected
+    head, *rows = (out / "mill.csv").read_text().splitlines()
+    (tmp_path / "origin.csv").write_text("\n".join([f"{head},point_x_mm", *(f"{row},0" for row in rows)]))
+    done = run(folder / "true", tmp_path / "origin.csv", "--out", tmp_path / "o.csv", "--tip", "0.1,0,0.05")
+    assert done.returncode == 0, done.stderr
+    ours, tips = (
+        json.loads((p / "report.json").read_text()) for p in (tmp_path / "o_report", out / "right_report")
+    )
+    assert abs(ours["before_mm"]["max"] / tips["before_mm"]["max"] - 1) > 0.01
 
 
 def test_weights_do_not_turn_joint_1_and_the_page_says_so(folder, corrected, tmp_path):
