@@ -41,7 +41,8 @@ def build_vjm(arm: Arm) -> Vjm:
     bodies = [pose(link.name) for link in arm.links]
     tool = pose(arm.tool)
     local = [tool.actInv(pose(name).translation) for name in (arm.load, *arm.markers)]
-    motion = [pin.computeJointJacobian(model, data, q0, i + 1)[:, i] for i in range(arm.n_joints)]
+    jacobians = [pin.computeJointJacobian(model, data, q0, i + 1) for i in range(arm.n_joints)]
+    motion = [J.reshape(6, -1)[:, i] for i, J in enumerate(jacobians)]  # of one joint a vector
     axes = [m[:3] if joint.prismatic else m[3:] for m, joint in zip(motion, arm.joints, strict=True)]
     return Vjm(
         arm=arm,

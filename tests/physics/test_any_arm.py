@@ -72,7 +72,7 @@ def test_a_pose_that_is_none_names_its_body(turned, words, tmp_path):
     assert "<body name='link_2'>" in str(info.value)
 
 
-@pytest.mark.parametrize("joints", ["zzZ", "zyyxyx", "zyzyzyz", "XYZzyxzyx"])
+@pytest.mark.parametrize("joints", ["y", "Z", "zzZ", "zyyxyx", "zyzyzyz", "XYZzyxzyx"])
 def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_path):
     rng = np.random.default_rng(3)
     cell = build_cell(turned_arm(tmp_path / "arm", rng, joints))
@@ -81,7 +81,7 @@ def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_pat
     setup = Scenario(arm=cell.arm.name, truth="linear", payload=10.0, noise=False)
     data = measure(cell, setup, hanging(cell, q, np.arange(12) + 1, 10.0))
     found = least_squares(cell.vjm, mgco147(cell.arm), data)
-    assert np.abs(data.deflection).max() > 1e-4
+    assert np.abs(data.deflection).max() > 3e-5
     assert found.f_m < 1e-10  # in sigmas of 50 um: deflections of millimetres round at 1e-16 m
 
 
