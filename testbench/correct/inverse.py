@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from testbench.correct.newton import Target
-from testbench.correct.reach import Reached, reach, turn_between
+from testbench.correct.reach import Reached, reach
 from testbench.correct.settle import replaced, settle, supported
+from testbench.correct.turn import turn_between
 from testbench.data.dataset import Ids
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.vjm import Vjm

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from testbench.correct.rest import TOGETHER, loads_at, unbent
 from testbench.correct.step import Hold, solutions
+from testbench.correct.turn import turn_between, turn_of_axis
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.state import State
 from testbench.model.load import Load
@@ -159,23 +160,7 @@ def _turned(points: Points, rotation: Array) -> Array:
     if points.aim.hold != "axis":
         return turn_between(rotation, points.target.rotation)
     spindle = np.array(points.aim.spindle)
-    return _vectors(cross((rotation @ spindle).T, (points.target.rotation @ spindle).T).T)
-
-
-def turn_between(start: Array, end: Array) -> Array:
-    """Rotation vector in the world that takes one orientation to another, (points, 3) [rad]."""
-    R = end @ start.swapaxes(1, 2)
-    sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
-    return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
-
-
-def _vectors(sine: Array, cosine: Array | None = None) -> Array:
-    """Rotation vectors from axes times sines; of less than a right angle where no cosines are given."""
-    size = np.linalg.norm(sine, axis=1)
-    if cosine is None:
-        cosine = np.sqrt(np.maximum(0, 1 - size**2))
-    angle = np.arctan2(size, cosine)
-    return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
+    return turn_of_axis(rotation @ spindle, points.target.rotation @ spindle)
 
 
 def solve(points: Points) -> Corrected:

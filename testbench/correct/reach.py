@@ -1,11 +1,11 @@
 """Joints that put the tool of the drawn arm into poses: damped Newton within limits, all poses at once."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.correct.newton import Target
+from testbench.correct.turn import turn_between
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.model.tool_motion import tool_motion
@@ -81,16 +81,6 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
     p, R, J = tool_motion(vjm, q)
     J[:, 3:] *= lever
     return np.hstack([target.position - p, lever * turn_between(R, target.rotation)]), J
-
-
-def turn_between(R: Array, other: Array) -> Array:
-    """Rotation vector that takes orientations to others, world axes, (poses, 3) [rad]."""
-    D = other @ R.swapaxes(1, 2)
-    v = np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1) / 2
-    sine = np.linalg.norm(v, axis=1)
-    angle = np.arctan2(sine, (np.trace(D, axis1=1, axis2=2) - 1) / 2)
-    scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > math.ulp(1.0))
-    return np.asarray(v * scale[:, None])
 
 
 def _step(J: Array, e: Array, weight: Array, q: Array, limits: Array) -> Array:

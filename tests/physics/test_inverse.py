@@ -7,8 +7,9 @@ from serial_arms import write_arm
 from testbench.arm.folder import load_arm
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Target
-from testbench.correct.reach import THERE, reach, turn_between
+from testbench.correct.reach import THERE, reach
 from testbench.correct.settle import replaced, settle
+from testbench.correct.turn import turn_between
 from testbench.model.kinematics import build_vjm
 from testbench.model.tool_motion import tool_motion
 from testbench.model.vjm import Vjm, chain, rotation, tool_pose

@@ -148,7 +148,7 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
             own = (scene.drawn, scene.calibrated)[side]
             _write_still(pen, name, scene, side)
             _write_pose(run, name, own, scene, side)
-            line = Line(f"error_mm/{name}", f"{title.lower()} (mm)", colour, 2.0, MarkerShape.Circle, 2.5)
+            line = Line(f"error_mm/{name}", f"{title} (mm)", colour, 2.0, MarkerShape.Circle, 2.5)
             if side or not scene.apart:  # in one plot the smaller would lie flat
                 run.line(line, MM * own.longest)
         if scene.error_map:
