@@ -19,7 +19,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.absolute.files import COMMAND, write
 from testbench.views.absolute.words import tables, words
-from testbench.views.terminal import grid, print_statements
+from testbench.views.terminal import grid, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def command(asked: Options) -> None:
         readings = {path.name: files.digest(path) for path in asked.readings}
         write(cell, said, readings, _plain(asked, readings), asked.out)
     text, out = words(said.report), asked.out
-    console.print(text.block("answer"), style="bold", markup=False)
+    print_answer(console, text)
     if said.report.steps:
         console.print(grid(tables(said.report)["steps"]))
     print_statements(console, text)

@@ -25,7 +25,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
 from testbench.views.compensate.words import tables, words
-from testbench.views.terminal import grid, print_statements
+from testbench.views.terminal import grid, print_answer, print_statements
 
 SIGNS = {"": 1.0, "-": -1.0}
 AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
@@ -87,7 +87,7 @@ def command(asked: Options) -> None:
     said = report(found, to.program.name)
     write(cell, found, said, _plain(asked), to)
     console, text = Console(highlight=False), words(said)
-    console.print(text.block("answer"), style="bold", markup=False)
+    print_answer(console, text)
     console.print(grid(tables(said)["worst"]))
     print_statements(console, text)
     lines = [

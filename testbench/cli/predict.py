@@ -23,7 +23,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.predicted.files import COMMAND, write
 from testbench.views.predicted.words import tables, words
-from testbench.views.terminal import grid, print_statements
+from testbench.views.terminal import grid, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def command(asked: Options) -> None:
         status.update("writing")
         write(made, report, _plain(asked), asked.out)
     text, out = words(report), asked.out
-    console.print(text.block("answer"), style="bold", markup=False)
+    print_answer(console, text)
     console.print(grid(tables(report)["few"]))
     print_statements(console, text)
     heavy = overloaded(model.arm, poses.hung.tolist())

@@ -1,7 +1,7 @@
 """Reports in words: one Markdown template a study serves terminal, report.md and recording.
 
-A template extends `report.md.j2` and fills its blocks: `question`, `title` and `answer` are one paragraph
-each, `statements` a list, `body` the rest of report.md. It sees what its study gives it.
+A template extends `report.md.j2` and fills its blocks: `question`, `title`, `answer` and `worst` are one
+line each, `statements` a list, `body` the rest of report.md. It sees what its study gives it.
 What a sentence claims is computed before, so that a test can hold it against the numbers.
 """
 
@@ -17,6 +17,7 @@ from testbench.views.schema import Table, show, show_truth
 
 TEMPLATES = Path(__file__).parent / "templates"
 NAME = "report.md.j2"
+LINES = ("question", "title", "answer", "worst")  #: Blocks of one line.
 
 
 def grid(table: Table) -> str:
@@ -55,7 +56,7 @@ class Words:
         self._values = {**values, **{k: v for k, v in module.items() if not k.startswith("_")}}
 
     def block(self, name: str, **more: object) -> str:
-        """One block; of `question`, `title` and `answer` a single line.
+        """One block; of those in `LINES` a single line.
 
         Args:
             name: Of the block.
@@ -63,18 +64,22 @@ class Words:
         """
         context = self._template.new_context(self._values | more)
         text = "".join(self._template.blocks[name](context)).strip()
-        return line(text) if name in ("question", "title", "answer") else text
+        return line(text) if name in LINES else text
 
     def summary(self, *parts: Table | str, then: Sequence[str] = ("statements",)) -> str:
-        """What a recording says first: question, answer in bold, tables, what else is to be said.
+        """What a recording says first: question, answer in bold, the worst place, tables, what else there is.
 
         Args:
             parts: Tables, and words as they are.
             then: Names of the blocks at the end.
         """
         texts = [part if isinstance(part, str) else grid(part) for part in parts]
-        head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**"]
+        head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**", *self.worst()]
         return "\n\n".join([*head, *texts, *map(self.block, then)])
+
+    def worst(self) -> list[str]:
+        """Where it is worst and by how much; nothing where that is not said."""
+        return [*filter(None, [self.block("worst")])] if self.has("worst") else []
 
     def has(self, name: str) -> bool:
         """Whether the template fills a block."""

@@ -52,8 +52,15 @@ def print_words(console: Console, words: Words, tables: list[Table]) -> None:
     console.print(words.block("title"), markup=False)
     for table in tables:
         console.print(grid(table))
-    console.print(words.block("answer"), style="bold", markup=False)
+    print_answer(console, words)
     print_statements(console, words)
+
+
+def print_answer(console: Console, words: Words) -> None:
+    """The answer, and where it is worst."""
+    console.print(words.block("answer"), style="bold", markup=False)
+    for text in words.worst():
+        console.print(text, markup=False)
 
 
 def print_statements(console: Console, words: Words) -> None:

@@ -52,7 +52,9 @@ def printed(fits):
 def _paged(fits):
     words = views.words(fits)
     blocks = [words.block(name) for name in ("title", "answer", "statements")]
-    return SimpleNamespace(block=words.block, has=words.has, whole=lambda: "\n".join(blocks))
+    return SimpleNamespace(
+        block=words.block, has=words.has, worst=words.worst, whole=lambda: "\n".join(blocks)
+    )
 
 
 def test_tables_show_the_numbers_of_models_json(fits):

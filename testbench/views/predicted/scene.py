@@ -35,7 +35,7 @@ def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
         ),
         pose_words=[text.block("pose", row=pose_row(made, int(k))) for k in some],
         summary=text.summary(),
-        tables=f"### Poses\n\n{text.block('worst')}\n\n### Model\n\n{text.block('model')}",
+        tables=f"### Poses\n\n{text.block('worst_poses')}\n\n### Model\n\n{text.block('model')}",
     )
     return drawn.saying(
         text.block(
