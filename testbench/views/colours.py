@@ -13,6 +13,8 @@ Colour = tuple[int, ...]
 
 NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
+SCALE: tuple[Colour, ...] = ((72, 98, 140), (36, 118, 142), (84, 134, 92), (154, 128, 40), (216, 116, 16))
+"""Of sizes, from least to greatest: blue-grey to orange, brighter all the way, seen on dark and on light."""
 TASK = (178, 156, 48)  #: Where the robot works: olive, which is neither least squares nor GCO.
 ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105))
 """Least squares."""

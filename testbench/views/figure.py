@@ -7,13 +7,16 @@ from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 
 from testbench.trials.spread import ends, middle
-from testbench.views.colours import GREY, Look, hexadecimal
+from testbench.views.colours import GREY, SCALE, Look, hexadecimal
 from testbench.views.schema import Column
 
 SOFT = hexadecimal(GREY)
+SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
+"""Colours of sizes, as recordings have them."""
 
 
 def dots(axes: Axes, rows: Sequence[object], name: Column, value: Column, looks: Sequence[Look]) -> None:

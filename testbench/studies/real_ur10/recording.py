@@ -24,7 +24,7 @@ from testbench.views.recording.arm import origins
 from testbench.views.recording.stream import Header
 
 POSES, ARROWS = 300, 800  #: Poses that are shown, and errors that stand still, at most, evenly spaced.
-HOW = """**Colours** Arrows lead from model to reading, times {scale:g}: dark blue is small, yellow is
+HOW = """**Colours** Arrows lead from model to reading, times {scale:g}: blue is small, orange is
 {most:.2g} mm or more, the same on both sides. Vermillion: the pose in sight. Grey: the arm.
 
 **Scrub** the time bar below: `worst_first` begins where {before} errs most, `pose` keeps the order of

@@ -8,7 +8,7 @@ from testbench.bench.absolute_report import AbsoluteReport, SpectrumRow
 from testbench.bench.absolute_summary import Reported
 from testbench.errors import Array
 from testbench.views.colours import GREENS, NOMINAL, hexadecimal
-from testbench.views.figure import SOFT, log_ticks, quiet
+from testbench.views.figure import SIZES, SOFT, log_ticks, quiet
 
 DRAWN, FOUND = hexadecimal(NOMINAL), hexadecimal(GREENS[0])
 FAINT = 0.3  #: Opacity of an order that is no more than scatter.
@@ -101,7 +101,7 @@ def _places(figure: SubFigure, report: AbsoluteReport) -> None:
     values: Array = np.array([[row.after_mm or np.nan for row in rows] for rows in own])
     axes.set_facecolor("0.93")
     axes.pcolor(np.zeros_like(values), hatch="////", cmap="Greys", edgecolor="0.75", linewidth=0)
-    shown = axes.pcolormesh(np.ma.masked_invalid(values), cmap="viridis", vmin=0)
+    shown = axes.pcolormesh(np.ma.masked_invalid(values), cmap=SIZES, vmin=0)
     figure.colorbar(shown, ax=axes, label="RMS error, calibrated [mm]", location="bottom", shrink=0.8)
     axes.set_yticks(np.arange(len(joints)) + 0.5, [_short(name) for name in joints], fontsize="small")
     axes.invert_yaxis()

@@ -8,7 +8,7 @@ from testbench.bench.baselines import JOINTS
 from testbench.bench.explained import Explained, longest
 from testbench.bench.rows import MM
 from testbench.views.colours import MARKS, MEASURED, Look, hexadecimal, look
-from testbench.views.figure import SOFT, dots, log_ticks, quiet
+from testbench.views.figure import SIZES, SOFT, dots, log_ticks, quiet
 from testbench.views.fits import COLUMNS
 from testbench.views.identified.report import IdentifiedReport
 from testbench.views.schema import Column, show
@@ -144,7 +144,7 @@ def _places(axes: Axes, figure: Figure, report: IdentifiedReport) -> None:
     axes.set_title(f"How sure the tool's deflection is under {load}{without}", fontsize="medium")
     if found.worst is None:
         return
-    shown = axes.scatter(reach[known], height[known], c=half[known], cmap="viridis", s=45)
+    shown = axes.scatter(reach[known], height[known], c=half[known], cmap=SIZES, s=45)
     figure.colorbar(shown, ax=axes, label="half width, 95 % [mm]")
     k = int(np.nanargmax(half))
     mark = hexadecimal(MEASURED)

@@ -12,7 +12,7 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.model.vjm import body_poses
 from testbench.views.colours import GREENS, MEASURED, hexadecimal
-from testbench.views.figure import SOFT, quiet
+from testbench.views.figure import SIZES, SOFT, quiet
 
 OURS, MARK = hexadecimal(GREENS[0]), hexadecimal(MEASURED)
 NAMED = 30  #: Most poses whose name stands on the axis.
@@ -30,7 +30,7 @@ def overview(made: Predicted) -> Figure:
     grid = figure.add_gridspec(2, 3, width_ratios=(0.9, 1, 1))
     _deflections(figure.add_subplot(grid[:, 0]), made)
     worst = MM * made.map.worst
-    scale = ScalarMappable(Normalize(float(worst.min()), float(worst.max())), "viridis")
+    scale = ScalarMappable(Normalize(float(worst.min()), float(worst.max())), SIZES)
     shown, axes = _shown(made), []
     for row, (title, x, y) in enumerate(VIEWS):
         left = figure.add_subplot(grid[row, 1])

@@ -10,13 +10,12 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 
 from testbench.errors import Array
+from testbench.views.colours import SCALE
 from testbench.views.markdown import Words
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import NOISE, Colour
 from testbench.views.schema import Column, Table, show
 
-ANCHORS = np.array([(86, 62, 148), (58, 100, 160), (33, 145, 140), (94, 201, 98), (240, 218, 50)])
-"""Viridis, its dark end lifted and its bright end lowered: seen on dark and on light ground."""
 SMALLEST = 0.4  #: Size of the point of least error over that of the greatest [1]: colour is never alone.
 KEYS, STEP, KEY = 5, 180.0, 20.0
 """Points of the key, their distance and the radius of the largest, in the key's own units."""
@@ -65,8 +64,8 @@ def shares(errors: Array, ends: tuple[float, float]) -> Array:
 
 def shades(share: Array) -> npt.NDArray[np.uint8]:
     """Colours of places on the scale, (n,) to (n, 3): the greater the error, the brighter."""
-    at = np.linspace(0, 1, len(ANCHORS))
-    parts = [np.rint(np.interp(share, at, part)) for part in ANCHORS.T]
+    at = np.linspace(0, 1, len(SCALE))
+    parts = [np.rint(np.interp(share, at, part)) for part in zip(*SCALE, strict=True)]
     return np.column_stack(parts).astype(np.uint8)
 
 
