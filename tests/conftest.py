@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chromium import browser, open_page  # noqa: F401  # fixtures
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
