@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from testbench.bench.campaign import Campaign, Cell
 from testbench.bench.models import Model
 from testbench.data.dataset import Dataset
@@ -19,6 +21,7 @@ class Errors:
     check: Score  #: Errors on the check runs, against their readings.
     check_true: Score  #: The same against their true deflections.
     truth: Score  #: Errors against the true deflections.
+    places: Array  #: The same run by run, root mean square over the markers, (runs,) [m].
     residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
 
 
@@ -69,6 +72,7 @@ def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> 
             check=score(own[1], check.deflection),
             check_true=score(own[1], campaign.check_true.deflection),
             truth=score(own[2], truth.deflection),
+            places=np.sqrt(np.mean(np.sum((own[2] - truth.deflection) ** 2, axis=-1), axis=-1)),
             residuals=campaign.measured.deflection - own[3],
         )
         for own in zip(*predicted, strict=True)

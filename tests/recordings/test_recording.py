@@ -48,7 +48,9 @@ def campaign_of(cell, names, seed, changes):
 def study(cell, names=SECTION_6, seeds=1, **changes):
     """What write_calibration takes, of several seeds the words of all and the drawing of the first."""
     made = [campaign_of(cell, names, seed, changes) for seed in range(1, 1 + seeds)]
-    trials = [(k, trial.rows(cell, c, results, "tubes")) for k, (c, results) in enumerate(made)]
+    trials = [
+        (k, trial.rows(cell, c, results, "tubes", mapped=k == 0)) for k, (c, results) in enumerate(made)
+    ]
     campaign, results = made[0]
     asked = trial.Settings(cell.arm.name, campaign.scenario, 50.0, "tubes")
     report = summary.summary(asked, range(1, 1 + seeds), trials)

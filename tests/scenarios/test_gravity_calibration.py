@@ -19,6 +19,7 @@ from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.bench.truths import FAMILY, TRUTHS, TrueArmName, true_cell
 from testbench.cli.program import program
 from testbench.data.csvfile import read_csv
+from testbench.model.vjm import tool_pose
 from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
 from testbench.studies.gravity_calibration.words import TITLE_WORDS
 
@@ -77,6 +78,30 @@ def test_report_has_the_contracts_keys(quick):
         assert (model["paper"] is not None) == (model["name"] in plain[1:3] + plain[4:])
         if not model["prior"] and model["name"] != "Joints":
             assert model["conservative"] == (model["constraint"] == "psd")
+
+
+def test_the_map_holds_every_models_error_pose_by_pose_where_they_differ_most_first(quick):
+    """Of quick's 40 poses the root mean square is the error over the workspace; lengths have four digits."""
+    report = json.loads((quick[0] / "report.json").read_text())
+    found, models = report["map"], {m["name"]: m for m in report["models"]}
+    assert len(found["compared"]) == 3
+    assert [models[name]["constraint"] for name in found["compared"]] == ["none", "psd", "psd"]
+    assert [models[name]["prior"] for name in found["compared"]] == [False, False, True]
+    for name, mm in found["error_mm"].items():
+        assert len(mm) == len(found["q"]) == len(found["position_m"]) == len(found["deflection_mm"]) == 40
+        assert np.sqrt(np.mean(np.square(mm))) == pytest.approx(models[name]["workspace"]["rms_mm"], rel=1e-3)
+        worst = found["worst"][name]
+        assert worst["error_mm"] == max(mm) == mm[worst["place"]]
+        assert worst["position_m"] == found["position_m"][worst["place"]]
+        degrees = np.degrees(found["q"][worst["place"]])
+        assert [float(x) for x in re.findall(r"-?[\d.]+", worst["joints"])] == pytest.approx(
+            degrees, abs=6e-3
+        )
+    first, *_, last = (np.array(found["error_mm"][name]) for name in found["compared"])
+    assert (np.diff(np.abs(first - last)) <= 0).all()
+    assert sorted(found["run"]) == list(range(1, 41))
+    tool, _ = tool_pose(build_cell("kr500_l480").vjm, np.array(found["q"]))
+    assert tool == pytest.approx(np.array(found["position_m"]), abs=2e-4)  # both are rounded
 
 
 def test_reading_noise_is_no_error_of_a_model(quick):
@@ -169,6 +194,7 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
     assert report["seed"] == [3, 4]
     assert report["true_arm"] == "family"
     assert report["template_is_true"] is False
+    assert len(report["map"]["run"]) == 40  # of the first seed alone
     cells = {(row["name"], row["true_arm"]): row["workspace_mm"] for row in report["by_arm"]}
     assert [arm for name, arm in cells if name == "MGCO56"] == ["off_40", "cast"]
     one = json.loads((quick[0] / "report.json").read_text())

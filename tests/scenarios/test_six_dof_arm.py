@@ -37,6 +37,9 @@ def test_report_has_tables_i_and_ii_for_both_truths(report):
                 assert set(m[group]) == {
                     "rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent",
                 }  # fmt: skip
+    errors = report["map"]["error_mm"]
+    assert {name: len(mm) for name, mm in errors.items()} == dict.fromkeys(MODELS, 120)
+    assert [name.rstrip("0123456789") for name in report["map"]["compared"]] == ["MLS", "MGCO"]
     cells = {m["name"]: m["paper"] for m in report["models"]}
     assert cells["MGCO56"] == {"check_p95_mm": 0.072, "check_max_relative_percent": 0.62}
 

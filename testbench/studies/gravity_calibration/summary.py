@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from testbench.bench.baselines import JOINTS, distinct, duels
 from testbench.bench.campaign import Truth
 from testbench.bench.default import DEFAULT
+from testbench.bench.error_places import ErrorPlaces, error_places
 from testbench.bench.truths import FAMILY
 from testbench.identify import Constraint
 from testbench.studies.gravity_calibration.trial import NAME, Judged, Measured, ModelRow, Settings
@@ -85,15 +86,18 @@ class GravityReport:
     by_arm: list[ByArm]  #: Empty with one true arm.
     check_best: tuple[str, ...]  #: Conservative models of least true error at the check poses.
     twins: list[tuple[str, str]]
+    map: ErrorPlaces  #: Errors pose by pose over the workspace, in the first seed.
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityReport:
     """Medians and spreads of every model; with one seed its numbers."""
-    by_name = grouped([row for _, rows in trials for row in rows], lambda row: row.name)
+    found = [row for _, rows in trials for row in rows]
+    by_name = grouped(found, lambda row: row.name)
     scenario = asked.scenario
     known = SECTION_6 if scenario.arm == PAPERS_ARM else {}
     models = [_model(rows, known.get(name)) for name, rows in by_name.items()]
-    first, best = next(iter(by_name.values())), recommended(models)
+    first, best, best_of_each = next(iter(by_name.values())), recommended(models), winners(models)
+    told = {m.name for m in distinct(models)}
     arms = sorted({row.true_arm for row in first}, key=list(TITLE_WORDS).index)
     return GravityReport(
         scenario=NAME,
@@ -108,18 +112,20 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
         template_is_true=merge([row.template_is_true for row in first]),
         models=models,
         duels=duels(by_name, [(best, JOINTS), *DUELS]),
-        winners=winners(models),
+        winners=best_of_each,
         recommended=best,
         default=behind(by_name, best),
         by_arm=by_arm(by_name, arms),
         check_best=best_of({m.name: m.check_true.rms_mm for m in models if m.conservative is True}).names,
         twins=twins(models),
+        map=error_map([row for row in found if row.name in told], compared(best_of_each)),
     )
 
 
 def _model(rows: Sequence[ModelRow], paper: Mapping[str, float] | None) -> ModelReport:
-    fields = vars(merge(rows))
-    del fields["measured"], fields["true_arm"], fields["template_is_true"]
+    fields = vars(merge([replace(row, places=None, place_mm=None) for row in rows]))
+    for key in ("measured", "true_arm", "template_is_true", "places", "place_mm"):
+        del fields[key]
     solved = sum(row.status == "solved" for row in rows)
     if 0 < solved < len(rows):
         fields["status"] = f"solved in {solved} of {len(rows)} seeds"
@@ -135,6 +141,20 @@ def winners(models: Sequence[ModelReport]) -> list[Winner]:
         names = best_of(errors).names
         found.append(Winner(constraint, prior, names, errors[names[0]]))
     return sorted(found, key=lambda w: middle(w.rms_mm))
+
+
+def compared(winners: Sequence[Winner]) -> list[str]:
+    """The best of least squares, of GCO without a prior and of GCO with one, as far as they are there."""
+    best = {(w.constraint, w.prior): w.names[0] for w in winners}
+    methods: tuple[tuple[Constraint, bool], ...] = (("none", False), ("psd", False), ("psd", True))
+    return [best[method] for method in methods if method in best]
+
+
+def error_map(rows: Sequence[ModelRow], names: Sequence[str]) -> ErrorPlaces:
+    """Errors of the first seed pose by pose, ordered by those models that are compared."""
+    kept = {row.name: (row.places, row.place_mm) for row in rows if row.places and row.place_mm}
+    at = next(places for places, _ in kept.values())
+    return error_places(at, {name: mm for name, (_, mm) in kept.items()}, names)
 
 
 def recommended(models: Sequence[ModelReport]) -> str:

@@ -22,6 +22,7 @@ from testbench.bench.campaign import (
     stream,
 )
 from testbench.bench.default import with_priors
+from testbench.bench.error_places import Places, kept_mm, places_of
 from testbench.bench.judged import Result, identify
 from testbench.bench.models import named_models
 from testbench.bench.rows import (
@@ -77,6 +78,7 @@ class Settings:
     scenario: Scenario  #: The campaign.
     magnification: float  #: Of the drawn deflections [1].
     true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
+    first: int = 1  #: The first seed: its errors are kept pose by pose.
 
 
 @dataclass(frozen=True)
@@ -113,9 +115,11 @@ class ModelRow(Judged):
     measured: Measured
     true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
     template_is_true: bool  #: Whether the beam template holds the true compliances exactly.
+    places: Places | None  #: Poses of the workspace; None but in the first seed.
+    place_mm: tuple[float, ...] | None  #: Error in each of them.
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     scenario = Scenario(
         arm=find_arm(options.arm).resolve().name,
@@ -126,7 +130,7 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
         workspace_poses=QUICK_WORKSPACE if quick else 200,
     )
     scenario = of_arm(load_arm(options.arm), scenario)
-    return Settings(options.arm, scenario, options.magnification, options.true_arm)
+    return Settings(options.arm, scenario, options.magnification, options.true_arm, seeds[0])
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
@@ -135,7 +139,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[ModelRow]]:
     found = []
     for seed in seeds:
         true, campaign = calibrate(cell, asked, seed)
-        found.append(rows(true, campaign, results(true, campaign), member(asked.true_arm, seed)))
+        arm = member(asked.true_arm, seed)
+        found.append(rows(true, campaign, results(true, campaign), arm, mapped=seed == asked.first))
     return found
 
 
@@ -153,11 +158,21 @@ def results(cell: Cell, campaign: Campaign) -> list[Result]:
     return identify(cell, campaign, [*plain, *filled], time.perf_counter)
 
 
-def rows(cell: Cell, campaign: Campaign, results: Sequence[Result], arm: str) -> list[ModelRow]:
-    """All models of one campaign of a true arm."""
+def rows(
+    cell: Cell, campaign: Campaign, results: Sequence[Result], arm: str, *, mapped: bool
+) -> list[ModelRow]:
+    """All models of one campaign of a true arm; `mapped` with their errors pose by pose."""
     pairs, data, exact = normalities(campaign, results), measured(campaign), template_is_true(cell)
+    places = places_of(cell, campaign.truth) if mapped else None
     return [
-        ModelRow(**vars(_judged(result, normal)), measured=data, true_arm=arm, template_is_true=exact)
+        ModelRow(
+            **vars(_judged(result, normal)),
+            measured=data,
+            true_arm=arm,
+            template_is_true=exact,
+            places=places,
+            place_mm=kept_mm(result.places) if mapped else None,
+        )
         for result, normal in zip(results, pairs, strict=True)
     ]
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.bench.campaign import Truth
+from testbench.bench.error_places import ErrorPlaces
 from testbench.studies.paper import Claim
 from testbench.studies.six_dof_arm.trial import Judged, Measured, Order
 from testbench.trials.spread import Number
@@ -90,3 +91,4 @@ class SixDofReport:
     best: tuple[str, ...]
     claims: list[Claim]
     rule: str  #: How verdicts are made.
+    map: ErrorPlaces  #: Errors in the check runs, without noise, in the first seed.

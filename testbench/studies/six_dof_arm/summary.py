@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from testbench.bench.baselines import EQUAL_FIT, JOINTS
 from testbench.bench.campaign import Truth
+from testbench.bench.error_places import ErrorPlaces, error_places
 from testbench.identify.factorised import LARGEST_ORDER
 from testbench.studies.paper import RULE, SECTION_5_2
 from testbench.studies.six_dof_arm.report import (
@@ -63,12 +64,29 @@ def summary(asked: Settings, seeds: range, trials: Trials[SixDofRow]) -> SixDofR
         best=best(linear.models),
         claims=claims(models, nonlinear.models, paired, ties[0]),
         rule=RULE,
+        map=error_map(every, compared(linear.models)),
     )
 
 
 def best(models: Sequence[ModelReport]) -> tuple[str, ...]:
     """The models of least error; not the completed one, whose fit and predictions are those of MLS56."""
     return best_of({m.name: m.check_true.p95_mm for m in models if m.name != EQUAL_FIT}, CLOSE).names
+
+
+def compared(models: Sequence[ModelReport]) -> list[str]:
+    """The best of least squares and of GCO, the completed one and joints alone left out."""
+    names = {
+        constraint: best([m for m in models if m.constraint == constraint and m.structure != JOINTS])
+        for constraint in ("none", "psd")
+    }
+    return [own[0] for own in names.values() if own]
+
+
+def error_map(every: Everything, names: Sequence[str]) -> ErrorPlaces:
+    """Errors of the first seed run by run, ordered by those models that are compared."""
+    rows = [row for _, own in every for row in own if row.places and row.place_mm]
+    [at, *_] = [row.places for row in rows if row.places]
+    return error_places(at, {row.model.name: row.place_mm for row in rows if row.place_mm}, names)
 
 
 def _truth(every: Everything, truth: Truth) -> TruthReport:

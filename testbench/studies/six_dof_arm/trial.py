@@ -14,6 +14,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.bench.baselines import JOINTS, equal_fit
 from testbench.bench.campaign import Campaign, Cell, Truth, build_cell, stream
+from testbench.bench.error_places import Places, kept_mm, places_of
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import Result, identify, judge
 from testbench.bench.models import Model, named_models
@@ -103,6 +104,8 @@ class SixDofRow:
     model: Judged  #: What was found.
     measured: Measured  #: What it was found from.
     order: Order | None  #: What the order m costs; None where the model's own method was used.
+    places: Places | None  #: Poses of the check runs; None but under the linear truth of the first seed.
+    place_mm: tuple[float, ...] | None  #: Error in each of them, without noise.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -141,9 +144,11 @@ def models(cell: Cell) -> list[Model]:
 def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[SixDofRow]:
     for truth in TRUTHS:
         campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
-        own = measured(campaign)
+        own, mapped = measured(campaign), truth == "linear" and seed == asked.first
+        places = places_of(cell, campaign.truth) if mapped else None
         for result in identify(cell, campaign, models, time.perf_counter):
-            yield SixDofRow(truth, judged(result), own, None)
+            place_mm = None if places is None else kept_mm(result.places)
+            yield SixDofRow(truth, judged(result), own, None, places, place_mm)
         if truth == "linear" and seed < asked.first + asked.ordered:
             for name in ORDER_MODELS:
                 yield from _orders(cell, campaign, name, asked.starts)
@@ -181,7 +186,7 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
         estimator = LocalSolves(stream(campaign.seed, 10 + m), m, starts)
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
         own = judged(judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0))
-        yield SixDofRow("linear", own, measured(campaign), _order(m, estimate, best, own))
+        yield SixDofRow("linear", own, measured(campaign), _order(m, estimate, best, own), None, None)
 
 
 def _order(m: int, estimate: Estimate, best: Estimate, own: Judged) -> Order:

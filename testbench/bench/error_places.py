@@ -1,0 +1,112 @@
+"""Errors of models pose by pose over a workspace: where each is worst, and where they differ most."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.bench.campaign import Cell
+from testbench.bench.rows import MM
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.model.vjm import tool_pose
+
+DIGITS = 4  #: Significant digits of a length that is kept: a report shows three.
+Q_DECIMALS, M_DECIMALS = 5, 4
+"""Decimals of joints [rad, m] and of tool positions [m]: a place is found again within 0.1 mm."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Poses of a workspace as the row of a trial holds them, one entry each."""
+
+    run: tuple[int, ...]  #: Identifier in the campaign.
+    q: tuple[float, ...]  #: Joint angles [rad, m], of all poses in turn.
+    joints: tuple[str, ...]  #: The same for people.
+    x_m: tuple[float, ...]  #: Tool without load, world axes.
+    y_m: tuple[float, ...]
+    z_m: tuple[float, ...]
+    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers.
+
+
+@dataclass(frozen=True)
+class WorstPlace:
+    """Where a model errs most."""
+
+    place: int  #: Index in the columns of `ErrorPlaces`.
+    position_m: tuple[float, ...]  #: x, y and z of the tool without load, world axes.
+    joints: str  #: Joint angles for people.
+    error_mm: float
+
+
+@dataclass(frozen=True)
+class ErrorPlaces:
+    """Errors of models by place, columns of equal length; where `compared` differ most is first.
+
+    An error is the distance from the predicted to the true deflection, RMS over the markers.
+    """
+
+    compared: tuple[str, ...]  #: Best of each method, the incumbent first, the recommended one last.
+    run: tuple[int, ...]  #: Identifier in the campaign.
+    q: tuple[tuple[float, ...], ...]  #: Joint angles [rad, m].
+    joints: tuple[str, ...]  #: The same for people.
+    position_m: tuple[tuple[float, ...], ...]  #: x, y and z of the tool without load, world axes.
+    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers.
+    error_mm: Mapping[str, tuple[float, ...]]  #: By name of the model.
+    worst: Mapping[str, WorstPlace]  #: By name of the model.
+
+
+def places(arm: Arm, data: Dataset, position: Array) -> Places:
+    """Places of noise-free runs, `position` that of the tool, (runs, 3) [m]."""
+    x, y, z = position.round(M_DECIMALS).T.tolist()
+    return Places(
+        run=tuple(data.run.tolist()),
+        q=tuple(data.q.round(Q_DECIMALS).ravel().tolist()),
+        joints=tuple(map(arm.words, data.q)),
+        x_m=tuple(x),
+        y_m=tuple(y),
+        z_m=tuple(z),
+        deflection_mm=kept_mm(np.sqrt(np.mean(np.sum(data.deflection**2, axis=-1), axis=-1))),
+    )
+
+
+def places_of(cell: Cell, data: Dataset) -> Places:
+    """The same with the tool where the arm's kinematics have it."""
+    position, _ = tool_pose(cell.vjm, data.q)
+    return places(cell.arm, data, position)
+
+
+def kept_mm(metres: Array) -> tuple[float, ...]:
+    """Lengths (n,) [m] in millimetres, of as many digits as are kept."""
+    return tuple(float(f"{x:.{DIGITS}g}") for x in (MM * metres).tolist())
+
+
+def error_places(
+    at: Places, error_mm: Mapping[str, Sequence[float]], compared: Sequence[str] = ()
+) -> ErrorPlaces:
+    """Places by how much the first and the last of the compared models differ, the widest first.
+
+    Args:
+        at: The places.
+        error_mm: Error of each model at each of them.
+        compared: Names of models; of one its greatest error comes first, of none that of the first model.
+    """
+    names = tuple(compared) or tuple(error_mm)[:1]
+    first, last = (np.array(error_mm[name]) for name in (names[0], names[-1]))
+    order = np.argsort(-(first if len(names) == 1 else np.abs(first - last)), kind="stable")
+    q = np.reshape(at.q, (len(at.run), -1))[order]
+    position = np.column_stack([at.x_m, at.y_m, at.z_m])[order]
+    joints, positions = tuple(at.joints[k] for k in order), tuple(map(tuple, position.tolist()))
+    sorted_mm = {name: tuple(np.array(mm)[order].tolist()) for name, mm in error_mm.items()}
+    worst = {name: int(np.argmax(mm)) for name, mm in sorted_mm.items()}
+    return ErrorPlaces(
+        compared=names,
+        run=tuple(np.array(at.run)[order].tolist()),
+        q=tuple(map(tuple, q.tolist())),
+        joints=joints,
+        position_m=positions,
+        deflection_mm=tuple(np.array(at.deflection_mm)[order].tolist()),
+        error_mm=sorted_mm,
+        worst={name: WorstPlace(k, positions[k], joints[k], sorted_mm[name][k]) for name, k in worst.items()},
+    )
