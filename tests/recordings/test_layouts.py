@@ -124,7 +124,7 @@ def test_the_file_is_one_whole_recording_of_a_versioned_layout(file, kind):
     assert "1 file verified without error" in rerun("verify", file)[1]
     assert file.stat().st_size < BUDGET
     (entry,) = RrdReader(file).recordings()
-    assert re.fullmatch(rf"testbench_{APPLICATIONS.get(kind, kind)}_v\d+", entry.application_id)
+    assert re.fullmatch(rf"testbench_{APPLICATIONS.get(kind, kind)}_[0-9a-f]{{8}}", entry.application_id)
 
 
 def test_every_view_of_the_blueprint_has_data_under_its_origin_on_one_timeline(file, chunks, kind):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from read_back import chunks_of, columns, document, layout, on, rerun, series
+from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario, build_cell, settle_both, simulate
 from testbench.bench.judged import identify
@@ -143,16 +144,23 @@ def test_load_is_labelled_with_the_payload(chunks):
     assert labels == [["460.3 kg"]] * 21
 
 
+def application(file):
+    (entry,) = RrdReader(file).recordings()
+    return entry.application_id
+
+
 def test_the_same_fits_give_the_same_recording(heavy, file, tmp_path):
     again = tmp_path / "again.rrd"
     write_calibration(again, *heavy)
     assert rerun("compare", "--unordered", file, again)[0] == 0
+    assert application(again) == application(file)
 
 
 def test_another_magnification_gives_another_recording(heavy, file, tmp_path):
     other = tmp_path / "other.rrd"
     write_calibration(other, replace(heavy[0], magnification=51.0), *heavy[1:])
     assert rerun("compare", "--unordered", file, other)[0] != 0
+    assert application(other) != application(file)  # or the viewer would show one by the layout of the other
 
 
 def test_a_failure_half_way_leaves_the_earlier_file_whole(heavy, file, tmp_path, monkeypatch):
