@@ -12,7 +12,7 @@ from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
 from testbench.output.scratch import folder_for, interrupts_wait, remove, scratch_name, sweep, writing
 
-SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd"))
+SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
 """Of files of runs whose manifest does not name them: older ones."""
 UNDER_WAY = frozenset(("trials.sqlite", "trials.sqlite-journal", "prepared"))
 """What a study keeps in its folder beside the files of a finished run."""

@@ -24,6 +24,7 @@ from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import open_store, write_parquet
 from testbench.views import terminal
+from testbench.views.page.page import Seen, write_page
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 
@@ -85,7 +86,9 @@ def _write(study: Study[O, S, W, R], found: Run[S, R]) -> None:
     (found.folder / "report.md").write_text(found.words.whole(), encoding="utf-8")
     for name, figure in study.figures.items():
         figure(found.report).savefig(found.folder / name, dpi=120)
-    study.write(found)
+    seen = study.write(found) or Seen()
+    tables = [found.tables[name] for name in study.printed]
+    write_page(found.folder, study.name, found.words, replace(seen, tables=tables))
 
 
 def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:

@@ -7,6 +7,7 @@ from typing import Generic, Protocol, TypeVar
 
 from testbench.views.figure import Figure
 from testbench.views.markdown import Words
+from testbench.views.page.page import Seen
 from testbench.views.schema import Table
 
 O = TypeVar("O")  # noqa: E741 - options
@@ -55,8 +56,9 @@ class Study(Generic[O, S, W, R]):
     tables: Callable[[R], Mapping[str, Table]]  #: Tables by name, for the template; made of declared columns.
     printed: tuple[str, ...]  #: Those that the terminal shows.
     figures: Mapping[str, Callable[[R], Figure]]  #: What makes each PNG of the report.
-    #: Writes what is not made of the report alone: dataset, recording, other figures.
-    write: Callable[["Run[S, R]"], None]
+    #: Writes what is not made of the report alone: dataset, recording, other figures; and says what the page
+    #: draws beside words and tables.
+    write: Callable[["Run[S, R]"], Seen | None]
     extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
     data: str = "dataset.csv"  #: Name of the data file that `write` makes.
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.

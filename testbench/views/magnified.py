@@ -1,0 +1,17 @@
+"""How many times enlarged small things are drawn: round numbers that a reader can divide by."""
+
+import math
+
+MOST = 1e5  #: Largest magnification: what is below rounding is not drawn.
+
+
+def round_scale(drawn: float, true: float) -> float:
+    """Magnification 1, 2 or 5 times a power of ten, at most drawn / true.
+
+    Args:
+        drawn: Length on the drawing [m].
+        true: What is drawn so long [m].
+    """
+    scale = min(drawn / max(true, 1e-30), MOST)
+    power = 10.0 ** math.floor(math.log10(scale))
+    return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))

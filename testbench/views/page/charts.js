@@ -1,0 +1,156 @@
+"use strict";
+
+const SOFT = "var(--soft)";
+
+/** Ticks of an axis: 1, 2, 5 times powers of ten if logarithmic, else steps of one of them. */
+function ticks(low, high, log) {
+  const found = [];
+  if (log) {
+    for (let power = 10 ** Math.floor(Math.log10(low)); power <= high; power *= 10)
+      for (const k of high / low < 100 ? [1, 2, 5] : [1]) if (k * power >= low && k * power <= high) found.push(k * power);
+    return found;
+  }
+  const rough = (high - low) / 5 || 1;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].find((k) => k * power >= rough) * power;
+  for (let x = Math.ceil(low / step) * step; x <= high + 1e-9 * step; x += step) found.push(x);
+  return found;
+}
+
+const plain = (x) => String(Number(x.toPrecision(3)));
+
+/** A scale from numbers to places; logarithmic where the largest is 20 times the smallest. */
+function scale(numbers, from, to) {
+  let low = Math.min(...numbers), high = Math.max(...numbers);
+  const log = low > 0 && high > 20 * low;
+  if (log) [low, high] = [low / 1.2, high * 1.2];
+  else [low, high] = [Math.min(0, low), high > 0 ? 1.08 * high : high === low ? low + 1 : 0];
+  const f = log ? Math.log : (x) => x;
+  const place = (x) => from + ((to - from) * (f(x) - f(low))) / (f(high) - f(low));
+  return { place, ticks: ticks(low, high, log), log };
+}
+
+/** The dot of a model: its shape and colour, filled where it has a prior. */
+function dot(x, y, look, size = 5) {
+  const [s, fill] = [size, look.filled ? look.colour : "var(--card)"];
+  const style = { fill, stroke: look.colour, "stroke-width": 2 };
+  const corners = { D: [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]], "^": [[0, -1.2], [1.2, 1], [-1.2, 1]], v: [[0, 1.2], [1.2, -1], [-1.2, -1]], s: [[-1, -1], [1, -1], [1, 1], [-1, 1]], P: [[-0.5, -1.2], [0.5, -1.2], [0.5, -0.5], [1.2, -0.5], [1.2, 0.5], [0.5, 0.5], [0.5, 1.2], [-0.5, 1.2], [-0.5, 0.5], [-1.2, 0.5], [-1.2, -0.5], [-0.5, -0.5]] }[look.mark];
+  if (!corners) return make("circle", { cx: x, cy: y, r: s, ...style });
+  const path = corners.map(([a, b]) => `${x + s * a} ${y + s * b}`).join("L");
+  return make("path", { d: `M${path}Z`, ...style });
+}
+
+const PLAIN = { colour: "#7f8a94", mark: "o", filled: true };
+
+/** One column of a table as dots with intervals, a row a line; a button a column. */
+function dotChart(place, table, looks) {
+  const columns = table.head.map((head, k) => (head.drawn ? k : -1)).filter((k) => k > 0);
+  if (!columns.length) return;
+  const heads = make("div", { class: "heads" });
+  const picture = make("div");
+  const show = (k) => {
+    for (const button of heads.children) button.setAttribute("aria-pressed", button.dataset.k === String(k));
+    picture.replaceChildren(drawColumn(table, k, looks, place.clientWidth || 600));
+  };
+  for (const k of columns) {
+    const button = make("button", { type: "button", "data-k": k }, table.head[k].title);
+    button.addEventListener("click", () => show(k));
+    heads.append(button);
+  }
+  place.append(heads, picture);
+  show(columns.at(-1));
+}
+
+function drawColumn(table, k, looks, width) {
+  const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
+  const names = rows.map((row) => row.cells[0].text);
+  const left = Math.min(12 + 7.2 * Math.max(...names.map((n) => n.length)), 0.42 * width);
+  const [line, top, right] = [21, 6, 74];
+  const height = top + line * rows.length + 22;
+  const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
+  const x = scale(every, left, width - right);
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.head[k].title });
+  for (const tick of x.ticks) {
+    svg.append(make("line", { class: "grid", x1: x.place(tick), x2: x.place(tick), y1: top, y2: height - 20 }));
+    svg.append(make("text", { class: "soft", x: x.place(tick), y: height - 6, "text-anchor": "middle" }, plain(tick)));
+  }
+  rows.forEach((row, i) => {
+    const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), looks[names[i]] || PLAIN];
+    const weight = row.marked ? "700" : "400";
+    const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, names[i]);
+    name.append(make("title", {}, `${names[i]}: ${cell.text}`));
+    svg.append(name);
+    if (cell.low !== undefined && cell.high > cell.low)
+      svg.append(make("line", { x1: x.place(cell.low), x2: x.place(cell.high), y1: y, y2: y, stroke: look.colour, "stroke-width": 2.5, opacity: 0.6 }));
+    const mark = dot(x.place(cell.v), y, look);
+    mark.append(make("title", {}, `${names[i]}: ${cell.text}`));
+    svg.append(mark);
+    const number = cell.text.split(" ")[0];
+    svg.append(make("text", { x: width - right + 12, y: y + 4, "font-weight": weight }, number));
+  });
+  return svg;
+}
+
+/** A number a pose and model; hovering reads them, a click shows the arm there. */
+function runChart(place, chart, names, choose) {
+  const { labels } = chart;
+  const [width, height, left, bottom] = [Math.max(place.clientWidth, 320), 230, 44, 24];
+  const n = names.length;
+  const order = [...names.keys()];
+  const size = (k) => Math.max(...chart.lines.map((line) => line.values[k] ?? 0));
+  const every = chart.lines.flatMap((line) => line.values).filter((x) => x !== null);
+  const y = scale(chart.limit === null ? every : [...every, chart.limit], height - bottom, 8);
+  const at = (i) => left + ((width - left - 10) * (i + 0.5)) / n;
+  const tip = make("div", { class: "tip" }, "Point at a pose to read its numbers; click to see the arm there.");
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": chart.title });
+  const legend = make("div", { class: "bar" });
+  for (const line of chart.lines) legend.append(swatch(line));
+  const sorted = make("button", { type: "button" }, "worst first");
+  legend.append(sorted);
+
+  const draw = () => {
+    svg.replaceChildren();
+    for (const tick of y.ticks) {
+      svg.append(make("line", { class: "grid", x1: left, x2: width, y1: y.place(tick), y2: y.place(tick) }));
+      svg.append(make("text", { class: "soft", x: left - 6, y: y.place(tick) + 4, "text-anchor": "end" }, plain(tick)));
+    }
+    if (chart.limit !== null) {
+      const level = y.place(chart.limit);
+      svg.append(make("line", { x1: left, x2: width, y1: level, y2: level, stroke: SOFT, "stroke-dasharray": "5 4" }));
+      svg.append(make("text", { class: "soft", x: width - 4, y: level - 4, "text-anchor": "end" }, "95 % of pure noise"));
+    }
+    const radius = Math.max(2, Math.min(4.5, width / n / 3));
+    order.forEach((k, i) => chart.lines.forEach((line) => line.values[k] !== null && svg.append(dot(at(i), y.place(line.values[k]), line, radius))));
+    const every = Math.ceil(n / (width / 70));
+    order.forEach((k, i) => i % every === 0 && svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": "middle" }, labels[k])));
+  };
+  const nearest = (event) => {
+    const box = svg.getBoundingClientRect();
+    const x = ((event.clientX - box.left) / box.width) * width;
+    return Math.max(0, Math.min(n - 1, Math.floor(((x - left) / (width - left - 10)) * n)));
+  };
+  const cursor = make("line", { class: "chosen", y1: 4, y2: height - bottom });
+  svg.addEventListener("pointermove", (event) => {
+    const i = nearest(event), k = order[i];
+    const texts = chart.lines.map((line) => `${line.name} ${line.values[k] === null ? "-" : line.values[k].toFixed(3)}`);
+    tip.textContent = `${names[k]}: ${texts.join(", ")}`;
+    cursor.setAttribute("x1", at(i));
+    cursor.setAttribute("x2", at(i));
+    svg.append(cursor);
+  });
+  svg.addEventListener("click", (event) => choose(chart.group, order[nearest(event)]));
+  sorted.addEventListener("click", () => {
+    const worst = sorted.getAttribute("aria-pressed") !== "true";
+    sorted.setAttribute("aria-pressed", worst);
+    order.sort((a, b) => (worst ? size(b) - size(a) : a - b));
+    draw();
+  });
+  draw();
+  place.append(legend, svg, tip);
+}
+
+/** Name of a line with its dot. */
+function swatch(line) {
+  const mark = make("svg", { viewBox: "0 0 16 16", style: "width:16px;height:16px" }, dot(8, 8, line));
+  return make("span", { class: "named" }, mark, line.name);
+}

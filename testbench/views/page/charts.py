@@ -1,0 +1,69 @@
+"""What a page draws beside the arm: a number for each run and model, and errors all over the workspace."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array
+from testbench.views.colours import Look
+from testbench.views.page.scene import Json
+
+
+@dataclass(frozen=True)
+class Line:
+    """The numbers of one model."""
+
+    name: str
+    look: Look
+    values: Array  #: (n,), in the unit of its chart; NaN where there is none.
+
+
+@dataclass(frozen=True)
+class RunChart:
+    """A number for each pose of a group of the scene, and each model."""
+
+    title: str  #: What the numbers are, with unit.
+    group: int  #: Index of the group in the scene.
+    labels: Sequence[str]  #: Of the poses, a few letters each.
+    lines: Sequence[Line]
+    limit: float | None = None  #: What noise alone stays below in 95 %, in the same unit.
+
+    def plain(self) -> Json:
+        """As JSON data."""
+        return {
+            "title": self.title,
+            "group": self.group,
+            "labels": list(self.labels),
+            "lines": [_line(line) for line in self.lines],
+            "limit": self.limit,
+        }
+
+
+@dataclass(frozen=True)
+class PlaceMap:
+    """Errors at the tool's places in poses of a group of the scene, one map a model on one colour scale."""
+
+    title: str  #: What the errors are, with unit.
+    group: int  #: Index of the group in the scene.
+    at: Array  #: Tool positions, (n, 3) [m].
+    lines: Sequence[Line]
+
+    def plain(self) -> Json:
+        """As JSON data."""
+        return {
+            "title": self.title,
+            "group": self.group,
+            "at": [[round(x, 3) for x in row] for row in self.at.tolist()],
+            "lines": [_line(line) for line in self.lines],
+        }
+
+
+def _line(line: Line) -> Json:
+    values = [float(f"{x:.4g}") if np.isfinite(x) else None for x in line.values.tolist()]
+    return {"name": line.name, **look_plain(line.look), "values": values}
+
+
+def look_plain(look: Look) -> Json:
+    """Colour, shape and filling of a model's dots."""
+    return {"colour": look.hex, "mark": look.mark, "filled": look.prior}

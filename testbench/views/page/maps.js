@@ -1,0 +1,119 @@
+"use strict";
+
+/** Errors all over the workspace: one pane a model, one camera and one scale of colours for all. */
+class Maps {
+  constructor(place, data, ramp, choose) {
+    Object.assign(this, { data, ramp, choose, panes: [] });
+    const every = data.lines.flatMap((line) => line.values).filter((x) => x !== null);
+    [this.low, this.high] = [Math.min(...every), Math.max(...every)];
+    this.log = this.low > 0 && this.high > 20 * this.low;
+    this.camera = Camera.around([[0, 0, 0], ...data.at]);
+    const panes = make("div", { class: "panes" });
+    for (const line of data.lines) panes.append(this.pane(line));
+    place.append(panes, this.key());
+  }
+
+  share(value) {
+    const f = this.log ? Math.log : (x) => x;
+    return this.high > this.low ? (f(value) - f(this.low)) / (f(this.high) - f(this.low)) : 0;
+  }
+
+  colour(share) {
+    const at = share * (this.ramp.length - 1), k = Math.min(Math.floor(at), this.ramp.length - 2);
+    const mix = this.ramp[k].map((x, c) => Math.round(x + (at - k) * (this.ramp[k + 1][c] - x)));
+    return `rgb(${mix.join(",")})`;
+  }
+
+  pane(line) {
+    const canvas = make("canvas", { "aria-label": `Errors of ${line.name} over the workspace` });
+    const worst = line.values.reduce((best, x, k) => (x !== null && (best < 0 || x > line.values[best]) ? k : best), -1);
+    const pane = { canvas, line, worst };
+    this.panes.push(pane);
+    const redraw = () => this.panes.forEach((own) => this.ask(own));
+    turnable(canvas, this.camera, redraw, (event) => this.pick(pane, event));
+    new ResizeObserver(() => this.ask(pane)).observe(canvas);
+    const head = make("h3", {}, swatch(line));
+    const button = make("button", { type: "button" }, `worst: ${plain(line.values[worst])} mm`);
+    button.addEventListener("click", () => this.choose(this.data.group, worst));
+    const where = this.data.at[worst].map((x, k) => `${"xyz"[k]} ${x.toFixed(2)}`).join(", ");
+    return make("div", { class: "pane" }, head, canvas, make("div", { class: "bar" }, button, make("span", {}, `at ${where} m`)));
+  }
+
+  ask(pane) {
+    if (pane.asked) return;
+    pane.asked = true;
+    requestAnimationFrame(() => {
+      pane.asked = false;
+      this.draw(pane);
+    });
+  }
+
+  draw(pane) {
+    const { canvas, line, worst } = pane, box = canvas.getBoundingClientRect();
+    const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
+    const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+    if (!width || !height) return;
+    Object.assign(canvas, { width, height });
+    const pen = canvas.getContext("2d"), project = this.camera.projector(width, height);
+    const places = new Float32Array(3 * this.data.at.length);
+    this.data.at.forEach((at, k) => project(...at, places, 3 * k));
+    const order = [...line.values.keys()].sort((a, b) => places[3 * b + 2] - places[3 * a + 2]);
+    for (const k of order) {
+      const [x, y, depth] = places.slice(3 * k, 3 * k + 3), value = line.values[k];
+      const radius = ((0.9 * this.camera.home.distance) / depth) * ratio * (value === null ? 3 : 3 + 6 * this.share(value));
+      pen.beginPath();
+      pen.arc(x, y, radius, 0, 7);
+      if (value === null) (pen.strokeStyle = "#8a8f94", pen.lineWidth = 1.5 * ratio, pen.stroke());
+      else (pen.fillStyle = this.colour(this.share(value)), pen.fill());
+    }
+    this.foot(pen, project, ratio);
+    if (worst >= 0) this.ring(pen, places, worst, ratio);
+    pane.places = places;
+    pane.ratio = ratio;
+  }
+
+  /** Where the arm stands: a cross of half a metre on the floor. */
+  foot(pen, project, ratio) {
+    const out = new Float32Array(6);
+    pen.strokeStyle = getComputedStyle(document.body).getPropertyValue("--soft");
+    pen.lineWidth = 3 * ratio;
+    for (const [a, b] of [[[-0.5, 0, 0], [0.5, 0, 0]], [[0, -0.5, 0], [0, 0.5, 0]], [[0, 0, 0], [0, 0, 0.8]]]) {
+      project(...a, out, 0);
+      project(...b, out, 3);
+      pen.beginPath();
+      pen.moveTo(out[0], out[1]);
+      pen.lineTo(out[3], out[4]);
+      pen.stroke();
+    }
+  }
+
+  ring(pen, places, worst, ratio) {
+    const ink = getComputedStyle(document.body).getPropertyValue("--ink");
+    pen.strokeStyle = pen.fillStyle = ink;
+    pen.lineWidth = 2 * ratio;
+    pen.beginPath();
+    pen.arc(places[3 * worst], places[3 * worst + 1], 13 * ratio, 0, 7);
+    pen.stroke();
+    pen.font = `${12 * ratio}px system-ui, sans-serif`;
+    pen.fillText("worst", places[3 * worst] + 16 * ratio, places[3 * worst + 1] + 4 * ratio);
+  }
+
+  pick(pane, event) {
+    const box = pane.canvas.getBoundingClientRect();
+    const [x, y] = [(event.clientX - box.left) * pane.ratio, (event.clientY - box.top) * pane.ratio];
+    let best = -1, least = 14 * pane.ratio;
+    this.data.at.forEach((_, k) => {
+      const far = Math.hypot(pane.places[3 * k] - x, pane.places[3 * k + 1] - y);
+      if (far < least) [best, least] = [k, far];
+    });
+    if (best >= 0) this.choose(this.data.group, best);
+  }
+
+  key() {
+    const stops = this.ramp.map((rgb) => `rgb(${rgb.join(",")})`).join(",");
+    const [low, high] = [this.low, this.high];
+    const middle = this.log ? Math.sqrt(low * high) : (low + high) / 2;
+    const ramp = make("span", { class: "ramp", style: `background:linear-gradient(90deg,${stops})` });
+    return make("div", { class: "key" }, `${plain(low)} mm`, ramp, `${plain(high)} mm`, ` (middle ${plain(middle)} mm${this.log ? ", logarithmic" : ""})`);
+  }
+}

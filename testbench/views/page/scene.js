@@ -1,0 +1,201 @@
+"use strict";
+
+const BENT = [213, 94, 0];
+const SHIFT = 40; // a body that bends by less than 4 mm is drawn once
+
+/** The arm in its poses. */
+class Scene {
+  constructor(place, data) {
+    this.canvas = place.querySelector("canvas");
+    this.data = data;
+    this.solids = data.solids.map((own) => ({ ...own, v: Float32Array.from(own.v, (part) => part / 1e4) }));
+    this.rasters = [new Raster(), new Raster()];
+    this.picture = document.createElement("canvas");
+    this.hidden = new Set();
+    this.camera = this.framed();
+    this.controls(place);
+    turnable(this.canvas, this.camera, () => this.ask());
+    new ResizeObserver(() => this.ask()).observe(this.canvas);
+    this.show(0, data.groups[0].first);
+  }
+
+  /** A camera that sees the arm in all poses that come first. */
+  framed() {
+    const points = [];
+    const add = (list, step) => {
+      for (let k = 0; k + 2 < list.length; k += step) if (list[k] !== null) points.push(list.slice(k, k + 3).map((part) => part / 1e4));
+    };
+    for (const group of this.data.groups) {
+      const pose = group.first;
+      add(group.rigid[pose].slice(7), 7);
+      if (group.bent) add(group.bent[pose].slice(7), 7);
+      for (const layer of group.layers) add(layer.at[pose], 3);
+    }
+    return Camera.around(points);
+  }
+
+  controls(place) {
+    this.slider = make("input", { type: "range", min: 0, "aria-label": "pose" });
+    this.says = make("div", { class: "says" });
+    this.legend = make("div", { class: "bar" });
+    const bar = make("div", { class: "bar" });
+    if (this.data.groups.length > 1) {
+      this.select = make("select", { "aria-label": "which poses" });
+      this.data.groups.forEach((group, k) => this.select.append(make("option", { value: k }, group.name)));
+      this.select.addEventListener("change", () => this.show(Number(this.select.value)));
+      bar.append(this.select);
+    }
+    bar.append(this.slider);
+    this.slider.addEventListener("input", () => this.show(this.group, Number(this.slider.value)));
+    place.append(bar, this.says, this.legend, make("div", { class: "says" }, `${this.data.title} Drag to turn, pinch or Ctrl and wheel to come near.`));
+  }
+
+  show(group, pose = this.data.groups[group].first) {
+    const own = this.data.groups[group];
+    if (group !== this.group) {
+      this.legend.replaceChildren(...own.layers.map((layer) => this.toggle(layer)));
+      this.slider.max = own.names.length - 1;
+      if (this.select) this.select.value = group;
+    }
+    [this.group, this.pose] = [group, pose];
+    this.slider.value = pose;
+    this.says.textContent = `${own.names[pose]}. ${own.words[pose]}`;
+    this.ask();
+  }
+
+  toggle(layer) {
+    const box = make("input", { type: "checkbox" });
+    box.checked = !this.hidden.has(layer.name);
+    box.addEventListener("change", () => {
+      this.hidden[box.checked ? "delete" : "add"](layer.name);
+      this.ask();
+    });
+    return make("label", {}, box, make("span", { class: "swatch", style: `background:${layer.colour}` }), layer.name);
+  }
+
+  /** Draw before the next picture, once. */
+  ask() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => {
+      this.asked = false;
+      this.draw();
+    });
+  }
+
+  draw() {
+    const box = this.canvas.getBoundingClientRect();
+    const ratio = Math.min(2, Math.max(1, window.devicePixelRatio));
+    const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+    if (!width || !height) return;
+    if (this.canvas.width !== width) this.canvas.width = width;
+    if (this.canvas.height !== height) this.canvas.height = height;
+    const pen = this.canvas.getContext("2d");
+    pen.clearRect(0, 0, width, height);
+    const project = this.camera.projector(width, height);
+    this.floor(pen, project);
+    this.arm(pen, project, width, height);
+    const own = this.data.groups[this.group];
+    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio);
+  }
+
+  floor(pen, project) {
+    pen.strokeStyle = getComputedStyle(document.body).getPropertyValue("--line");
+    pen.lineWidth = 1;
+    const reach = Math.ceil(this.camera.home.distance / 3);
+    const out = new Float32Array(6);
+    const line = (a, b) => {
+      project(...a, out, 0);
+      project(...b, out, 3);
+      if (out[2] < 0.2 || out[5] < 0.2) return;
+      pen.beginPath();
+      pen.moveTo(out[0], out[1]);
+      pen.lineTo(out[3], out[4]);
+      pen.stroke();
+    };
+    for (let k = -reach; k <= reach; k++) {
+      line([k, -reach, 0], [k, reach, 0]);
+      line([-reach, k, 0], [reach, k, 0]);
+    }
+  }
+
+  arm(pen, project, width, height) {
+    const own = this.data.groups[this.group];
+    const rigid = own.rigid[this.pose], bent = own.bent && own.bent[this.pose];
+    const [right, up, back] = this.camera.axes();
+    const light = [0, 1, 2].map((k) => 0.75 * back[k] + 0.25 * right[k] + 0.6 * up[k]);
+    const frames = bent ? [rigid, bent] : [rigid];
+    frames.forEach((frame, g) => {
+      const raster = this.rasters[g];
+      raster.resize(width, height);
+      raster.clear();
+      for (const solid of this.solids) {
+        const at = 7 * solid.body;
+        if (g && !shifted(rigid, frame, at)) continue;
+        const points = moved(solid.v, frame, at), corners = new Float32Array(points.length);
+        for (let k = 0; k < points.length; k += 3) project(points[k], points[k + 1], points[k + 2], corners, k);
+        raster.fill(corners, solid.f, shading(points, solid.f, light, g ? 1 : 0.45 + 0.45 * solid.bright));
+      }
+    });
+    this.blend(pen, width, height, Boolean(bent));
+  }
+
+  /** The rigid arm in grey, and before it the bent one in vermillion, half seen through. */
+  blend(pen, width, height, bent) {
+    const [a, b] = this.rasters;
+    const image = new ImageData(width, height), pixels = image.data;
+    for (let at = 0, k = 0; at < a.near.length; at++, k += 4) {
+      const solid = a.near[at] > 0;
+      if (solid) {
+        pixels[k] = pixels[k + 1] = pixels[k + 2] = a.shade[at];
+        pixels[k + 3] = 255;
+      }
+      if (bent && b.near[at] > 0) {
+        const share = !solid || b.near[at] > a.near[at] ? 0.62 : 0.2, light = b.shade[at] / 255;
+        for (let c = 0; c < 3; c++) pixels[k + c] = solid ? pixels[k + c] * (1 - share) + BENT[c] * light * share : BENT[c] * light;
+        if (!solid) pixels[k + 3] = 255 * share;
+      }
+    }
+    Object.assign(this.picture, { width, height });
+    this.picture.getContext("2d").putImageData(image, 0, 0);
+    pen.drawImage(this.picture, 0, 0);
+  }
+}
+
+function shifted(rigid, bent, at) {
+  for (let k = at; k < at + 7; k++) if (Math.abs(rigid[k] - bent[k]) > SHIFT) return true;
+  return false;
+}
+
+/** Dots, arrows or lines of one pose, over everything else. */
+function drawLayer(pen, project, layer, pose, ratio) {
+  const from = layer.at[pose], to = layer.to && layer.to[pose], out = new Float32Array(6);
+  pen.strokeStyle = pen.fillStyle = layer.colour;
+  pen.lineWidth = (layer.kind === "lines" ? 1.2 : 2.6) * ratio;
+  for (let k = 0; k < from.length; k += 3) {
+    if (from[k] === null || (to && to[k] === null)) continue;
+    project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
+    pen.beginPath();
+    if (layer.kind === "dots") {
+      pen.arc(out[0], out[1], 4.5 * ratio, 0, 7);
+      pen.fill();
+      continue;
+    }
+    project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
+    pen.moveTo(out[0], out[1]);
+    pen.lineTo(out[3], out[4]);
+    pen.stroke();
+    if (layer.kind === "arrows") head(pen, out, ratio);
+  }
+}
+
+function head(pen, [x0, y0, , x1, y1], ratio) {
+  const length = Math.hypot(x1 - x0, y1 - y0);
+  if (length < 3) return;
+  const size = Math.min(9 * ratio, 0.6 * length), [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
+  pen.beginPath();
+  pen.moveTo(x1, y1);
+  pen.lineTo(x1 - size * ux + 0.45 * size * uy, y1 - size * uy - 0.45 * size * ux);
+  pen.lineTo(x1 - size * ux - 0.45 * size * uy, y1 - size * uy + 0.45 * size * ux);
+  pen.fill();
+}
