@@ -81,6 +81,7 @@ def print_places(console: Console, out: Path, *, figures: list[str], data: str =
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",
+        f"page       {out / 'report.html'}: opens in any browser",
         f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)

@@ -17,7 +17,15 @@ from testbench.shell import command
 from testbench.studies import run
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = {"dataset.csv", "report.json", "report.md", "manifest.json", "recording.rrd", "trials.parquet"}
+FILES = {
+    "dataset.csv",
+    "report.json",
+    "report.md",
+    "report.html",
+    "manifest.json",
+    "recording.rrd",
+    "trials.parquet",
+}
 """What every study leaves beside its figures."""
 
 

@@ -32,7 +32,7 @@ KEYS = {
     "workspace", "paper",
 }  # fmt: skip
 FILES = {
-    "dataset.csv", "report.json", "report.md", "recording.rrd", "manifest.json", "models.png",
+    "dataset.csv", "report.json", "report.md", "report.html", "recording.rrd", "manifest.json", "models.png",
     "residuals.png", "trials.parquet",
 }  # fmt: skip
 
