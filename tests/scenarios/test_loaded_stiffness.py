@@ -18,8 +18,9 @@ from testbench.studies.loaded_stiffness.trial import joints_alone
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "loaded_stiffness.py")
 FILES = {
-    "report.json", "report.md", "report.html", "manifest.json", "errors.csv", "trials.parquet", "loaded_stiffness.png",
+    "report.json", "report.md", "manifest.json", "errors.csv", "trials.parquet", "loaded_stiffness.png",
     "recording.rrd",
+    "report.html",
 }  # fmt: skip
 STORE = {"trials.jsonl", "trials"}
 METHODS = ["linear", "secant", "integrated"]

@@ -13,8 +13,9 @@ from testbench.studies.pose_selection import plans
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "pose_selection.py")
 FILES = {
-    "dataset.csv", "report.json", "report.md", "report.html", "manifest.json", "curves.png", "featured.png", "recording.rrd",
+    "dataset.csv", "report.json", "report.md", "manifest.json", "curves.png", "featured.png", "recording.rrd",
     "trials.parquet",
+    "report.html",
 }  # fmt: skip
 
 

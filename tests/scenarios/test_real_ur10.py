@@ -10,8 +10,9 @@ from run_here import app_of, here
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {
-    "report.json", "report.md", "report.html", "manifest.json", "errors.csv", "trials.parquet", "real_ur10.png",
+    "report.json", "report.md", "manifest.json", "errors.csv", "trials.parquet", "real_ur10.png",
     "spectra.png", "recording.rrd",
+    "report.html",
 }  # fmt: skip
 STORE = {"trials.jsonl", "trials", "prepared"}
 SPRINGS, WAVES = "+ joint springs", "+ joint errors"

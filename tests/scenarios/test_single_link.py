@@ -12,8 +12,9 @@ from testbench.data.csvfile import read_csv
 ROOT = Path(__file__).resolve().parents[2]
 APP = app_of(ROOT / "scenarios" / "single_link.py")
 FILES = {
-    "dataset.csv", "report.json", "report.md", "report.html", "manifest.json", "trials.parquet", "single_link.png",
+    "dataset.csv", "report.json", "report.md", "manifest.json", "trials.parquet", "single_link.png",
     "recording.rrd",
+    "report.html",
 }  # fmt: skip
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",

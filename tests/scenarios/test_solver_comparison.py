@@ -12,8 +12,9 @@ from run_here import app_of, here
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "solver_comparison.py"
 FILES = {
-    "dataset.csv", "report.json", "report.md", "report.html", "manifest.json", "solver_comparison.png", "recording.rrd",
+    "dataset.csv", "report.json", "report.md", "manifest.json", "solver_comparison.png", "recording.rrd",
     "trials.parquet",
+    "report.html",
 }  # fmt: skip
 SMALL = ["--quick", "--generations", "3", "--trial-points", "30", "--starts", "2", "--model", "MGCO56"]
 SOLVER = {
