@@ -36,7 +36,7 @@ DOORS = {
 UNTYPED = """
     files.py identify/factorised.py identify/modelled.py identify/search.py studies/run.py trials/cluster.py
     trials/engine.py trials/experiment.py trials/local.py trials/parquet.py trials/rows.py views/schema.py
-    views/recording/arm.py views/recording/stream.py views/recording/viewer.py
+    views/recording/arm.py views/recording/headless.py views/recording/stream.py
 """
 """Modules at the door of JSON or of a package without types: the only ones that may say Any."""
 

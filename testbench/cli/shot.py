@@ -1,4 +1,4 @@
-"""testbench shot DIR: the newest recording of a run as a picture."""
+"""testbench shot DIR: the newest recording of a run as a picture, still or moving."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,9 +8,12 @@ import typer
 from rich.console import Console
 
 from testbench.cli.arguments import RunFolder
-from testbench.output.place import PNG, check_file
+from testbench.errors import BenchError
+from testbench.output.place import GIF, MP4, PNG, check_file
 from testbench.shell.options import Force, takes
-from testbench.views.recording import viewer
+from testbench.views.recording import shot
+
+KINDS = {".png": PNG, ".gif": GIF, ".mp4": MP4}
 
 
 @dataclass(frozen=True)
@@ -18,18 +21,35 @@ class Options:
     """Flags of the command."""
 
     folder: RunFolder
-    out: Annotated[Path, typer.Option(help="PNG to write.")] = Path("recording.png")
+    out: Annotated[
+        Path | None, typer.Option(help="Picture to write, .png, .gif or .mp4; recording.png if not given.")
+    ] = None
+    gif: Annotated[
+        bool, typer.Option("--gif", help="Moving along the timeline; the loading if there is one.")
+    ] = False
     tab: Annotated[str | None, typer.Option(help="Tab in front, such as Errors.")] = None
     timeline: Annotated[str | None, typer.Option(help="Active timeline, such as load.")] = None
-    at: Annotated[int, typer.Option(min=0, help="Place on the timeline.")] = 0
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "1600x1000"
+    at: Annotated[int | None, typer.Option(min=0, help="Place on the timeline; the first if not given.")] = (
+        None
+    )
+    size: Annotated[
+        str | None,
+        typer.Option(help=f"WIDTHxHEIGHT of the viewer in pixels; {shot.STILL}, moving {shot.MOVING}."),
+    ] = None
     force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Render it."""
-    check_file(asked.out, PNG, inputs=[asked.folder], force=asked.force)
-    sight = viewer.Sight(asked.size, asked.tab, asked.timeline, asked.at)
-    file = viewer.shot(asked.folder, asked.out, sight)
-    Console(highlight=False).print(f"{asked.out}: {file}", soft_wrap=True)
+    out = asked.out or Path("recording.gif" if asked.gif else "recording.png")
+    suffixes = [".gif"] if asked.gif else list(KINDS)
+    if out.suffix not in suffixes:
+        raise BenchError(f"--out: expected a name that ends with {' or '.join(suffixes)}, got {out}")
+    moving = out.suffix != ".png"
+    if moving and asked.at is not None:
+        raise BenchError(f"--at: {out} moves along the whole timeline; a .png shows one place")
+    check_file(out, KINDS[out.suffix], inputs=[asked.folder], force=asked.force)
+    sight = shot.Sight(asked.size, asked.tab, asked.timeline, asked.at)
+    file = (shot.film if moving else shot.shot)(asked.folder, out, sight)
+    Console(highlight=False).print(f"{out}: {file}", soft_wrap=True)

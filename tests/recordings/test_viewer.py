@@ -5,13 +5,16 @@ import subprocess
 from dataclasses import replace
 
 import pytest
+from PIL import Image
 
 from testbench.errors import BenchError
 from testbench.views.colours import look
-from testbench.views.recording import viewer
+from testbench.views.recording import headless, viewer
+from testbench.views.recording.shot import BARS, Sight, film, shot
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
 from testbench.views.recording.swept import Point, Sweep
+from testbench.views.recording.web import web_viewer
 from testbench.views.schema import Column
 
 
@@ -34,6 +37,18 @@ def test_the_newest_recording_of_a_folder_is_taken_or_the_one_that_is_named(fold
     assert viewer.newest(folder / "old.rrd") == folder / "old.rrd"
 
 
+def test_a_folder_that_is_called_as_a_flag_is_none_to_the_viewer(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    (folder / "inner").rename(folder / "--save=x")
+    assert viewer.newest(viewer.Path("--save=x")) == folder / "--save=x" / "new.rrd"
+
+
+def test_a_file_that_is_no_recording_is_told_before_any_viewer_starts(folder):
+    (folder / "junk.rrd").write_bytes(b"junk")
+    with pytest.raises(BenchError, match=r"junk\.rrd: is no recording"):
+        viewer.newest(folder / "junk.rrd")
+
+
 def test_the_viewer_gets_the_file_and_listens_to_this_machine_only(folder, monkeypatch):
     calls = []
 
@@ -41,40 +56,60 @@ def test_the_viewer_gets_the_file_and_listens_to_this_machine_only(folder, monke
         calls.append(command)
         return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr(viewer.subprocess, "run", run)
-    viewer.view(folder)
+    viewer.view(folder / "old.rrd")
     (command,) = calls
-    assert command[1] == str(folder / "inner" / "new.rrd")
+    assert command[1] == str(folder / "old.rrd")
     assert command[command.index("--bind") + 1] == "127.0.0.1"
 
 
 def test_a_viewer_that_fails_is_an_error(folder, monkeypatch):
-    monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr(viewer.subprocess, "run", lambda c, **_: subprocess.CompletedProcess(c, 3))
     with pytest.raises(BenchError, match="exit code 3"):
-        viewer.view(folder)
+        viewer.view(folder / "old.rrd")
+
+
+def test_the_web_viewer_is_in_the_program():
+    files = web_viewer()
+    assert b"re_viewer.js" in files[""]
+    assert files["re_viewer_bg.wasm"].startswith(b"\0asm")
 
 
 def test_without_software_vulkan_the_package_is_named(folder, monkeypatch):
-    monkeypatch.setattr(viewer, "DRIVERS", (folder / "nothing",))
+    monkeypatch.setattr(headless, "DRIVERS", (folder / "nothing",))
     with pytest.raises(BenchError, match="mesa-vulkan-drivers"):
-        viewer.shot(folder, folder / "picture.png", viewer.Sight())
+        shot(folder, folder / "picture.png", Sight())
 
 
 def has_lavapipe():
-    return any(list(path.glob(viewer.SOFTWARE)) for path in viewer.DRIVERS if path.is_dir())
+    return any(list(path.glob(headless.SOFTWARE)) for path in headless.DRIVERS if path.is_dir())
 
 
 @pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
-def test_a_recording_becomes_a_picture_without_a_screen(folder):
-    png = folder / "made" / "picture.png"
-    at_2 = viewer.Sight(size="640x400", timeline="sweep", at=2)
-    at_9, lost = replace(at_2, at=9), replace(at_2, timeline="load")
-    assert viewer.shot(folder, png, at_2) == folder / "inner" / "new.rrd"
+def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch):
+    monkeypatch.setattr(headless, "SETTLE", 0.5)  # messages that have not faded do no harm here
+    png, gif = folder / "made" / "picture.png", folder / "film.gif"
+    at_2 = Sight(size="640x400", timeline="sweep", at=2)
+    assert shot(folder, png, at_2) == folder / "inner" / "new.rrd"
     assert png.read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(BenchError, match="no tab 'Nothing'; tabs are Overview, Table"):
-        viewer.shot(folder, png, viewer.Sight(size="640x400", tab="Nothing"))
-    for sight, said in ((at_9, "--at: expected 1 to 2"), (lost, "no timeline 'load'; timelines are sweep")):
+    at_9, lost, tabless = replace(at_2, at=9), replace(at_2, timeline="load"), replace(at_2, tab="Nothing")
+    for sight, said in (
+        (at_9, "--at: expected 1 to 2"),
+        (lost, "no timeline 'load'; timelines are sweep"),
+        (tabless, "no tab 'Nothing'; tabs are Overview, Table"),
+    ):
         with pytest.raises(BenchError, match=said):
-            viewer.shot(folder, png, sight)
+            shot(folder, png, sight)
+    assert png.read_bytes().startswith(b"\x89PNG")
+    film(folder, gif, replace(at_2, at=None))
+    with Image.open(gif) as picture:
+        assert (picture.n_frames, picture.size) == (2, (640, 400 - BARS))
+
+
+@pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
+def test_half_a_recording_is_told_at_once_and_by_its_reason(folder, monkeypatch):
+    monkeypatch.setattr(headless, "LOAD", 0.0)  # nothing is waited for
+    whole = (folder / "old.rrd").read_bytes()
+    (folder / "half.rrd").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(BenchError, match=r"half\.rrd: cannot be read: .*decode"):
+        shot(folder / "half.rrd", folder / "picture.png", Sight(size="640x400"))

@@ -1,7 +1,9 @@
 """The `testbench` command on a user's own arm, poses and runs."""
 
+import http.client
 import json
 import shutil
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from run_here import here
+from run_here import heed_ctrl_c, here
 
 from testbench import __version__
 from testbench.bench.campaign import Scenario, build_cell, simulate
@@ -216,11 +218,76 @@ def test_view_and_shot_need_a_recording(tmp_path):
         assert f"no recording (*.rrd) in {tmp_path}" in refused(run(verb, tmp_path))
 
 
-def test_view_without_a_display_names_shot(tmp_path, monkeypatch):
+def test_view_without_a_display_says_what_else_there_is(tmp_path, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    (tmp_path / "recording.rrd").write_bytes(b"")
-    assert "testbench shot" in refused(run("view", tmp_path))
+    (tmp_path / "recording.rrd").write_bytes(b"RRF2")
+    said = refused(run("view", tmp_path))
+    assert f"`testbench view {tmp_path} --web`" in said
+    assert f"`testbench shot {tmp_path}`" in said
+    assert "report.html" not in said
+    (tmp_path / "report.html").touch()
+    assert f"{tmp_path / 'report.html'} opens anywhere" in refused(run("view", tmp_path))
+
+
+def listening(pid):
+    """Addresses and ports on which a process listens, as the kernel writes them."""
+    inodes = {link.readlink().name for link in Path(f"/proc/{pid}/fd").iterdir()}
+    tables = [Path(f"/proc/net/{name}").read_text() for name in ("tcp", "tcp6")]
+    rows = [row.split() for table in tables for row in table.splitlines()]
+    return [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_view_serves_recording_and_page_to_this_machine_until_ctrl_c(tmp_path):
+    manifest = {
+        "versions": {"testbench": "0"},
+        "command": "x",
+        "files": ["report.html", "a.png", "dataset.csv"],
+    }
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    for name in ("recording.rrd", "report.html", "a.png", "stranger.png", "dataset.csv"):
+        (tmp_path / name).write_bytes(b"RRF2" + name.encode())
+    start = "from testbench.cli import main; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", start, "view", tmp_path, "--web"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heed_ctrl_c,
+    )
+    recording, page, elsewhere, _ = (process.stdout.readline().split() for _ in range(4))
+    port = int(page[1].split(":")[2].split("/")[0])
+    assert listening(process.pid) == [f"0100007F:{port:04X}"]
+    assert f"-L {port}:127.0.0.1:{port}" in " ".join(elsewhere)
+    assert page[1] == f"http://127.0.0.1:{port}/report.html"
+
+    def status(path):
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        answer.read()
+        return answer.status
+
+    served = ["/", "/report.html", "/a.png", "/recording.rrd", "/viewer/", "/viewer/re_viewer_bg.wasm"]
+    assert [status(path) for path in [*served, recording[1].partition(str(port))[2]]] == [200] * 7
+    hidden = ["/stranger.png", "/dataset.csv", "/manifest.json", "/viewer/../dataset.csv"]
+    assert [status(path) for path in hidden] == [404] * 4
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out, children) == (130, "", "")
+    assert err.startswith("interrupted: nothing is served any more")
+
+
+def test_a_picture_is_of_the_kind_that_its_name_says(tmp_path):
+    (tmp_path / "recording.rrd").write_bytes(b"RRF2")
+    for flags, said in (
+        (["--out", tmp_path / "a.jpg"], "--out: expected a name that ends with .png or .gif or .mp4"),
+        (["--gif", "--out", tmp_path / "a.png"], "--out: expected a name that ends with .gif"),
+        (["--out", tmp_path / "a.gif", "--at", "3"], "--at: "),
+    ):
+        assert said in refused(run("shot", tmp_path / "recording.rrd", *flags))
 
 
 def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path):
