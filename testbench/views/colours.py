@@ -1,52 +1,69 @@
-"""Colour is a role, the same in figures and recordings (Okabe-Ito), and never alone: shapes go with it.
+"""Colour is a role, the same in figures, recordings and pages, and never alone: shapes go with it.
 
-Least squares is orange, brown where its free directions make it conservative, joints alone are blue, GCO is
-green, measured vermillion, nominal sky blue, load purple, the arm grey. A model has one shade of its family
-by its structure's name, never by its rank; a prior fills its marker.
+A model has one colour, by its name: least squares orange, with a prior red, brown where its free directions
+make it conservative; joints alone blue; GCO green. A prior fills its marker and dashes its line. Measured is
+vermillion, nominal sky blue, the arm grey; purple is load and nothing else. Every colour stands out from
+white and from black, by 3:1 at least.
 """
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.identify import Constraint
 
 Colour = tuple[int, ...]
 
-NOMINAL, MEASURED, LOAD, GREY = (86, 180, 233), (213, 94, 0), (204, 121, 167), (127, 127, 127)
+
+NOMINAL, MEASURED, LOAD, GREY = (40, 146, 196), (213, 94, 0), (196, 106, 160), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
 SCALE: tuple[Colour, ...] = ((72, 98, 140), (36, 118, 142), (84, 134, 92), (154, 128, 40), (216, 116, 16))
 """Of sizes, from least to greatest: blue-grey to orange, brighter all the way, seen on dark and on light."""
-TASK = (178, 156, 48)  #: Where the robot works: olive, which is neither least squares nor GCO.
-ORANGES: tuple[Colour, ...] = ((230, 159, 0), (176, 122, 72), (205, 170, 105))
-"""Least squares."""
-BROWNS: tuple[Colour, ...] = ((150, 105, 20),)
-"""Least squares whose free directions make it conservative."""
-JOINTS = (0, 114, 178)
+TASK = (143, 119, 4)  #: Where the robot works: olive.
+LEAST_SQUARES, GCO = (194, 132, 0), (0, 136, 10)  #: The methods, and MLS56 and MGCO56.
+JOINTS, JOINTS_PRIOR = (52, 98, 232), (108, 116, 192)
 """Joints alone, what most calibrations use: beside links they are no shade of a method."""
-GREENS: tuple[Colour, ...] = ((0, 158, 115), (124, 190, 92), (72, 150, 160), (100, 140, 60), (150, 205, 180))
-"""GCO."""
-FAMILIES = {"none": ORANGES, "psd": GREENS, "free": BROWNS}
-PLACES = {
-    "MLS56": 0,
-    "MLS32": 1,
-    "MLS36": 0,
-    "MLS21": 1,
-    "MGCO21": 0,
-    "MGCO56": 0,
-    "MGCO68": 1,
-    "MGCO69": 1,
-    "MGCO47": 2,
-    "MGCO147": 3,
-    "ALL153": 4,
+SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
+    ("none", "none"): {"56": LEAST_SQUARES, "32": (176, 106, 98)},
+    ("none", "prior"): {"56": (184, 54, 78), "68": (150, 86, 92), "153": (210, 116, 98)},
+    ("free", "none"): {"56": (150, 84, 14)},
+    ("psd", "none"): {
+        "56": GCO,
+        "68": (122, 151, 6),
+        "47": (132, 150, 119),
+        "147": (103, 103, 96),
+        "153": (8, 162, 14),
+    },
+    ("psd", "prior"): {"56": (0, 130, 104), "68": (85, 104, 10), "153": (0, 161, 154)},
+    ("psd", "least trace"): {"56": (37, 108, 93), "68": (157, 131, 83), "153": (103, 130, 159)},
+    ("psd", "log-det prior"): {"56": (87, 153, 100), "68": (109, 127, 41), "153": (37, 129, 143)},
 }
-"""Shade of a structure in its family; others take one by their letters."""
-MARKS = "osD^vP"  #: Marker of each shade, matplotlib's letters.
+"""Colour by method, then by kind of structure."""
+KINDS = {"MLS36": "56", "MLS21": "32", "MGCO21": "56", "MGCO69": "68"}
+"""Kinds of structures that are not named by their count: never beside the one of that count."""
+PLACES = {"Joints": 2, "56": 0, "32": 1, "68": 1, "47": 2, "147": 3, "153": 4}  #: Mark of a kind.
+FULL = 21  #: Entries of a link in full, of which an arm of any joints has a multiple.
+MARKS = "osD^vP*"  #: Markers, matplotlib's letters.
+
+
+SERIES: tuple[Colour, ...] = (
+    GCO,
+    NOMINAL,
+    LEAST_SQUARES,
+    (184, 54, 78),
+    (37, 108, 93),
+    JOINTS_PRIOR,
+    (150, 84, 14),
+    (0, 161, 154),
+)
+"""What is no model, such as criteria, instruments and solvers."""
 
 
 @dataclass(frozen=True)
 class Look:
     """How a model is drawn."""
 
-    colour: Colour  #: Of its family, in the shade of its structure.
+    colour: Colour  #: Of its method, in the shade of its structure.
     place: int  #: Of the shade in the family, for shapes.
     prior: bool  #: Whether a prior stands behind it: dashed lines, filled markers.
 
@@ -60,26 +77,45 @@ class Look:
         """Matplotlib's marker."""
         return MARKS[self.place % len(MARKS)]
 
+    @property
+    def face(self) -> str:
+        """Colour inside its marker as #RRGGBB: filled with a prior, hollow without."""
+        return self.hex if self.prior else "#FFFFFF"
 
-CHOICE = Look((0, 0, 0), 3, prior=True)
-"""What is chosen by default, whatever it is: black."""
+
+CHOICE = Look((6, 104, 138), MARKS.index("*"), prior=True)
+"""What is chosen by default, whatever it is: dark teal, a star."""
 
 
-def look(structure: str, constraint: Constraint, prior: bool = False) -> Look:
+def look(structure: str, constraint: Constraint, prior: bool = False, filling: str = "none") -> Look:
     """The look of a model.
 
     Args:
         structure: Name of its structure.
         constraint: What its method asks of the blocks.
         prior: Whether it has a prior.
+        filling: What tells the directions that no data see, where that is more than whether it has a prior.
     """
-    if structure == "Joints":
-        return Look(JOINTS, 2, prior)
-    family = FAMILIES[constraint]
-    place = PLACES.get(structure, sum(map(ord, structure)) % len(family))
-    if constraint == "free":  # beside least squares of the same structure
-        place = len(MARKS) - 1
-    return Look(family[place % len(family)], place, prior)
+    told = "prior" if prior and filling == "none" else filling
+    kind = _kind(structure)
+    if kind == "Joints":
+        return Look(JOINTS_PRIOR if prior else JOINTS, PLACES[kind], prior)
+    shades = SHADES.get((constraint, told), SHADES["psd", told])
+    colour = shades.get(kind) or list(shades.values())[sum(map(ord, structure)) % len(shades)]
+    place = MARKS.index("P") if constraint == "free" else PLACES.get(kind, 0)
+    return Look(colour, place, prior)
+
+
+def _kind(structure: str) -> str:
+    """Kind of a structure: its count for the paper's arm of six joints, whatever the arm."""
+    count = re.sub(r"\D", "", structure)
+    if structure in KINDS or not count:
+        return KINDS.get(structure, structure)
+    if count in PLACES:
+        return count
+    if structure.startswith("ALL"):
+        return "153"
+    return "56" if int(count) % FULL else "147"
 
 
 def hexadecimal(colour: Colour) -> str:

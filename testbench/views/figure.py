@@ -32,8 +32,7 @@ def dots(axes: Axes, rows: Sequence[object], name: Column, value: Column, looks:
     for y, (row, look) in enumerate(zip(rows, looks, strict=True)):
         number = value.value(row)
         axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
-        face = look.hex if look.prior else "white"
-        axes.plot(middle(number), y, look.mark, color=look.hex, markerfacecolor=face, markersize=8)
+        axes.plot(middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=8)
         known = value.known(row)
         if known:
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
@@ -66,10 +65,16 @@ def draw_line(axes: Axes, x: Column, y: Column, line: Line) -> None:
     """
     look, own = line.look, sorted(line.rows, key=lambda row: middle(x.value(row)))
     at = [middle(x.value(row)) for row in own]
-    face, style = (look.hex, "--") if look.prior else ("white", "-")
+    style = "--" if look.prior else "-"
     middles = [middle(y.value(row)) for row in own]
     axes.plot(
-        at, middles, look.mark + style, color=look.hex, markerfacecolor=face, label=line.label, markersize=5
+        at,
+        middles,
+        look.mark + style,
+        color=look.hex,
+        markerfacecolor=look.face,
+        label=line.label,
+        markersize=5,
     )
     if line.band:
         low, high = np.array([ends(y.value(row)) for row in own]).T

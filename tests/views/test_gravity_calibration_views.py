@@ -244,17 +244,10 @@ def test_the_figure_draws_the_reports_numbers_in_the_colour_of_each_model(report
             value = at(m, path)
             assert tuple(spread.get_xdata()) == (value.p05, value.p95)
             assert np.ravel(dot.get_xdata())[0] == value.median
-            shade = look(m.structure, m.constraint).hex
+            shade = look(m.structure, m.constraint, m.prior).hex
             assert dot.get_color() == shade
             assert (dot.get_markerfacecolor() == shade) == m.prior
             assert axes.get_yticklabels()[y].get_text() == f"{m.name}  {value.median:.3f}"
-
-
-def test_least_squares_is_orange_gco_green_and_joints_alone_blue():
-    assert look("MLS56", "none").hex == "#E69F00"
-    assert look("MGCO56", "psd").hex == "#009E73"
-    assert look("Joints", "none").hex == look("Joints", "psd").hex == "#0072B2"
-    assert len({look(name, "psd").hex for name in ("MGCO47", "MGCO56", "MGCO68", "MGCO147")}) == 4
 
 
 def test_errors_are_shown_in_millimetres_and_per_cent():

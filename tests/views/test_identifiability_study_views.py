@@ -21,7 +21,7 @@ from testbench.studies.identifiability.summary import (
 )
 from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle
-from testbench.views.colours import GREENS, hexadecimal
+from testbench.views.colours import look
 
 KINDS = {
     "Joints": ("Joints", "none", "none", "least squares"),
@@ -250,8 +250,7 @@ def test_the_figure_draws_the_reports_numbers(report):
         assert tuple(line.get_xdata()) == ends(m.workspace.rms_mm)
         assert set(line.get_ydata()) == set(dot.get_ydata()) == {y}
         assert np.ravel(dot.get_xdata())[0] == middle(m.workspace.rms_mm)
-        family = {"none": ("#E69F00", "#B07A48"), "psd": map(hexadecimal, GREENS), "free": ("#966914",)}
-        assert dot.get_color() in (("#0072B2",) if m.structure == "Joints" else family[m.constraint])
+        assert dot.get_color() == look(m.structure, m.constraint, m.prior, m.filling).hex
     gco = [name for name in SCALED if KINDS[name][1] == "psd"]
     for axes, rows, names, x in (
         (centre, report.poses, OVER_POSES, "poses"),

@@ -13,14 +13,14 @@ from testbench.studies.loaded_stiffness.study import STUDY
 from testbench.studies.loaded_stiffness.summary import JointsRow, LoadedReport, LoadedRow, TangentRow, best
 from testbench.studies.loaded_stiffness.trial import Settings
 from testbench.studies.study import Run
-from testbench.views.colours import GREENS, LOAD, ORANGES, hexadecimal
+from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, hexadecimal
 
 LOADS = [1100.0, 4300.0, 9700.0]
 TRUTHS = {"weightless": "-", "own weight": "--"}
 METHODS = {
-    "linear": ("Eq. (6)", hexadecimal(ORANGES[0]), "o"),
-    "secant": ("Eq. (7) once", hexadecimal(LOAD), "s"),
-    "integrated": ("Eq. (7) integrated", hexadecimal(GREENS[0]), "D"),
+    "linear": ("Eq. (6)", hexadecimal(LEAST_SQUARES), "o"),
+    "secant": ("Eq. (7) once", hexadecimal(NOMINAL), "s"),
+    "integrated": ("Eq. (7) integrated", hexadecimal(GCO), "D"),
 }
 QUANTITIES = {
     "RMS error": "rms", "median error": "median", "5 % of errors": "p05", "95 % of errors": "p95",

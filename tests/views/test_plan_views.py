@@ -463,7 +463,7 @@ def test_the_chart_of_the_recording_tells_planned_from_random(recorded, report):
     legend = columns(recorded, f"{path}/legend")
     colour = dict(zip(legend["Points2D:labels"][0], legend["Points2D:colors"][0], strict=True))
     assert [colour[name] >> 8 for name in (BEST, RANDOM)] == [
-        0x56B4E9,
+        0x2892C4,
         0x7F7F7F,
     ]  # sky blue as the plan, grey
     dots, spread = (columns(recorded, f"{path}/{name}") for name in ("value", "spread"))

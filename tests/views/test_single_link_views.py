@@ -18,7 +18,7 @@ from testbench.studies.single_link.trial import Settings
 from testbench.studies.single_link.verdict import claims
 from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle
-from testbench.views.colours import GREENS, ORANGES, hexadecimal
+from testbench.views.colours import GCO, LEAST_SQUARES, hexadecimal
 from testbench.views.markdown import grid
 from testbench.views.recording.pen import snake
 from testbench.views.schema import best_of
@@ -311,7 +311,7 @@ def test_the_order_to_take_is_the_least_that_always_reaches_the_optimum(report, 
 def test_the_figure_draws_the_reports_numbers_in_the_units_of_its_axes(report):
     left, cost, error = figure.single_link(report).axes
     ls, _, ours = report.models
-    orange, green = hexadecimal(ORANGES[0]), hexadecimal(GREENS[0])
+    orange, green = hexadecimal(LEAST_SQUARES), hexadecimal(GCO)
     assert "[1e-6 SI]" in left.get_xlabel()
     inside = [1e6 * x for x in ls.min_eigenvalues]
     [bars, *_] = left.containers

@@ -21,17 +21,28 @@ from testbench.studies.absolute_calibration.settings import (
     WITH_LINKS,
 )
 from testbench.studies.absolute_calibration.tables import ERROR, POSES
-from testbench.views.colours import GREENS, GREY, JOINTS, LOAD, MEASURED, NOMINAL, ORANGES, Look, hexadecimal
+from testbench.views.colours import (
+    CHOICE,
+    GCO,
+    GREY,
+    JOINTS,
+    JOINTS_PRIOR,
+    LEAST_SQUARES,
+    LOAD,
+    Look,
+    hexadecimal,
+    look,
+)
 from testbench.views.figure import SOFT, Line, draw_line, log_ticks, quiet
 
 LOOKS = {
     GEOMETRY: Look(GREY, 0, prior=False),
     INCUMBENT: Look(JOINTS, 1, prior=False),
-    WITH_GEARS: Look(NOMINAL, 2, prior=False),
-    WITH_LINKS: Look(MEASURED, 5, prior=False),
-    ALL_LS: Look(ORANGES[0], 3, prior=True),
-    ALL: Look(GREENS[0], 4, prior=True),
-    CHOSEN: Look(LOAD, 5, prior=True),
+    WITH_GEARS: Look(JOINTS_PRIOR, 2, prior=False),
+    WITH_LINKS: look("ALL153", "psd", prior=True),
+    ALL_LS: Look(LEAST_SQUARES, 3, prior=True),
+    ALL: Look(GCO, 4, prior=True),
+    CHOSEN: CHOICE,
 }
 HIDDEN = {REAL: "all", NO_GEARS: "no joint\nerrors", JOINTS_ONLY: "rigid\nlinks"}
 """True arms by what they have, on the axis."""
@@ -94,15 +105,15 @@ def _hidden(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
 
 
 def _bars(axes: Axes, at: Array, heights: Sequence[float], model: str) -> None:
-    look = LOOKS[model]
+    own = LOOKS[model]
     hatch = "//" if model == WITH_LINKS else ".." if model == WITH_GEARS else ""
-    axes.bar(at, heights, WIDTH, color=look.hex, hatch=hatch, edgecolor="white", label=model)
+    axes.bar(at, heights, WIDTH, color=own.hex, hatch=hatch, edgecolor="white", label=model)
 
 
 def _campaigns(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
     rows = [row for row in report.campaigns if (row.arm, row.model) == (arm, ALL)]
     for offset, key, colour, hatch, label in (
-        (-0.18, "error_mm", GREENS[0], "", "own weight"),
+        (-0.18, "error_mm", GCO, "", "own weight"),
         (0.18, "loaded_mm", LOAD, "//", "payload"),
     ):
         heights = [getattr(row, key).median for row in rows]

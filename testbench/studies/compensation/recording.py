@@ -20,7 +20,7 @@ from testbench.studies.compensation.report import CompensationReport
 from testbench.studies.compensation.settings import BARRED, DEFAULT, IDEAL, MILLING, Settings
 from testbench.studies.compensation.trial import Work, execute, identified, prior_in_turn, work
 from testbench.studies.study import Run
-from testbench.views.colours import GREENS, MEASURED
+from testbench.views.colours import CHOICE, MEASURED
 from testbench.views.colours import JOINTS as BLUE
 from testbench.views.markdown import grid
 from testbench.views.recording.compensated import NOT_CORRECTED, Compensated, Off, Part, write_compensated
@@ -28,8 +28,8 @@ from testbench.views.recording.stream import Header
 
 GRID = (25, 17)  #: Points of the drawn panel along y and up it.
 EDGE = 0.1  #: What it is larger than the pattern of holes [m].
-SHOWN = {JOINTS: BLUE, DEFAULT: GREENS[0]}
-"""Colour of each model that is drawn: black would not be seen in the dark."""
+SHOWN = {JOINTS: BLUE, DEFAULT: CHOICE.colour}
+"""Colour of each model that is drawn."""
 
 
 def write(run: Run[Settings, CompensationReport]) -> None:

@@ -19,7 +19,7 @@ def errors(report: IdentifiabilityReport) -> Figure:
     figure = Figure(figsize=(15, 6), layout="constrained")
     left, centre, right = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     models = distinct(report.models)
-    looks = [look(m.structure, m.constraint, m.prior) for m in models]
+    looks = [look(m.structure, m.constraint, m.prior, m.filling) for m in models]
     dots(left, models, MODELS[0], WORKSPACE, looks)
     log_ticks(left, "x", *left.dataLim.intervalx)
     right.sharey(centre)
@@ -44,7 +44,9 @@ def _lines(
 ) -> None:
     drawn = [m for m in models if m.name in rows[0]]
     for m in drawn:
-        draw_line(axes, x, rms(m.name), Line(rows, look(m.structure, m.constraint, m.prior), m.name))
+        draw_line(
+            axes, x, rms(m.name), Line(rows, look(m.structure, m.constraint, m.prior, m.filling), m.name)
+        )
     values = [end for row in rows for m in drawn for end in ends(row[m.name])]
     log_ticks(axes, "y", min(values), max(values))
     axes.set_xlabel(x.heading)

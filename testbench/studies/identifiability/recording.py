@@ -31,7 +31,7 @@ def write_recording(run: Run[Settings, IdentifiabilityReport]) -> None:
         POSES,
         Column("", "RMS error over the workspace", rms("").unit),
         [Point(POSES.value(row), m.name, row[m.name]) for row in rows for m in models],
-        {m.name: look(m.structure, m.constraint, m.prior) for m in models},
+        {m.name: look(m.structure, m.constraint, m.prior, m.filling) for m in models},
     )
     header = Header(run.report.scenario, run.parameters, run.seeds[0])
     words = run.words.summary(sweep.words.block("medians"), then=("statements", "seen"))

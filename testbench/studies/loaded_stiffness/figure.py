@@ -8,14 +8,13 @@ from matplotlib.figure import Figure
 
 from testbench.studies.loaded_stiffness.summary import LOAD, NAMES, RMS, SHARE, LoadedReport
 from testbench.studies.loaded_stiffness.trial import Method, Truth
-from testbench.views.colours import GREENS, ORANGES, hexadecimal
-from testbench.views.colours import LOAD as PURPLE
+from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, hexadecimal
 from testbench.views.figure import SOFT, log_ticks, quiet
 
 METHODS: dict[Method, tuple[str, str]] = {
-    "linear": (hexadecimal(ORANGES[0]), "o"),
-    "secant": (hexadecimal(PURPLE), "s"),
-    "integrated": (hexadecimal(GREENS[0]), "D"),
+    "linear": (hexadecimal(LEAST_SQUARES), "o"),
+    "secant": (hexadecimal(NOMINAL), "s"),
+    "integrated": (hexadecimal(GCO), "D"),
 }
 """Colour and marker."""
 TRUTHS: dict[Truth, tuple[str, str]] = {

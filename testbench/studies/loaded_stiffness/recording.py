@@ -12,16 +12,16 @@ from testbench.studies.loaded_stiffness.summary import MEDIAN, NAMES, P05, P95, 
 from testbench.studies.loaded_stiffness.trial import Method, PoseRow, Settings, Truth, trials
 from testbench.studies.study import Run
 from testbench.trials.spread import Spread
-from testbench.views.colours import GREENS, LOAD, ORANGES, Colour, Look
+from testbench.views.colours import GCO, LEAST_SQUARES, SERIES, Colour, Look
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
 from testbench.views.recording.swept import Point, Sweep
 from testbench.views.schema import Column
 
 COLOURS: dict[Method, tuple[Colour, Colour]] = {
-    "linear": (ORANGES[0], ORANGES[1]),
-    "secant": (LOAD, (150, 80, 120)),
-    "integrated": (GREENS[0], GREENS[1]),
+    "linear": (LEAST_SQUARES, SERIES[6]),
+    "secant": (SERIES[1], SERIES[5]),
+    "integrated": (GCO, SERIES[4]),
 }
 """Of the weightless arm, and of the one with its own weight."""
 TRUTHS: dict[Truth, str] = {"weightless": "weightless", "own weight": "sagged"}  #: In a word.

@@ -11,11 +11,11 @@ from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA, distinct
 from testbench.trials.spread import ends, grouped, middle
-from testbench.views.colours import GREENS, GREY, NOMINAL, Look, look
+from testbench.views.colours import GCO, GREY, SERIES, Look, look
 from testbench.views.figure import SOFT, Line, draw_line, quiet
 from testbench.views.schema import Column
 
-SHADES = (GREENS[0], GREY, *GREENS[1:], NOMINAL)
+SHADES = (GCO, GREY, *SERIES[1:])
 """Of the instruments, which are all read by one model; the second has flat weights."""
 SAME = 1e-4  #: Share by which errors may differ and be one line.
 LINEAR_UM = 1.0  #: Errors below are drawn on a linear scale: without noise some are exact.

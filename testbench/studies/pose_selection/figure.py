@@ -6,20 +6,15 @@ from matplotlib.figure import Figure
 from testbench.studies.pose_selection.report import PoseReport
 from testbench.studies.pose_selection.settings import BARE, INCUMBENT, PLANNED, RANDOM
 from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSES, TASKS, VARIANT, WORKSPACE
-from testbench.views.colours import GREENS, GREY, LOAD, NOMINAL, ORANGES, Look
+from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import SOFT, Line, dots, draw_line, log_ticks, quiet
 from testbench.views.schema import Column
 
-SHADES = {
-    "test": GREENS[0],
-    "I": NOMINAL,
-    "D": ORANGES[0],
-    "A": (138, 143, 42),
-    "E": ORANGES[1],
-    "G": LOAD,
-    RANDOM: GREY,
+CRITERIA = ("test", "I", "D", "A", "E", "G", RANDOM)
+LOOKS = {
+    name: Look(shade, k, prior=name == RANDOM)
+    for k, (name, shade) in enumerate(zip(CRITERIA, (*SERIES[: len(CRITERIA) - 1], GREY), strict=True))
 }
-LOOKS = {name: Look(shade, k, prior=name == RANDOM) for k, (name, shade) in enumerate(SHADES.items())}
 """One a criterion, random poses dashed."""
 BANDS = ("test", RANDOM)  #: Those whose spread is drawn.
 

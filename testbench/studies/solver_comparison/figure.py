@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from testbench.studies.solver_comparison.looks import COLOURS, MARKS
 from testbench.studies.solver_comparison.report import SolverComparisonReport
-from testbench.views.colours import GREENS, ORANGES, hexadecimal
+from testbench.views.colours import GCO, LEAST_SQUARES, hexadecimal
 from testbench.views.figure import SOFT, quiet
 
 PERCENT = 0.01
@@ -59,7 +59,7 @@ def _minima(axes: Axes, report: SolverComparisonReport) -> None:
     for k, row in enumerate(rows):
         excess = np.maximum(row.excess, LEAST)
         x = k + SPREAD * np.linspace(-1, 1, len(excess))
-        axes.plot(x, excess, ".", color=hexadecimal((ORANGES if k else GREENS)[0]), markersize=5)
+        axes.plot(x, excess, ".", color=hexadecimal(LEAST_SQUARES if k else GCO), markersize=5)
         axes.text(k, 3.0, f"{100 * row.share_close:.0f} % within 1e-5", ha="center", fontsize="small")
     axes.axhline(PERCENT, color=SOFT, linewidth=1, linestyle="--")
     axes.set_yscale("log")

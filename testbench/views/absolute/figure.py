@@ -7,10 +7,10 @@ from matplotlib.figure import Figure, SubFigure
 from testbench.bench.absolute_report import AbsoluteReport, SpectrumRow
 from testbench.bench.absolute_summary import Reported
 from testbench.errors import Array
-from testbench.views.colours import GREENS, NOMINAL, hexadecimal
+from testbench.views.colours import GCO, NOMINAL, hexadecimal
 from testbench.views.figure import SIZES, SOFT, log_ticks, quiet
 
-DRAWN, FOUND = hexadecimal(NOMINAL), hexadecimal(GREENS[0])
+DRAWN, FOUND = hexadecimal(NOMINAL), hexadecimal(GCO)
 FAINT = 0.3  #: Opacity of an order that is no more than scatter.
 NAMED = 22  #: Letters of a name on an axis.
 

@@ -8,10 +8,10 @@ from matplotlib.ticker import MaxNLocator
 from testbench.bench.compensate import CorrectedProgram
 from testbench.bench.compensate_report import CompensationReport
 from testbench.errors import Array
-from testbench.views.colours import GREENS, MEASURED, hexadecimal
+from testbench.views.colours import GCO, MEASURED, hexadecimal
 from testbench.views.figure import SOFT, quiet
 
-BEFORE, AFTER = hexadecimal(MEASURED), hexadecimal(GREENS[0])
+BEFORE, AFTER = hexadecimal(MEASURED), hexadecimal(GCO)
 SHARE = 0.12  #: Longest error as it is drawn, over the size of the path [1].
 ROUND = (1, 2, 5)  #: Steps of a magnification.
 MARKED = 40  #: Points up to which each has a dot.

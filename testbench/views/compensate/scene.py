@@ -9,7 +9,7 @@ from testbench.bench.compensate import CorrectedProgram
 from testbench.bench.compensate_report import CompensationReport, PointRow
 from testbench.correct.rest import rest
 from testbench.data.dataset import Ids
-from testbench.views.colours import GREENS, MEASURED
+from testbench.views.colours import GCO, MEASURED
 from testbench.views.compensate.words import words
 from testbench.views.recording.compensated import NOT_CORRECTED, Compensated, Off, Part
 
@@ -22,7 +22,7 @@ def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Co
     loads = [load.of(some) for load in found.loads]
     q = own.start[some]
     off = Off(NOT_CORRECTED, MEASURED, own.before[some])
-    corrected = Off("corrected, by the model", GREENS[0], own.after[some], own.half[some])
+    corrected = Off("corrected, by the model", GCO, own.after[some], own.half[some])
     text = words(report)
     made = Compensated(
         cell=cell,

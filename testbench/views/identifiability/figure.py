@@ -6,12 +6,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from testbench.views.colours import GREENS, hexadecimal
+from testbench.views.colours import GCO, hexadecimal
 from testbench.views.figure import SOFT
 from testbench.views.identifiability.report import Parameter, Seen
 
 DIAGONAL = ("stretch", "deflection\ny", "deflection\nz", "torsion", "rotation\ny", "rotation\nz")
-DATA = hexadecimal(GREENS[0])
+DATA = hexadecimal(GCO)
 DARK_GREEN = "#00684C"
 """The data in words: the green of areas is too light for text."""
 PRIOR_ALPHA = 0.35  #: The prior is the lighter grey, so that green stands out.

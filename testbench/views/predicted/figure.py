@@ -11,10 +11,10 @@ from testbench.bench.prediction import Predicted
 from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.model.vjm import body_poses
-from testbench.views.colours import GREENS, MEASURED, hexadecimal
+from testbench.views.colours import GCO, MEASURED, hexadecimal
 from testbench.views.figure import SIZES, SOFT, quiet
 
-OURS, MARK = hexadecimal(GREENS[0]), hexadecimal(MEASURED)
+OURS, MARK = hexadecimal(GCO), hexadecimal(MEASURED)
 NAMED = 30  #: Most poses whose name stands on the axis.
 ELLIPSES = 12  #: Ellipsoids that are drawn at most, from the softest tool to the stiffest.
 LARGEST = 0.09  #: Semi-axis of the largest over the width of the workspace [1].

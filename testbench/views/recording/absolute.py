@@ -29,10 +29,10 @@ from testbench.views.recording.error_map import (
 from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
-from testbench.views.recording.style import GREENS, MEASURED, NOMINAL, Colour
+from testbench.views.recording.style import GCO, MEASURED, NOMINAL, Colour
 
 TIMELINES = ("worst_first", "pose")
-MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GREENS[0])}
+MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GCO)}
 """Title and colour of each model, by path."""
 MOST_SCALE, LONGEST = 500.0, 0.65
 """Magnification of errors, unless those that end the colours would be longer than this share of the reach."""
@@ -157,7 +157,7 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
             pen.documents({"error_words": map_words(scene.error_map)})
         for row in scene.spectrum[:SPECTRA]:
             order, amplitude = np.array([(one.order, one.amplitude_urad) for one in row.orders]).T
-            bars = rr.BarChart(amplitude, color=GREENS[0], abscissa=order, widths=np.full(len(order), 0.8))
+            bars = rr.BarChart(amplitude, color=GCO, abscissa=order, widths=np.full(len(order), 0.8))
             pen.still(_spectrum_path(row), bars)
 
 

@@ -13,11 +13,11 @@ from testbench.views.recording.error_map import key_view, map_words, write_key
 from testbench.views.recording.pen import Line, text_view
 from testbench.views.recording.plan_world import PlanScene, map_view, plan_view, write_world
 from testbench.views.recording.stream import Header, layout, recording
-from testbench.views.recording.style import LOAD, NOMINAL
+from testbench.views.recording.style import NOISE, NOMINAL
 
 TIMELINE, CHART, KEY = "run", "other_plans_mm", "error_key_mm"
 EXPECTED = {
-    "expected_deflection_mm": ("Expected deflection (mm)", LOAD),
+    "expected_deflection_mm": ("Expected deflection (mm)", NOISE),
     "expected_error_mm": ("Expected error (mm)", NOMINAL),
 }
 """Plots over the order of measuring: title and colour by path."""

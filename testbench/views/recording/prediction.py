@@ -21,7 +21,7 @@ from testbench.views.recording.error_map import ErrorMap, key_view, write_error_
 from testbench.views.recording.pen import Line, Pen, text_view
 from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
-from testbench.views.recording.style import GREENS, MEASURED, NOISE
+from testbench.views.recording.style import GCO, MEASURED, NOISE
 
 TIMELINES = ("worst_first", "pose")
 LONGEST, WIDEST = 0.22, 0.18  #: Of an arrow and of a semi-axis at most, over the reach of the arm [1].
@@ -108,7 +108,7 @@ def _write_ellipsoids(run: Pen, scene: PredictionScene) -> None:
     """Where a force of every direction would bring the loaded tool of every pose."""
     axes = scene.axes * np.linalg.det(scene.axes)[:, None, None]  # none left-handed
     path = "world/ellipsoid"
-    run.still(path, rr.Ellipsoids3D.from_fields(colors=GREENS[0], fill_mode=FillMode.Solid))
+    run.still(path, rr.Ellipsoids3D.from_fields(colors=GCO, fill_mode=FillMode.Solid))
     run.rows(
         path,
         rr.Ellipsoids3D.columns(
@@ -122,7 +122,7 @@ def _write_ellipsoids(run: Pen, scene: PredictionScene) -> None:
 def _write_plot(run: Pen, scene: PredictionScene) -> None:
     """Deflection of the tool, and its interval where there is one."""
     size, half = scene.size_mm, np.where(np.isfinite(scene.half_mm), scene.half_mm, np.nan)
-    tool = Line("deflection_mm/tool", "the tool (mm)", GREENS[0], 2.0, MarkerShape.Circle, 2.5)
+    tool = Line("deflection_mm/tool", "the tool (mm)", GCO, 2.0, MarkerShape.Circle, 2.5)
     run.line(tool, size)
     for name, values in (("lower", np.maximum(size - half, 0)), ("upper", size + half)):
         if np.isfinite(values).any():

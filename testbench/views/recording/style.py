@@ -4,9 +4,20 @@ from dataclasses import dataclass
 
 from rerun.components import MarkerShape
 
-from testbench.views.colours import GREENS, GREY, LOAD, MEASURED, NOMINAL, ORANGES, TASK, Colour, Look
+from testbench.views.colours import GCO, GREY, LEAST_SQUARES, LOAD, MEASURED, NOMINAL, TASK, Colour, Look
 
-__all__ = ["GHOST", "GREENS", "LOAD", "MEASURED", "NOISE", "NOMINAL", "ORANGES", "SHAPES", "TASK", "Colour"]
+__all__ = [
+    "GCO",
+    "GHOST",
+    "LEAST_SQUARES",
+    "LOAD",
+    "MEASURED",
+    "NOISE",
+    "NOMINAL",
+    "SHAPES",
+    "TASK",
+    "Colour",
+]
 
 NOISE = GREY
 GHOST = (*MEASURED, 70)
@@ -20,14 +31,13 @@ SHAPES = (
     MarkerShape.Plus,
 )
 """One a shade of a family; with a prior a cross."""
-TINT = 0.45  #: Share of white in the colour of a model with a prior: a plot's legend shows colours only.
 
 
 @dataclass(frozen=True)
 class Drawn:
     """How a model is drawn."""
 
-    colour: Colour  #: Of its family, in the shade of its structure.
+    colour: Colour  #: Its own: a plot's legend shows colours only.
     shape: MarkerShape  #: Of its points in a plot.
     width: float  #: Of its lines in a plot [ui points].
 
@@ -35,5 +45,4 @@ class Drawn:
 def drawn(look: Look, bold: bool) -> Drawn:
     """A look in a recording; bold is what to look at first."""
     shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
-    colour = tuple(round(c + TINT * (255 - c)) for c in look.colour) if look.prior else look.colour
-    return Drawn(colour, shape, 3.0 if bold else 1.5)
+    return Drawn(look.colour, shape, 3.0 if bold else 1.5)
