@@ -131,6 +131,11 @@ def select(data: Dataset, runs: Mask) -> Dataset:
     """The runs under a mask, (runs,); BenchError when it has another length than the dataset."""
     if np.shape(runs) != (data.runs,):
         raise BenchError(f"select: expected a mask of {data.runs} runs, got shape {np.shape(runs)}")
+    return in_order(data, np.flatnonzero(runs))
+
+
+def in_order(data: Dataset, runs: Ids) -> Dataset:
+    """Runs by their indices, in any order."""
     arrays = ["run", "pose", "q", "wrench", "point", "before", "after"]
     arrays += [
         name

@@ -1,18 +1,14 @@
 """What a calibration leaves beside its report: dataset, residual figure and recording of the first seed."""
 
-from collections.abc import Sequence
-
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS, distinct
 from testbench.bench.campaign import build_cell
-from testbench.bench.judged import Result
 from testbench.data.csvfile import write_csv
 from testbench.studies.gravity_calibration import figure, trial
 from testbench.studies.gravity_calibration.summary import GravityReport
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.study import Run
-from testbench.views.colours import look
-from testbench.views.page.calibration import Shown, calibration_seen
+from testbench.views.page.calibration import Calibrated, calibration_seen
 from testbench.views.page.page import Seen
 from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
@@ -28,24 +24,10 @@ def write(run: Run[Settings, GravityReport]) -> Seen:
     figure.residuals(campaign, results, run.report.recommended).savefig(run.folder / "residuals.png", dpi=120)
     drawn = about(run)
     write_calibration(run.folder / "recording.rrd", drawn, cell, campaign, results)
-    return calibration_seen(cell, campaign, shown(drawn, results))
-
-
-def shown(drawn: Calibration, results: Sequence[Result]) -> Shown:
-    """The models that are drawn first, least squares before GCO, what is recommended last."""
-    rank = {"none": 0, "psd": 1}
-
-    def order(k: int) -> tuple[bool, bool, int]:
-        model = drawn.models[k]
-        return k == drawn.best, model.structure == JOINTS, rank.get(model.constraint, 2)
-
-    picked = sorted(drawn.shown, key=order)
-    models = [drawn.models[k] for k in picked]
-    return Shown(
-        results=[results[k] for k in picked],
-        names=[m.name for m in models],
-        looks=[look(m.structure, m.constraint, m.prior) for m in models],
-        magnification=drawn.magnification,
+    models = {m.name: m for m in run.report.models}
+    named = [models[result.model.name] for result in results]
+    return calibration_seen(
+        Calibrated(cell, campaign, results, named, run.report.map, run.settings.magnification)
     )
 
 

@@ -11,18 +11,22 @@ from testbench.studies.six_dof_arm.report import SixDofReport
 from testbench.studies.six_dof_arm.trial import Settings, models
 from testbench.studies.study import Run
 from testbench.views.markdown import grid
+from testbench.views.page.calibration import Calibrated, calibration_seen
+from testbench.views.page.page import Seen
 from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
 from testbench.views.recording.stream import Header
 
 
-def write(run: Run[Settings, SixDofReport]) -> None:
-    """dataset.csv and recording.rrd."""
+def write(run: Run[Settings, SixDofReport]) -> Seen:
+    """dataset.csv and recording.rrd; what the page draws."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
     write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
     results = identify(cell, campaign, models(cell), time.perf_counter)
     write_calibration(run.folder / "recording.rrd", about(run), cell, campaign, results)
+    report, M = run.report, run.settings.magnification
+    return calibration_seen(Calibrated(cell, campaign, results, report.models, report.map, M))
 
 
 def about(run: Run[Settings, SixDofReport]) -> Calibration:
