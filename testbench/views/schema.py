@@ -1,10 +1,12 @@
 """What a table shows: columns declared once, for terminal, report.md, figures and recording alike."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
 
+from testbench.identify import Constraint
 from testbench.trials.spread import Number, Share, Spread, middle
+from testbench.views.colours import Look, look
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,9 @@ class Table:
     rows: Sequence[object]  #: Dataclasses or mappings.
     title: str = ""  #: What it shows, empty for none.
     bold: str = ""  #: Value of the first column in the row that is marked, empty for none.
+    headline: str = ""  #: Key of the column that the answer speaks of; empty for the last one.
+    across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
+    looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
 
 
 def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
@@ -100,7 +105,32 @@ def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
         Column(f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding)
         for k, head in enumerate(heads)
     ]
-    return Table((Column("name", down.heading), *columns), list(rows.values()), table.title, table.bold)
+    return Table(
+        (Column("name", down.heading), *columns),
+        list(rows.values()),
+        table.title,
+        table.bold,
+        across=across.title,
+        looks=looks(table.rows, down),
+    )
+
+
+@runtime_checkable
+class Modelled(Protocol):
+    """A row that says which model it is of."""
+
+    structure: str
+    constraint: Constraint
+    prior: bool
+
+
+def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
+    """How the models of rows are drawn, by the text of a column."""
+    return {
+        name.cell(row): look(row.structure, row.constraint, row.prior)
+        for row in rows
+        if isinstance(row, Modelled)
+    }
 
 
 def show(value: object, form: str = ".3f") -> str:

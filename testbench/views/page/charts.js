@@ -42,26 +42,82 @@ function dot(x, y, look, size = 5) {
 
 const PLAIN = { colour: "#7f8a94", mark: "o", filled: true };
 
-/** One column of a table as dots with intervals, a row a line; a button a column. */
-function dotChart(place, table, looks) {
+/** The columns of a table as dots with intervals, a row a line: a button a column, and one for all of them. */
+function dotChart(place, table) {
   const columns = table.head.map((head, k) => (head.drawn ? k : -1)).filter((k) => k > 0);
   if (!columns.length) return;
   const heads = make("div", { class: "heads" });
   const picture = make("div");
   const show = (k) => {
     for (const button of heads.children) button.setAttribute("aria-pressed", button.dataset.k === String(k));
-    picture.replaceChildren(drawColumn(table, k, looks, place.clientWidth || 600));
+    const draw = k === 0 ? drawAll : drawColumn;
+    picture.replaceChildren(draw(table, k || columns, place.clientWidth || 600));
   };
-  for (const k of columns) {
-    const button = make("button", { type: "button", "data-k": k }, table.head[k].title);
-    button.addEventListener("click", () => show(k));
-    heads.append(button);
-  }
+  const button = (k, words) => {
+    const found = make("button", { type: "button", "data-k": k }, words);
+    found.addEventListener("click", () => show(k));
+    heads.append(found);
+  };
+  const all = table.across && columns.length > 1;
+  if (all) button(0, `by ${table.across}`);
+  for (const k of columns) button(k, table.head[k].title);
   place.append(heads, picture);
-  show(columns.at(-1));
+  show(table.first > 0 ? table.first : all ? 0 : columns.at(-1));
 }
 
-function drawColumn(table, k, looks, width) {
+/** All columns side by side, a line of dots a row; pointing at a name or dot brings its line forward. */
+function drawAll(table, columns, width) {
+  const rows = table.rows.filter((row) => columns.some((k) => row.cells[k].v !== undefined));
+  const every = rows.flatMap((row) => columns.map((k) => row.cells[k].v)).filter((x) => x !== undefined);
+  const names = rows.map((row) => row.cells[0].text);
+  const right = Math.min(24 + 7 * Math.max(...names.map((n) => n.length)), 0.42 * width);
+  const [left, top, height] = [46, 8, Math.max(290, 17 * rows.length + 40)];
+  const y = scale(every, height - 24, top);
+  const at = (i) => left + ((width - left - right) * (i + 0.5)) / columns.length;
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.title || table.across });
+  for (const tick of y.ticks) {
+    svg.append(make("line", { class: "grid", x1: left, x2: width - right, y1: y.place(tick), y2: y.place(tick) }));
+    svg.append(make("text", { class: "soft", x: left - 6, y: y.place(tick) + 4, "text-anchor": "end" }, plain(tick)));
+  }
+  columns.forEach((k, i) => svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": "middle" }, table.head[k].title)));
+  const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), 15, top + 6, height - 30);
+  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, at, y, end: ends[r], x: width - right + 14 })));
+  return svg;
+}
+
+/** One row of a table as dots over its columns, joined where the columns are steps of a number. */
+function drawRow(row, look, { columns, at, y, end, x }) {
+  const group = make("g", { class: "row" });
+  const dots = columns.map((k, i) => [row.cells[k], at(i)]).filter(([cell]) => cell.v !== undefined);
+  const path = dots.map(([cell, here]) => `${here} ${y.place(cell.v)}`).join("L");
+  const steps = columns.length > 2 && dots.length > 1;
+  if (steps) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": 1.5, opacity: 0.55 }));
+  const last = dots.at(-1);
+  group.append(make("line", { x1: last[1] + 8, y1: y.place(last[0].v), x2: x - 4, y2: end, stroke: "var(--line)" }));
+  for (const [cell, here] of dots) {
+    const mark = dot(here, y.place(cell.v), look, 4.5);
+    mark.append(make("title", {}, `${row.cells[0].text}: ${cell.text}`));
+    group.append(mark);
+  }
+  const name = make("text", { x, y: end + 4, "font-weight": row.marked ? "700" : "400" }, row.cells[0].text);
+  name.append(make("title", {}, dots.map(([cell]) => cell.text).join(", ")));
+  group.append(name);
+  return group;
+}
+
+/** Places moved apart until each is at least a step from the next, within limits. */
+function apart(places, step, low, high) {
+  const order = [...places.keys()].sort((a, b) => places[a] - places[b]);
+  const out = [...places];
+  order.forEach((k, i) => (out[k] = Math.max(out[k], i ? out[order[i - 1]] + step : low)));
+  for (let i = order.length - 1, top = high; i >= 0; i--) {
+    out[order[i]] = Math.min(out[order[i]], top);
+    top = out[order[i]] - step;
+  }
+  return out;
+}
+
+function drawColumn(table, k, width) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
   const names = rows.map((row) => row.cells[0].text);
   const left = Math.min(12 + 7.2 * Math.max(...names.map((n) => n.length)), 0.42 * width);
@@ -75,7 +131,7 @@ function drawColumn(table, k, looks, width) {
     svg.append(make("text", { class: "soft", x: x.place(tick), y: height - 6, "text-anchor": "middle" }, plain(tick)));
   }
   rows.forEach((row, i) => {
-    const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), looks[names[i]] || PLAIN];
+    const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";
     const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, names[i]);
     name.append(make("title", {}, `${names[i]}: ${cell.text}`));

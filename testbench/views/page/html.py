@@ -10,8 +10,9 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from testbench.trials.spread import Spread
+from testbench.views.page.charts import look_plain
 from testbench.views.page.scene import Json
-from testbench.views.schema import Column, Table
+from testbench.views.schema import Column, Table, looks
 
 FOLDER = Path(__file__).parent
 SCRIPTS = ("tables.js", "charts.js", "raster.js", "scene.js", "maps.js", "page.js")
@@ -35,7 +36,16 @@ def grid(table: Table) -> Json:
         for row in table.rows
     ]
     spread = any(isinstance(column.value(row), Spread) for column in table.columns for row in table.rows)
-    return {"title": table.title, "head": head, "rows": rows, "spread": spread}
+    shown = table.looks or looks(table.rows, table.columns[0])
+    return {
+        "title": table.title,
+        "across": table.across,
+        "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline), -1),
+        "head": head,
+        "rows": rows,
+        "spread": spread,
+        "looks": {name: look_plain(own) for name, own in shown.items()},
+    }
 
 
 def _drawn(column: Column, table: Table) -> bool:

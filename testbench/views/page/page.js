@@ -12,7 +12,7 @@ function choose(group, pose) {
 }
 
 for (const table of document.querySelectorAll("table")) sortable(table);
-for (const place of document.querySelectorAll(".chart")) dotChart(place, drawn.tables[place.dataset.table], drawn.looks);
+for (const place of document.querySelectorAll(".chart")) dotChart(place, drawn.tables[place.dataset.table]);
 for (const place of document.querySelectorAll(".runs")) {
   const chart = drawn.runs[place.dataset.runs];
   runChart(place, chart, drawn.scene.groups[chart.group].names, choose);

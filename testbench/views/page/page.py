@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench import files
-from testbench.bench.rows import FitRow
-from testbench.views.colours import SCALE, Look, look
+from testbench.views.colours import SCALE
 from testbench.views.markdown import Words
 from testbench.views.page import html
-from testbench.views.page.charts import PlaceMap, RunChart, look_plain
+from testbench.views.page.charts import PlaceMap, RunChart
 from testbench.views.page.scene import Json, Scene
 from testbench.views.schema import Table
 
@@ -55,15 +54,5 @@ def _plain(seen: Seen) -> Json:
         "map": seen.map.plain() if seen.map else None,
         "runs": [chart.plain() for chart in seen.runs],
         "tables": [html.grid(table) for table in seen.tables],
-        "looks": {name: look_plain(own) for table in seen.tables for name, own in _looks(table).items()},
         "ramp": SCALE,
-    }
-
-
-def _looks(table: Table) -> dict[str, Look]:
-    """How the models in the rows of a table are drawn, by the text of the first column."""
-    return {
-        table.columns[0].cell(row): look(row.structure, row.constraint, row.prior)
-        for row in table.rows
-        if isinstance(row, FitRow)
     }
