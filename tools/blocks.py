@@ -12,9 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from write_paper import Found, read
-
 from testbench.errors import InputError
+from testbench.studies.stored import Stored, read_report
 from testbench.studies.study import Study
 from testbench.views.markdown import grid, lines
 
@@ -54,12 +53,12 @@ def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
         raise InputError(page, mark[1].strip(), f"no study {name!r}") from err
     if not (runs / name / "report.json").is_file():
         return mark[0]
-    report = read(runs, study)
+    report = read_report(runs / name, study)
     parts = [_part(page, report, part.strip()) for part in mark[3].split(";")]
     return _put(mark[1], "\n\n".join(parts), mark[4], mark[5])
 
 
-def _part(page: Path, report: Found, name: str) -> str:
+def _part(page: Path, report: Stored, name: str) -> str:
     if name in report.tables:
         return grid(report.tables[name])
     if report.words.has(name):

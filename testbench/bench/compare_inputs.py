@@ -1,0 +1,92 @@
+"""What differs in the inputs of runs: settings, files of arms, data, seeds, versions, commit."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from pydantic import JsonValue
+
+from testbench.bench.compare_settings import Path, short, show_setting, words_of
+from testbench.output.finished import Finished
+
+ABSENT = "not said"
+
+K = TypeVar("K")
+
+
+@dataclass(frozen=True)
+class InputRow:
+    """An input that differs."""
+
+    what: str  #: In words.
+    values: tuple[str, ...]  #: Of every run.
+
+
+def inputs_differ(runs: Sequence[Finished]) -> list[InputRow]:
+    """The inputs that are not the same in all runs; none if they are."""
+    told = [run.manifest for run in runs]
+    whole = {
+        "command": [m.command for m in told],
+        "seeds": [seeds_words(run) for run in runs],
+        "commit": [_commit(m.git) for m in told],
+    }
+    rows = {what: InputRow(what, tuple(own)) for what, own in whole.items() if len(set(own)) > 1}
+    arms = [
+        row
+        for arm in _keys(m.models for m in told)
+        for row in _by_key(f"{arm}, ", [m.models.get(arm, {}) for m in told])
+    ]
+    versions = _by_key("version of ", [m.versions for m in told])
+    first, last = [rows.get("command")], [rows.get("seeds"), *arms, *versions, rows.get("commit")]
+    return [row for row in (*first, *_settings(runs), *last) if row is not None]
+
+
+def seeds_words(run: Finished) -> str:
+    """The seeds of a run."""
+    first, count = run.manifest.seed, run.manifest.seeds
+    if not count:
+        return "none"
+    return str(first) if count == 1 else f"{first} to {first + count - 1}"
+
+
+def _commit(git: str) -> str:
+    commit, _, dirty = git.partition("-")
+    return f"{short(commit)}, changed" if dirty else short(commit)
+
+
+def _settings(runs: Sequence[Finished]) -> list[InputRow]:
+    """Settings that differ, by their words; of runs of different commands those that all have."""
+    told = [_told(run) for run in runs]
+    alike = len({run.manifest.command for run in runs}) == 1
+    return [
+        InputRow(what, tuple(show_setting(*own[what]) if what in own else ABSENT for own in told))
+        for what in _keys(told)
+        if (alike or all(what in own for own in told))
+        and any(own.get(what, ((), ABSENT))[1] != told[0].get(what, ((), ABSENT))[1] for own in told)
+    ]
+
+
+def _told(run: Finished) -> dict[str, tuple[Path, JsonValue]]:
+    """Every setting by its words."""
+    return {words_of(path): (path, value) for path, value in _flat(run.manifest.scenario).items()}
+
+
+def _flat(value: JsonValue, place: Path = ()) -> dict[Path, JsonValue]:
+    """Leaves of nested tables by their paths; lists are leaves."""
+    if not isinstance(value, dict):
+        return {place: value}
+    return {path: leaf for key, own in value.items() for path, leaf in _flat(own, (*place, key)).items()}
+
+
+def _by_key(before: str, tables: Sequence[Mapping[str, str]]) -> list[InputRow]:
+    """Texts of several tables that differ; what is before their keys says what they are."""
+    return [
+        InputRow(before + key, tuple(short(own[key]) if key in own else ABSENT for own in tables))
+        for key in _keys(tables)
+        if len({own.get(key) for own in tables}) > 1
+    ]
+
+
+def _keys(tables: Iterable[Mapping[K, object]]) -> list[K]:
+    """Keys of several tables, each once, in the order in which they appear."""
+    return list(dict.fromkeys(key for own in tables for key in own))

@@ -1,0 +1,98 @@
+"""Whether a number of two runs differs by more than its spread: in pairs of equal seeds where it can."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from testbench.trials.spread import SAME, Number, ends, middle, spread, triple, wins
+
+ALIKE = 0.02  #: Share of a number within which two are alike where no spread tells.
+FEWEST = 2  #: Pairs that have a spread.
+
+Verdict = Literal["same", "alike", "less", "more"]
+"""Of the second number beside the first; alike are those that the spread covers."""
+By = Literal["pairs", "spreads", "one"]
+"""What tells: ratios seed by seed, intervals from 5 to 95 % that do not overlap, or one number each."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A number of two runs."""
+
+    a: Number
+    b: Number
+    difference: float  #: b less a, of medians.
+    ratio: Number  #: b over a; in pairs with its spread; None where a is not above 0.
+    verdict: Verdict
+    by: By
+    seeds: int | None = None  #: Pairs, if they tell.
+    smaller: int | None = None  #: Seeds in which b is the smaller one.
+
+    @property
+    def size(self) -> float:
+        """How far from equal, the same both ways: |log(b / a)|, infinite where signs differ."""
+        return _size(middle(self.a), middle(self.b))
+
+
+def differ(a: Number, b: Number, *, several: bool) -> Difference:
+    """A number of two runs by its spreads.
+
+    Args:
+        a: Of the first run.
+        b: Of the second one.
+        several: Whether both are over several seeds: then one without a spread is the same in all of them.
+    """
+    first, second = middle(a), middle(b)
+    by: By = "spreads" if several else "one"
+    if same(a, b):
+        verdict: Verdict = "same"
+    elif _overlap(a, b) or (by == "one" and _size(first, second) < math.log1p(ALIKE)):
+        verdict = "alike"
+    else:
+        verdict = "less" if second < first else "more"
+    return Difference(a, b, second - first, second / first if first > 0 else None, verdict, by)
+
+
+def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mapping[int, float]) -> Difference:
+    """A number of two runs seed by seed, where both have it above 0 in the same two seeds or more.
+
+    Args:
+        a: Of the first run.
+        b: Of the second one.
+        ours: The first run's by seed.
+        theirs: The second run's by seed.
+    """
+    pairs = [(x, theirs[seed]) for seed, x in ours.items() if seed in theirs]
+    known = ours.keys() == theirs.keys() and len(pairs) >= FEWEST
+    if not known or min(min(pair) for pair in pairs) <= 0:
+        return differ(a, b, several=len(ours) > 1 and len(theirs) > 1)
+    ratio = spread([y / x for x, y in pairs])
+    if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
+        verdict: Verdict = "same"
+    elif ratio.p05 <= 1 <= ratio.p95:
+        verdict = "alike"
+    else:
+        verdict = "less" if ratio.median < 1 else "more"
+    xs, ys = zip(*pairs, strict=True)
+    return Difference(
+        a, b, middle(b) - middle(a), ratio, verdict, "pairs", seeds=len(pairs), smaller=wins(ys, xs)
+    )
+
+
+def same(a: Number, b: Number) -> bool:
+    """Whether median and spread are the same but for a solver's last digits."""
+    return bool(np.allclose(triple(a), triple(b), rtol=SAME, atol=0, equal_nan=True))
+
+
+def _overlap(a: Number, b: Number) -> bool:
+    (low, high), (least, most) = ends(a), ends(b)
+    return low <= most and least <= high
+
+
+def _size(first: float, second: float) -> float:
+    if first == second:
+        return 0.0
+    return abs(math.log(second / first)) if first * second > 0 else math.inf

@@ -1,0 +1,124 @@
+"""A report read back from report.json, if it is of this version: its tables and words serve again."""
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Generic, TypeVar, get_type_hints
+
+from pydantic import JsonValue, TypeAdapter, ValidationError
+
+from testbench.bench.absolute_report import AbsoluteReport
+from testbench.bench.compensate_report import CompensationReport
+from testbench.bench.prediction_report import PredictionReport
+from testbench.errors import InputError
+from testbench.output.finished import Finished, read_plain, told_as
+from testbench.studies.study import O, R, S, Study, W
+from testbench.views.absolute import words as absolute
+from testbench.views.compensate import words as compensate
+from testbench.views.markdown import Words
+from testbench.views.predicted import words as predicted
+from testbench.views.schema import Table
+
+HERE = Path(__file__).parent
+C = TypeVar("C")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What a run found."""
+
+    report: object
+    tables: Mapping[str, Table]
+    words: Words
+
+
+@dataclass(frozen=True)
+class Kind(Generic[C]):
+    """A command's report."""
+
+    report: type[C]
+    tables: Callable[[C], Mapping[str, Table]]
+    words: Callable[[C], Words]
+
+    def read(self, file: Path, plain: JsonValue) -> Stored:
+        """The report of these data; InputError where they are none."""
+        report = typed(self.report, file, plain)
+        with numbers_of(file):
+            return Stored(report, self.tables(report), self.words(report))
+
+
+COMMANDS: Mapping[str, Callable[[Path, JsonValue], Stored]] = {
+    "testbench calibrate": Kind(AbsoluteReport, absolute.tables, absolute.words).read,
+    "testbench predict": Kind(PredictionReport, predicted.tables, predicted.words).read,
+    "testbench compensate": Kind(CompensationReport, compensate.tables, compensate.words).read,
+}
+"""Commands whose reports have tables of their own."""
+
+
+def stored(run: Finished) -> Stored | None:
+    """What a run found; None where its command has no tables of its own.
+
+    Raises:
+        InputError: When the report is not one of this version.
+    """
+    script, plain = run.manifest.command, dict(run.report)
+    for study in sorted(HERE.glob("*/study.py")):
+        if script == f"scenarios/{study.parent.name}.py":
+            found = import_module(f"testbench.studies.{study.parent.name}.study").STUDY
+            return of_study(found, run.file, plain)
+    return COMMANDS[script](run.file, plain) if script in COMMANDS else None
+
+
+def read_report(folder: Path, study: Study[O, S, W, R]) -> Stored:
+    """What a run of a study found, from the report.json in its folder.
+
+    Raises:
+        InputError: When there is none, or it is not one of this version.
+    """
+    file = folder / "report.json"
+    return of_study(study, file, read_plain(file))
+
+
+def of_study(study: Study[O, S, W, R], file: Path, plain: JsonValue) -> Stored:
+    """The report of a study of these data; InputError where they are none."""
+    names = _renamed(sys.modules[study.summary.__module__])
+    kind: type[R] = get_type_hints(study.summary)["return"]
+    report = typed(kind, file, _by_field(plain, names))
+    with numbers_of(file):
+        return Stored(report, study.tables(report), study.words(report))
+
+
+def typed(kind: type[C], file: Path, plain: JsonValue) -> C:
+    """Plain data as a dataclass; InputError names the first place that is not of it."""
+    try:
+        return TypeAdapter(kind).validate_python(plain)
+    except ValidationError as err:
+        raise told_as(file, err, "not a report of this version: ") from err
+
+
+@contextlib.contextmanager
+def numbers_of(file: Path) -> Iterator[None]:
+    """What words and tables cannot make of a stranger's numbers is told as an InputError of the file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as err:  # any: of the right types, and yet nothing that a run can find
+        problem = f"its numbers do not belong together: {type(err).__name__}: {err}"
+        raise InputError(file, "", problem) from err
+
+
+def _renamed(module: ModuleType) -> dict[str, str]:
+    """Fields by the keys that they have in report.json, where these differ (see `run.to_json`)."""
+    kinds = [kind for kind in vars(module).values() if is_dataclass(kind)]
+    return {f.metadata["key"]: f.name for kind in kinds for f in fields(kind) if "key" in f.metadata}
+
+
+def _by_field(value: JsonValue, names: Mapping[str, str]) -> JsonValue:
+    if isinstance(value, dict):
+        return {names.get(key, key): _by_field(own, names) for key, own in value.items()}
+    return [_by_field(own, names) for own in value] if isinstance(value, list) else value
