@@ -117,8 +117,7 @@ def compare_models(a: Finished, b: Finished) -> list[ModelPair]:
             if x is None or y is None:
                 continue
             one, two = (_seeds_of(t.get((name, kind), ()), n) for t, n in ((mine, x), (other, y)))
-            several = a.several and b.several
-            own = differ_paired(x, y, one, two) if one and two else differ(x, y, several=several)
+            own = differ_paired(x, y, one, two) if one and two else differ(x, y)
             model = ours[name]
             found.append(ModelPair(name, model.structure, model.constraint, model.prior, kind, own))
     return found

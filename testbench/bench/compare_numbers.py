@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.trials.spread import SAME, Number, ends, middle, spread, triple, wins
+from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
 
 ALIKE = 0.02  #: Share of a number within which two are alike where no spread tells.
 FEWEST = 2  #: Pairs that have a spread.
@@ -28,25 +28,30 @@ class Difference:
     ratio: Number  #: b over a; in pairs with its spread; None where a is not above 0.
     verdict: Verdict
     by: By
-    seeds: int | None = None  #: Pairs, if they tell.
-    smaller: int | None = None  #: Seeds in which b is the smaller one.
+    pairs: int | None = None  #: Seeds, if they tell.
+    smaller: int | None = None  #: Seeds in which b is smaller.
+    larger: int | None = None  #: Seeds in which it is larger.
 
     @property
     def size(self) -> float:
         """How far from equal, the same both ways: |log(b / a)|, infinite where signs differ."""
         return _size(middle(self.a), middle(self.b))
 
+    @property
+    def apart(self) -> bool:
+        """Whether the two are not alike."""
+        return self.verdict in ("less", "more")
 
-def differ(a: Number, b: Number, *, several: bool) -> Difference:
+
+def differ(a: Number, b: Number) -> Difference:
     """A number of two runs by its spreads.
 
     Args:
         a: Of the first run.
         b: Of the second one.
-        several: Whether both are over several seeds: then one without a spread is the same in all of them.
     """
     first, second = middle(a), middle(b)
-    by: By = "spreads" if several else "one"
+    by: By = "spreads" if isinstance(a, Spread) or isinstance(b, Spread) else "one"
     if same(a, b):
         verdict: Verdict = "same"
     elif _overlap(a, b) or (by == "one" and _size(first, second) < math.log1p(ALIKE)):
@@ -66,9 +71,8 @@ def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mappi
         theirs: The second run's by seed.
     """
     pairs = [(x, theirs[seed]) for seed, x in ours.items() if seed in theirs]
-    known = ours.keys() == theirs.keys() and len(pairs) >= FEWEST
-    if not known or min(min(pair) for pair in pairs) <= 0:
-        return differ(a, b, several=len(ours) > 1 and len(theirs) > 1)
+    if ours.keys() != theirs.keys() or len(pairs) < FEWEST or min(map(min, pairs)) <= 0:
+        return differ(a, b)
     ratio = spread([y / x for x, y in pairs])
     if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
         verdict: Verdict = "same"
@@ -77,9 +81,8 @@ def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mappi
     else:
         verdict = "less" if ratio.median < 1 else "more"
     xs, ys = zip(*pairs, strict=True)
-    return Difference(
-        a, b, middle(b) - middle(a), ratio, verdict, "pairs", seeds=len(pairs), smaller=wins(ys, xs)
-    )
+    ahead, behind = wins(ys, xs), wins(xs, ys)
+    return Difference(a, b, middle(b) - middle(a), ratio, verdict, "pairs", len(pairs), ahead, behind)
 
 
 def same(a: Number, b: Number) -> bool:
