@@ -9,7 +9,8 @@ from pydantic import JsonValue
 from testbench.bench.compare_settings import Path, short, show_setting, words_of
 from testbench.output.finished import Finished
 
-ABSENT = "not said"
+ABSENT, NONE = "not said", "none"
+SEEDS = (("first",), ("seed",))  #: Last keys of settings that say the first seed once more.
 
 K = TypeVar("K")
 
@@ -45,7 +46,7 @@ def seeds_words(run: Finished) -> str:
     """The seeds of a run."""
     first, count = run.manifest.seed, run.manifest.seeds
     if not count:
-        return "none"
+        return NONE
     return str(first) if count == 1 else f"{first} to {first + count - 1}"
 
 
@@ -68,7 +69,8 @@ def _settings(runs: Sequence[Finished]) -> list[InputRow]:
 
 def _told(run: Finished) -> dict[str, tuple[Path, JsonValue]]:
     """Every setting by its words."""
-    return {words_of(path): (path, value) for path, value in _flat(run.manifest.scenario).items()}
+    leaves = _flat(run.manifest.scenario)
+    return {words_of(path): (path, leaf) for path, leaf in leaves.items() if path[-1:] not in SEEDS}
 
 
 def _flat(value: JsonValue, place: Path = ()) -> dict[Path, JsonValue]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from testbench.bench.compare_inputs import InputRow
+from testbench.bench.compare_inputs import NONE, InputRow
 from testbench.bench.compare_models import KINDS, ModelPair
 from testbench.bench.compare_numbers import Difference, Verdict
 
@@ -19,6 +19,13 @@ class RunRow:
     command: str  #: What made it.
     seeds: str  #: In words.
     answer: str  #: Its own, empty where its report has none that can be read.
+
+    @property
+    def made(self) -> str:
+        """What made it, with its seeds."""
+        if self.seeds == NONE:
+            return self.command
+        return f"{self.command}, {'seeds' if ' ' in self.seeds else 'seed'} {self.seeds}"
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,12 @@ class Beside:
     numbers: list[NumberPair]  #: Those of the tables that differ most; no models of `models` are in it.
     counts: Counts  #: Of all numbers of the tables.
     unread: str  #: Why tables are not compared, empty where they are.
+    equal: bool  #: Whether the two reports are the same to the last digit.
+
+    @property
+    def lead_name(self) -> str:
+        """Name of that model, empty without one."""
+        return self.lead.name if self.lead else ""
 
     @property
     def led(self) -> list[ModelPair]:
@@ -80,7 +93,8 @@ class Beside:
     @property
     def same(self) -> bool:
         """Whether nothing that can be compared differs."""
-        return self.counts.same == self.counts.every and all(p.rms_mm.verdict == "same" for p in self.models)
+        told = self.counts.every and self.counts.same == self.counts.every
+        return self.equal or bool(told and all(p.rms_mm.verdict == "same" for p in self.models))
 
     def count(self, *verdicts: Verdict) -> int:
         """How many models of `led` are told so."""
@@ -106,6 +120,13 @@ class ComparedReport:
     def same(self) -> bool:
         """Whether neither inputs nor numbers differ."""
         return not self.inputs and all(pair.same for pair in self.beside)
+
+    @property
+    def farthest(self) -> tuple[Beside, ModelPair] | None:
+        """The model that differs most beyond the spread, with its runs; None where none does."""
+        found = [(pair, pair.farthest) for pair in self.beside]
+        known = [(pair, model) for pair, model in found if model is not None]
+        return max(known, key=lambda own: own[1].rms_mm.size, default=None)
 
 
 def letters(count: int) -> Sequence[str]:

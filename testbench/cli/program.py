@@ -24,6 +24,7 @@ COMMANDS = {
     "predict": "Say where loads bring the tool, how sure that is, how stiff it is.",
     "compensate": "Correct a robot's program for what loads do to the arm.",
     "demo": "Calibrate a heavy arm in simulation.",
+    "compare": "Say what differs between runs, and which errs less.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
     "shot": "Render the newest recording of a run without a screen.",
 }

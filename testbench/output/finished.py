@@ -76,6 +76,8 @@ def told_as(file: Path, err: ValidationError, what: str = "") -> InputError:
     """The first finding of pydantic in a file, in one line."""
     first = err.errors(include_url=False, include_context=False)[0]
     place = ".".join(map(str, first["loc"]))
+    if first["type"] == "missing":
+        return InputError(file, place, f"{what}expected it, there is none")
     return InputError(file, place, f"{what}{first['msg']}, got {str(first.get('input'))[:80]!r}")
 
 

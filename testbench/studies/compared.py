@@ -70,6 +70,7 @@ def _beside(first: tuple[str, Finished, Read], other: tuple[str, Finished, Read]
         numbers=found.farthest,
         counts=found.counts,
         unread=unread,
+        equal=ours.digest == theirs.digest,
     )
 
 

@@ -84,12 +84,17 @@ def read_report(folder: Path, study: Study[O, S, W, R]) -> Stored:
 
 
 def of_study(study: Study[O, S, W, R], file: Path, plain: JsonValue) -> Stored:
+    """What is in the report of a study; InputError where it is none."""
+    report = report_of(study, file, plain)
+    with numbers_of(file):
+        return Stored(report, study.tables(report), study.words(report))
+
+
+def report_of(study: Study[O, S, W, R], file: Path, plain: JsonValue) -> R:
     """The report of a study of these data; InputError where they are none."""
     names = _renamed(sys.modules[study.summary.__module__])
     kind: type[R] = get_type_hints(study.summary)["return"]
-    report = typed(kind, file, _by_field(plain, names))
-    with numbers_of(file):
-        return Stored(report, study.tables(report), study.words(report))
+    return typed(kind, file, _by_field(plain, names))
 
 
 def typed(kind: type[C], file: Path, plain: JsonValue) -> C:

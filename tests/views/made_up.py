@@ -91,7 +91,7 @@ def _value(kind: Any, name: str, rng) -> Any:
         several = args[:1] * COUNT if args[-1] is Ellipsis else args
         return tuple(_value(a, name, rng) for a in several)
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return {f"{name} {_word(rng)}": _value(args[1], name, rng) for _ in range(COUNT)}
+        return {_value(args[0], name, rng): _value(args[1], name, rng) for _ in range(COUNT)}
     if isinstance(origin, type) and issubclass(origin, Sequence):
         return [_value(args[0], name, rng) for _ in range(COUNT)]
     return _plain(kind, name, rng)
@@ -116,7 +116,9 @@ def _plain(kind, name, rng):
         return int(rng.integers(2, 10_000))
     if kind is float:
         return _number(rng)
-    if kind is str:
+    if kind is type(None):
+        return None
+    if kind in (str, object):
         return f"{name} {_word(rng)}"
     raise AssertionError(f"{name}: nothing made up for {kind}")
 

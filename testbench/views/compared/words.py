@@ -1,6 +1,7 @@
 """The tables and words of a comparison, for terminal, report.md and recording."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from testbench.bench.compare_models import ModelPair
@@ -10,7 +11,7 @@ from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
 FEW, MANY = 8, 60  #: Rows of inputs and of numbers in a terminal, and on the page.
-WIDE = 40  #: Words in a row of a terminal [characters].
+WIDE, NAME = 30, 28  #: Names of numbers and of models in a terminal [characters].
 NAMED = 3  #: Inputs that a sentence names.
 
 
@@ -27,17 +28,35 @@ def told(found: Difference) -> str:
 def tables(report: ComparedReport) -> dict[str, Table]:
     """Every table by its name: inputs, and of every run beside the first one models by error and numbers."""
     found = {
-        "inputs": _inputs(report, MANY),
-        "inputs_short": _inputs(report, FEW),
+        "inputs": _inputs(report),
         "overview": Table(OVERVIEW, [_in_short(pair) for pair in report.beside]),
     }
     for pair in report.beside:
         for where, models in pair.by_kind.items():
-            title = f"RMS error {where}"
-            found[f"{pair.b}, {where}"] = models_table(pair, models, title if pair.lead else "")
+            found[f"{pair.b}, {where}"] = models_table(pair, models, f"RMS error {where}")
         found[f"{pair.b}, numbers"] = _numbers(pair, pair.numbers[:MANY], None)
-        found[f"{pair.b}, numbers_short"] = _numbers(pair, pair.numbers[:FEW], WIDE)
     return found
+
+
+def printed(report: ComparedReport) -> list[Table]:
+    """What a terminal of 80 columns shows: the models, or the numbers, of every run beside A."""
+    found = [Table(OVERVIEW, [_in_short(pair) for pair in report.beside])] if len(report.beside) > 1 else []
+    for pair in report.beside:
+        if not pair.same and pair.lead:
+            found.append(models_table(pair, pair.led))
+        elif not pair.same:
+            found.append(_numbers(pair, pair.numbers[:FEW], WIDE))
+    return found
+
+
+def sortable(report: ComparedReport) -> list[Table]:
+    """Tables of the page, what matters most first."""
+    every = tables(report)
+    heads = [f"{pair.b}, {where}" for pair in report.beside for where in pair.by_kind]
+    others = [f"{pair.b}, numbers" for pair in report.beside if pair.numbers]
+    return [
+        replace(every[name], title=every[name].title or "Numbers that differ most") for name in heads + others
+    ]
 
 
 OVERVIEW = (
@@ -58,44 +77,56 @@ def _in_short(pair: Beside) -> dict[str, object]:
     return {"b": pair.b, **said, **counts}
 
 
-def models_table(pair: Beside, models: Sequence[ModelPair], title: str) -> Table:
-    """Models of two runs by one kind of error; the leading one is marked."""
-    columns = (Column("name", "model"), *_columns(pair, "mm", "+.3f"))
-    rows = [{"name": model.name, "told": told(model.rms_mm), **vars(model.rms_mm)} for model in models]
-    return Table(columns, rows, title, pair.lead.name if pair.lead else "")
+def input_lines(report: ComparedReport) -> list[str]:
+    """Inputs that differ, for a terminal: texts of any length, so that no column would hold them."""
+    letters = [run.letter for run in report.runs]
+    found = [
+        f"{row.what}: " + "; ".join(f"{a} {value}" for a, value in zip(letters, row.values, strict=True))
+        for row in report.inputs[:FEW]
+    ]
+    more = len(report.inputs) - len(found)
+    return [*found, f"and {more} more in report.md"] if more else found
 
 
-def _columns(pair: Beside, unit: str, signed: str) -> tuple[Column, ...]:
+def models_table(pair: Beside, models: Sequence[ModelPair], title: str = "") -> Table:
+    """Models of two runs by one kind of error, the leading one marked; without a title for a terminal."""
     a, b = pair.a, pair.b
-    return (
-        Column("a", a, unit),
-        Column("b", b, unit),
-        Column("difference", f"{b} - {a}", unit, signed, short=f"{b} - {a}\n{unit}"),
+    columns = (
+        Column("name", "model"),
+        Column("a", a, "mm"),
+        Column("b", b, "mm"),
+        Column("difference", f"{b} - {a}", "mm", "+.3f", short=f"{b} - {a}\nmm"),
         Column("ratio", f"{b} / {a}", form=".2f", short=f"{b} / {a}"),
         Column("told", f"{b} is"),
     )
+    names = [model.name if title else _clipped(model.name, NAME) for model in models]
+    rows = [
+        {"name": name, "told": told(model.rms_mm), **vars(model.rms_mm)}
+        for name, model in zip(names, models, strict=True)
+    ]
+    marked = next((name for name, m in zip(names, models, strict=True) if m.name == pair.lead_name), "")
+    return Table(columns, rows, title, marked)
 
 
-def _inputs(report: ComparedReport, most: int) -> Table:
+def _inputs(report: ComparedReport) -> Table:
     columns = (Column("what", "input"), *(Column(f"values.{k}", r.letter) for k, r in enumerate(report.runs)))
-    return Table(columns, report.inputs[:most])
+    return Table(columns, report.inputs[:MANY])
 
 
 def _numbers(pair: Beside, numbers: Sequence[NumberPair], width: int | None) -> Table:
-    """Numbers as the tables of their runs show them."""
-    a, b = pair.a, pair.b
+    """Numbers as the tables of their runs show them; in a terminal's width their medians."""
     columns = (
         Column("what", "number"),
-        Column("a", a),
-        Column("b", b),
-        Column("ratio", f"{b} / {a}", form=".3g", short=f"{b} / {a}"),
-        Column("told", f"{b} is"),
+        Column("a", pair.a, form=".4g", exact=True),
+        Column("b", pair.b, form=".4g", exact=True),
+        Column("ratio", f"{pair.b} / {pair.a}", form=".3g", short=f"{pair.b} / {pair.a}"),
+        Column("told", f"{pair.b} is"),
     )
     rows = [
         {
             "what": _clipped(own.what, width) if width else f"{own.table}: {own.what}",
-            "a": own.a,
-            "b": own.b,
+            "a": own.found.a if width else own.a,
+            "b": own.found.b if width else own.b,
             "ratio": own.found.ratio,
             "told": told(own.found),
         }

@@ -1,0 +1,53 @@
+"""testbench compare RUN_A RUN_B: what differs between runs, given and found."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from testbench.bench.compare_report import LETTERS
+from testbench.errors import BenchError
+from testbench.output.finished import read_run
+from testbench.output.run import check_folder
+from testbench.shell.options import Force, takes
+from testbench.studies.compared import compare
+from testbench.views import terminal
+from testbench.views.compared.files import COMMAND, write
+from testbench.views.compared.words import input_lines, printed, words
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    runs: Annotated[list[Path], typer.Argument(help="Folders of two runs or more; the first is A.")]
+    out: Annotated[Path, typer.Option(help="Folder of the comparison.")] = Path("runs/compare")
+    force: Force = False
+
+
+@takes(Options)
+def command(asked: Options) -> None:
+    """Say which run errs less and what they were given otherwise; write the folder."""
+    if not 2 <= len(asked.runs) <= len(LETTERS):
+        raise BenchError(f"runs: expected 2 to {len(LETTERS)} folders, got {len(asked.runs)}")
+    check_folder(asked.out, COMMAND, own=frozenset(), inputs=asked.runs, force=asked.force)
+    runs = [read_run(folder) for folder in asked.runs]
+    report = compare(runs)
+    write(runs, report, asked.out)
+    console, text, out = Console(highlight=False), words(report), asked.out
+    terminal.print_answer(console, text)
+    terminal.print_statements(console, text)
+    for line in input_lines(report):
+        console.print(line, markup=False)
+    for table in printed(report):
+        console.print()
+        console.print(terminal.grid(table))
+    console.print()
+    lines = [
+        *(f"{row.letter}          {row.folder}: {row.made}" for row in report.runs),
+        f"numbers    {out / 'report.json'}, {out / 'report.md'}",
+        f"page       {out / 'report.html'}: opens in any browser",
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False)

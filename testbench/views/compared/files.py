@@ -1,0 +1,35 @@
+"""The folder of a comparison, all of it or nothing."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.compare_report import ComparedReport
+from testbench.output.finished import Finished
+from testbench.output.run import whole_folder
+from testbench.views.compared.words import sortable, words
+
+COMMAND = "testbench compare"  #: As manifest.json names it.
+
+
+def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
+    """Words, numbers, page and manifest.json.
+
+    Args:
+        runs: What was compared.
+        report: What was found.
+        out: Folder of the results.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
+    from testbench.views.page.page import Seen, write_page  # here: importing MuJoCo takes a while
+
+    text = words(report)
+    asked = {row.letter: {row.folder: run.digest} for row, run in zip(report.runs, runs, strict=True)}
+    with whole_folder(out) as folder:
+        files.write_json(asdict(report), folder / "report.json")
+        (folder / "report.md").write_text(text.whole(), encoding="utf-8")
+        write_page(folder, "compare", text, Seen(tables=sortable(report)))
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[])

@@ -1,0 +1,336 @@
+"""testbench compare: what differs is said, what is chance is called so, wrong folders are one line."""
+
+import json
+import re
+import shutil
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from made_up import fill, of_one_trial
+from run_here import here
+
+from testbench import files
+from testbench.arm.catalogue import find_arm
+from testbench.bench.campaign import Scenario
+from testbench.bench.compare_numbers import differ, differ_paired
+from testbench.bench.error_places import Places
+from testbench.bench.rows import ErrorRow
+from testbench.cli.program import program
+from testbench.studies.gravity_calibration.study import STUDY
+from testbench.studies.gravity_calibration.trial import Measured, ModelRow, Settings
+from testbench.studies.run import to_json
+from testbench.studies.which_model.report import WhichModelReport
+from testbench.trials.parquet import write_trials
+from testbench.trials.rows import columns, flatten
+from testbench.trials.spread import Spread
+
+NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
+SIZES = dict(zip(NAMES, (0.3, 1.4, 0.6, 0.2, 0.1), strict=True))
+"""Error of every model over the workspace, typical [mm]."""
+PLACES = 4
+
+
+def compare(*args):
+    return here(program(["compare"]), "compare", *args)
+
+
+def row(name, mm, seed, first):
+    """One model of one seed, its error over the workspace given; all else is the seed's."""
+    rng = np.random.default_rng([seed, *name.encode()])
+    kept = {"places": None, "place_mm": None}
+    if seed == first:
+        xyz = {axis: tuple(rng.uniform(-1, 1, PLACES)) for axis in ("x_m", "y_m", "z_m", "deflection_mm")}
+        q, joints = tuple(rng.uniform(-1, 1, 6 * PLACES)), ("home",) * PLACES
+        kept["places"] = Places(run=tuple(range(PLACES)), q=q, joints=joints, **xyz)
+        kept["place_mm"] = tuple(mm * np.linspace(0.5, 2, PLACES))
+    structure = name.removesuffix(" + prior")
+    own = {"constraint": NAMES[name], "prior": name != structure, "conservative": NAMES[name] == "psd"}
+    measured = of_one_trial(Measured, np.random.default_rng(1))
+    fixed = {
+        "parameters": 56,
+        "rank": 30,
+        "status": "solved",
+        "true_arm": "cast",
+        "template_is_true": False,
+        "measured": measured,
+    }
+    workspace = of_one_trial(ErrorRow, rng, rms_mm=mm)
+    return of_one_trial(
+        ModelRow, rng, name=name, structure=structure, workspace=workspace, **own, **fixed, **kept
+    )
+
+
+def calibration(out, seeds, scale=1.0, sigma=50e-6):
+    """The folder of a calibration as a study leaves it, but made up: errors differ widely from seed to seed.
+
+    Args:
+        out: The folder.
+        seeds: Of its trials; equal ones have equal errors.
+        scale: Of the errors over the workspace.
+        sigma: Noise of a reading [m].
+    """
+    asked = Settings("kr500_l480", Scenario(arm="kr500_l480", sigma=sigma), 50.0, "cast", seeds[0])
+    wide = {seed: scale * np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
+    trials = [(s, [row(n, mm * wide[s], s, seeds[0]) for n, mm in SIZES.items()]) for s in seeds]
+    out.mkdir()
+    files.write_json(to_json(STUDY.summary(asked, seeds, trials)), out / "report.json")
+    flat = [(seed, [flatten(own) for own in rows]) for seed, rows in trials]
+    write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
+    plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
+    arms = [find_arm("kr500_l480")]
+    script = "scenarios/gravity_calibration.py"
+    files.write_manifest(out, command=script, scenario=plain, seeds=seeds, arms=arms, seconds=1.0)
+    return out
+
+
+def changed(run, out, name, change):
+    """A copy of a run with something changed in one of its JSON files."""
+    shutil.copytree(run, out)
+    found = json.loads((out / name).read_text())
+    change(found)
+    (out / name).write_text(json.dumps(found))
+    return out
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture(scope="module")
+def one(folder):
+    """One seed."""
+    return calibration(folder / "one", range(1, 2))
+
+
+@pytest.fixture(scope="module")
+def many(folder):
+    """Many seeds."""
+    return calibration(folder / "many", range(1, 21))
+
+
+def said(tmp_path, *runs):
+    """What the command says of runs, on one line, and its report."""
+    done = compare(*runs, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    words, places, _ = done.stdout.partition("\nA    ")
+    assert places
+    assert max(map(len, words.splitlines())) <= 80
+    assert "…" not in words  # nothing is cut
+    return " ".join(done.stdout.split()), json.loads((tmp_path / "out" / "report.json").read_text())
+
+
+def test_no_sentence_is_long(many, one, folder, tmp_path):
+    other = calibration(folder / "hundred", range(101, 121), 30.0)
+    for runs in ((many, other), (one, many), (one, one, many)):
+        compare(*runs, "--out", tmp_path)
+        lines = (tmp_path / "report.md").read_text().split("## ")[0].splitlines()[3:]
+        sentences = [own for line in lines for own in re.split(r"[.:;] ", line)]
+        assert max(len(own.split()) for own in sentences) <= 25, sentences
+
+
+def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path):
+    text, report = said(tmp_path, many, many)
+    assert text.startswith("A and B are alike: nothing differs, neither inputs nor numbers.")
+    assert "Inputs are the same: settings, arms, seeds, versions, commit." in text
+    assert (report["inputs"], report["beside"][0]["equal"]) == ([], True)
+    assert {pair["rms_mm"]["verdict"] for pair in report["beside"][0]["models"]} == {"same"}
+    made = {path.name for path in (tmp_path / "out").iterdir()}
+    assert set(json.loads((tmp_path / "out" / "manifest.json").read_text())["files"]) == made
+
+
+def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):
+    worse = calibration(folder / "worse", range(1, 21), 1.1, 100e-6)
+    text, report = said(tmp_path, many, worse)
+    assert "A errs less: the error of B is 1.10 (1.10 to 1.10) times that of A. ALL153 + prior over" in text
+    assert "Seed by seed A errs less in 20 of 20." in text
+    assert "Of 5 models 0 err less in B, 5 more, 0 alike." in text
+    assert "Inputs differ in noise of a reading, um." in text
+    assert report["inputs"] == [{"what": "noise of a reading, um", "values": ["50", "100"]}]
+    [own] = [
+        p["rms_mm"] for p in report["beside"][0]["models"] if (p["name"], p["kind"]) == ("MLS56", "workspace")
+    ]
+    assert own["by"] == "pairs"
+    assert (own["pairs"], own["larger"], own["smaller"]) == (20, 20, 0)
+    assert own["ratio"]["p05"] == pytest.approx(1.1)
+    assert "B errs less: the error of B is 0.91 (" in said(tmp_path, worse, many)[0]
+
+
+def test_the_same_difference_between_other_seeds_is_within_the_spread(many, folder, tmp_path):
+    other = calibration(folder / "other", range(101, 121), 1.1)
+    text, report = said(tmp_path, many, other)
+    assert text.startswith("A and B err alike. ALL153 + prior over the workspace")
+    assert "Their intervals over the seeds overlap." in text
+    assert {p["rms_mm"]["by"] for p in report["beside"][0]["models"] if p["kind"] == "workspace"} == {
+        "spreads"
+    }
+    assert {"what": "seeds", "values": ["1 to 20", "101 to 120"]} in report["inputs"]
+    far = calibration(folder / "far", range(101, 121), 100.0)
+    assert "Their intervals over the seeds do not overlap." in said(tmp_path, many, far)[0]
+
+
+def test_a_planted_number_is_found_and_one_seed_has_no_spread(one, tmp_path):
+    def plant(report):
+        report["models"][2]["workspace"]["rms_mm"] *= 3
+
+    planted = changed(one, tmp_path / "planted", "report.json", plant)
+    text, report = said(tmp_path, one, planted)
+    assert text.startswith("A and B err alike. ALL153 + prior over the workspace")
+    assert "Farthest apart: MGCO56," in text
+    assert "3.00 times." in text
+    assert "Inputs are the same" in text
+    assert "Of 5 models 0 err less in B, 1 more, 4 alike." in text
+    [own] = [p for p in report["beside"][0]["models"] if p["rms_mm"]["verdict"] != "same"]
+    assert (own["name"], own["kind"], own["rms_mm"]["by"]) == ("MGCO56", "workspace", "one")
+
+
+def test_files_of_the_arm_versions_and_commit_are_told_apart(one, tmp_path):
+    def plant(manifest):
+        manifest["models"]["kr500_l480"]["elastic.toml"] = "0" * 64
+        manifest["versions"]["numpy"] = "1.0"
+        manifest["git"] = "f" * 40 + "-dirty"
+        manifest["scenario"]["scenario"]["station"]["lower"][0] = 2.5
+
+    other = changed(one, tmp_path / "other", "manifest.json", plant)
+    text, report = said(tmp_path, one, other)
+    rows = {own["what"]: own["values"][1] for own in report["inputs"]}
+    assert rows == {
+        "work area of the calibration, lower corner, m": "2.5, -0.9, 1.1",
+        "kr500_l480, elastic.toml": "0000000000",
+        "version of numpy": "1.0",
+        "commit": "ffffffffff, changed",
+    }
+    assert text.startswith("A and B are alike: no number differs.")
+
+
+def test_tables_of_a_study_without_models_show_the_number_that_differs(rng, tmp_path):
+    first = tmp_path / "first"
+    first.mkdir()
+    report = fill(WhichModelReport, rng, scenario="which_model")
+    files.write_json(to_json(report), first / "report.json")
+    script = "scenarios/which_model.py"
+    files.write_manifest(first, command=script, scenario={}, seeds=range(1, 2), arms=[])
+
+    def plant(found):
+        found["truths"][1]["cad_mm"] = {end: 3 * mm for end, mm in found["truths"][1]["cad_mm"].items()}
+
+    text, found = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
+    assert re.match(
+        r"A and B differ in 1 of \d+ numbers by more than their spread\. Farthest apart: truth ", text
+    )
+    [number] = found["beside"][0]["numbers"]
+    assert number["row"] == report.truths[1].truth
+    assert number["found"]["ratio"] == pytest.approx(3)
+
+
+def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
+    def only(report):
+        models = [{"name": own["name"], "fit": own["identification"]} for own in report["models"]]
+        report.clear()
+        report["models"] = models
+
+    fits = changed(one, tmp_path / "fits", "report.json", only)
+    fits = changed(
+        fits, tmp_path / "identify", "manifest.json", lambda m: m.update(command="testbench identify")
+    )
+    text, report = said(tmp_path, one, fits)
+    assert "at the fitted poses, against readings" in text
+    assert {pair["kind"] for pair in report["beside"][0]["models"]} == {"identification"}
+    assert report["inputs"][0]["values"][1] == "testbench identify"
+
+
+def test_three_runs_stand_beside_the_first(one, many, tmp_path):
+    text, report = said(tmp_path, one, one, many)
+    assert text.startswith("B is the same as A. C errs ")
+    assert [run["letter"] for run in report["runs"]] == ["A", "B", "C"]
+
+
+def broken(text):
+    return lambda run: (run / "report.json").write_text(text)
+
+
+HOSTILE = {
+    "no JSON": (broken("{"), "report.json: not JSON"),
+    "too deep": (broken("[" * 100_000), "report.json: not JSON: recursion limit"),
+    "NaN": (broken('{"models": [NaN]}'), "report.json: models.0: expected a finite number, got nan"),
+    "infinite": (broken('{"a": {"b": 1e999}}'), "report.json: a.b: expected a finite number, got inf"),
+    "digits": (broken('{"a": ' + "9" * 6000 + "}"), "report.json: not JSON"),
+    "no table": (broken("[]"), "report.json: expected a table of keys, got list"),
+    "long": (broken(json.dumps({"a": "x" * 50_000})), "report.json: a: expected a text of at most"),
+    "empty": (broken(""), "report.json: not JSON"),
+    "no numbers": (broken('{"scenario": "gravity_calibration"}'), "report.json: seed: not a report of this"),
+    "words": (
+        broken('{"models": [{"name": "a", "check": {"rms_mm": "x"}}]}'),
+        "report.json: scenario: not a",
+    ),
+    "bytes": (lambda run: (run / "report.json").write_bytes(b"\xff"), "report.json: byte 1: expected UTF-8"),
+    "no report": (lambda run: (run / "report.json").unlink(), "report.json: cannot be read"),
+    "no manifest": (lambda run: (run / "manifest.json").unlink(), "manifest.json: cannot be read"),
+    "manifest": (lambda run: (run / "manifest.json").write_text("{}"), "manifest.json: command: expected it"),
+    "trials": (lambda run: (run / "trials.parquet").write_bytes(b"PAR1"), "trials.parquet: expected trials"),
+}
+
+
+@pytest.mark.parametrize("fault", HOSTILE)
+def test_a_broken_folder_is_one_line_that_names_the_file_and_leaves_nothing(many, fault, tmp_path):
+    run = shutil.copytree(many, tmp_path / "run")
+    spoil, words = HOSTILE[fault]
+    spoil(run)
+    done = compare(many, run, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert done.stderr.startswith(f"error: {run}")
+    assert words in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_runs_with_nothing_in_common_and_too_few_are_one_line(one, rng, tmp_path):
+    other = changed(one, tmp_path / "other", "report.json", lambda report: report.update(models=[]))
+    other = changed(other, tmp_path / "plan", "manifest.json", lambda m: m.update(command="testbench plan"))
+    done = compare(one, other, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "no models by name in both, and no tables of one kind: nothing to compare" in done.stderr
+    done = compare(one, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (2, "error: runs: expected 2 to 8 folders, got 1\n")
+
+
+def test_what_would_steer_a_terminal_is_not_printed(one, tmp_path):
+    def plant(report):
+        for model in report["models"]:
+            model["name"] = f"\x1b[31m{model['name']}\x1b]0;owned\x07"
+
+    run = changed(one, tmp_path / "run", "report.json", plant)
+    done = compare(run, run, one, "--out", tmp_path / "out")
+    assert "\x1b" not in done.stdout + done.stderr
+
+
+WIDE, LOW = Spread(1.0, 0.5, 2.0), Spread(0.3, 0.2, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "verdict", "by"),
+    [
+        (1.0, 1.0 + 1e-9, "same", "one"),
+        (1.0, 1.01, "alike", "one"),
+        (1.0, 0.9, "less", "one"),
+        (-1.0, 1.0, "more", "one"),
+        (0.0, 0.0, "same", "one"),
+        (WIDE, Spread(1.9, 1.5, 3.0), "alike", "spreads"),
+        (WIDE, LOW, "less", "spreads"),
+        (LOW, WIDE, "more", "spreads"),
+        (WIDE, 1.5, "alike", "spreads"),
+        (WIDE, 3.0, "more", "spreads"),
+    ],
+)
+def test_a_difference_counts_beyond_the_spread(a, b, verdict, by):
+    found = differ(a, b)
+    assert (found.verdict, found.by) == (verdict, by)
+
+
+def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
+    ours = dict.fromkeys(range(10), 1.0)
+    theirs = {seed: 0.8 if seed % 2 else 1.1 for seed in ours}
+    found = differ_paired(1.0, 1.0, ours, theirs)
+    assert (found.verdict, found.by, found.smaller, found.larger) == ("alike", "pairs", 5, 5)
+    assert differ_paired(1.0, 2.0, {1: 1.0}, {1: 2.0}).by == "one"
+    assert differ_paired(WIDE, LOW, {1: 1.0, 2: 1.0}, {1: 2.0, 3: 1.0}).by == "spreads"
