@@ -12,6 +12,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from chromium import DESKTOP, IDLE, PHONE
 from run_here import app_of, heed_ctrl_c, here
 
 from testbench.arm.folder import load_arm
@@ -25,6 +26,8 @@ from testbench.studies.gravity_calibration.words import TITLE_WORDS
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
+ROWS = 'table[data-table="0"] tbody tr'
+CELLS = "rows => rows.map(row => [...row.cells].map(cell => cell.innerText))"
 SCORES = {"rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent"}
 KEYS = {
     "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
@@ -56,6 +59,38 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout
+
+
+@pytest.mark.parametrize("width", [PHONE, DESKTOP])
+def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick, open_page, width):
+    report = json.loads((quick[0] / "report.json").read_text())
+    shown = open_page(quick[0] / "report.html", width)
+    page = shown.page
+    told = {row[0]: row for row in page.eval_on_selector_all(ROWS, CELLS)}
+    for model in report["models"]:
+        if model["constraint"] != "free":
+            assert told[model["name"]][-1] == f"{model['workspace']['rms_mm']:.3f}"
+    for name in report["map"]["compared"]:
+        [pane] = [text for text in page.locator(".pane").all_inner_texts() if text.startswith(name)]
+        assert f"worst: {report['map']['worst'][name]['error_mm']:.3g} mm" in pane
+
+    arm = page.locator("#scene canvas")
+    before = arm.screenshot()
+    arm.press("ArrowLeft")
+    page.evaluate(IDLE)
+    assert arm.screenshot() != before
+    says = page.locator("#scene .says").first
+    assert says.inner_text().startswith("Place 1 of")  # where the models differ most
+    worst = report["map"]["worst"][report["map"]["compared"][0]]["place"]
+    page.locator(".pane button").first.click()
+    assert says.inner_text().startswith(f"Place {worst + 1} of")
+    page.locator(".runs svg[role=img]").click()
+    assert says.inner_text().startswith("Run ")
+
+    page.locator("th", has_text="RMS workspace").first.click()
+    errors = [float(row[-1]) for row in page.eval_on_selector_all(ROWS, CELLS)]
+    assert errors == sorted(errors)
+    assert shown.faults() == []
 
 
 def test_report_has_the_contracts_keys(quick):

@@ -19,14 +19,17 @@ function ticks(low, high, log) {
 
 const plain = (x) => String(Number(x.toPrecision(3)));
 
+const DEPTH = 3e3; // what is smaller than the largest by more is drawn at the end of a logarithmic axis
+
 /** A scale from numbers to places; logarithmic where the largest is 20 times the smallest. */
 function scale(numbers, from, to) {
   let low = Math.min(...numbers), high = Math.max(...numbers);
+  if (low > 0) low = Math.max(low, high / DEPTH);
   const log = low > 0 && high > 20 * low;
   if (log) [low, high] = [low / 1.2, high * 1.2];
   else [low, high] = [Math.min(0, low), high > 0 ? 1.08 * high : high === low ? low + 1 : 0];
   const f = log ? Math.log : (x) => x;
-  const place = (x) => from + ((to - from) * (f(x) - f(low))) / (f(high) - f(low));
+  const place = (x) => from + ((to - from) * (f(Math.max(x, low)) - f(low))) / (f(high) - f(low));
   return { place, ticks: ticks(low, high, log), log };
 }
 

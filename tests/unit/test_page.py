@@ -1,0 +1,90 @@
+"""What a page is made of: solids that close, text that stays text, numbers as they are."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from testbench.plant.shapes import Mesh, Shape, visual_shapes
+from testbench.trials.spread import Spread
+from testbench.views.page import html
+from testbench.views.page.solids import TRIANGLES, solid
+from testbench.views.schema import Column, Table
+
+SIZE = np.array([0.3, 0.3, 0.5])
+VOLUMES = {
+    "box": 8 * 0.3 * 0.3 * 0.5,
+    "cylinder": np.pi * 0.3**2 * 1.0,
+    "capsule": np.pi * 0.3**2 * 1.0 + 4 / 3 * np.pi * 0.3**3,
+    "ellipsoid": 4 / 3 * np.pi * 0.3 * 0.3 * 0.5,
+}
+BAD = "<img src=x onerror=alert(1)>|a</script><script>alert(2)</script>"
+
+
+def volume(found):
+    """By the divergence theorem: negative where triangles face inward, wrong where they do not close."""
+    a, b, c = (found.vertices[found.faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+
+def shape(kind, mesh=None):
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    return Shape(kind, 2, SIZE, np.array([1.0, 2, 3]), turn, np.array([1.0, 1, 1, 1]), mesh)
+
+
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_a_shape_is_a_closed_surface_seen_from_outside_of_nearly_its_volume(kind):
+    assert volume(solid(shape(kind))) == pytest.approx(VOLUMES[kind], rel=0.06)
+
+
+def test_a_mesh_of_many_triangles_becomes_one_of_few_and_keeps_its_volume():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
+    seams = np.repeat(vertices, 2, axis=0)  # corners twice, as of two normals
+    thin = solid(
+        shape("mesh", Mesh(seams, np.zeros_like(seams), 2 * faces + np.arange(len(faces))[:, None] % 2))
+    )
+    assert len(thin.faces) <= 1.1 * TRIANGLES < len(faces)
+    assert volume(thin) == pytest.approx(4 / 3 * np.pi * 0.3**3, rel=0.06)
+    assert thin.body == 2
+    np.testing.assert_allclose(thin.vertices.mean(axis=0), [1, 2, 3], atol=0.05)
+
+
+def test_every_solid_of_our_arms_faces_outward(kr500, arm_6r):
+    for cell in (kr500, arm_6r):
+        assert all(volume(solid(own)) > 0 for own in visual_shapes(cell.room))
+
+
+def test_what_a_stranger_calls_things_stays_text():
+    table = Table((Column("name", "model"), Column("x", "error", "mm")), [{"name": BAD, "x": 0.5}], BAD)
+    words = dict.fromkeys(("question", "title", "answer", "worst", "statements", "body"), BAD)
+    words["body"] = f"| a |\n| --- |\n| {BAD} |\n\n[go](javascript:alert(3)) ![see](http://far.example/x.png)"
+    drawn = {"scene": None, "map": None, "runs": [{"title": BAD}], "tables": [html.grid(table)], "ramp": []}
+    page = html.fill(
+        scenario=BAD,
+        words=words,
+        drawn=drawn,
+        pictures=[{"name": BAD, "data": "data:,"}],
+        others=[BAD],
+        versions={BAD: BAD},
+    )
+    assert "<img src=x" not in page
+    assert page.count("<script") == page.count("</script") == 2  # the data and our own
+    assert "javascript:alert" not in re.sub(r"\[go\]\(javascript:alert\(3\)\)", "", page)
+    assert 'src="http' not in page
+    [data] = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
+    assert json.loads(data)["tables"][0]["rows"][0]["cells"][0]["text"] == BAD
+
+
+def test_a_table_on_a_page_has_the_numbers_behind_its_words():
+    rows = [{"name": "a", "x": Spread(1.0, 0.5, 2.0), "ok": True}, {"name": "b", "x": 3.0, "ok": None}]
+    columns = (Column("name", "model"), Column("x", "error", "mm", ".1f"), Column("ok", "solved", form="yes"))
+    found = html.grid(Table(columns, rows, bold="b", headline="x"))
+    (_, error, _), (_, other, _) = (row["cells"] for row in found["rows"])
+    assert error == {"text": "1.0 (0.5 to 2.0)", "v": 1.0, "low": 0.5, "high": 2.0}
+    assert other == {"text": "3.0", "v": 3.0}
+    assert [row["marked"] for row in found["rows"]] == [False, True]
+    assert [head["drawn"] for head in found["head"]] == [False, True, False]
+    assert found["first"] == 1
