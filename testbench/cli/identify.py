@@ -87,7 +87,7 @@ def command(asked: Options) -> None:
     lines = [
         f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
         f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'identify.png'}",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        *terminal.looked_at(out),
         f"next       testbench predict {out} POSES.csv",
         f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",
     ]

@@ -85,6 +85,13 @@ class Words:
         """Whether the template fills a block."""
         return name in self._template.blocks
 
+    def rest(self) -> str:
+        """What of report.md stands below the statements."""
+        if self.has("body"):
+            return self.block("body")
+        _, mark, below = self.whole().partition("\n## ")
+        return mark.lstrip() + below
+
     def whole(self) -> str:
         """report.md."""
         lines = self._template.render(self._values).strip().split("\n")

@@ -69,6 +69,14 @@ def print_statements(console: Console, words: Words) -> None:
         console.print(Markdown(words.block("statements")))
 
 
+def looked_at(out: Path) -> list[str]:
+    """Where page and recording of a run are, and how to open them."""
+    return [
+        f"page       {out / 'report.html'}: opens in any browser",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+    ]
+
+
 def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
     """Where the results are, and how to open them.
 
@@ -81,7 +89,6 @@ def print_places(console: Console, out: Path, *, figures: list[str], data: str =
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",
-        f"page       {out / 'report.html'}: opens in any browser",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        *looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)

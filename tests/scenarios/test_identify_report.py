@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FILES = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml", "manifest.json"} | {
     "report.json",
     "report.md",
+    "report.html",
     "identify.png",
     "recording.rrd",
 }

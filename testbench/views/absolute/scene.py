@@ -12,9 +12,9 @@ from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.state import State, targets, tell
 from testbench.views.absolute.words import words
+from testbench.views.picked import evenly, picked
 from testbench.views.recording.absolute import AbsoluteScene, Arrows
 
-POSES, FAR = 240, 40  #: Poses that are shown at most, and those of largest error among them.
 ARROWS = 800  #: Arrows that stand still at most, evenly picked.
 
 
@@ -28,7 +28,7 @@ def scene(cell: Cell, reported: Reported) -> AbsoluteScene:
     some = picked(known.longest, np.flatnonzero(seen))
     text, rows = words(report), _rows(series, some, drawn, known, cell)
     static = np.flatnonzero(seen)
-    static = static[np.linspace(0, len(static) - 1, min(ARROWS, len(static))).round().astype(int)]
+    static = evenly(static, ARROWS)
     made = AbsoluteScene(
         cell=cell,
         q=np.concatenate([one.q for one in series])[some],
@@ -57,13 +57,6 @@ def _arrows(state: State, series: Sequence[Series], left: Sequence[Array]) -> Ar
     """From every target by a model to where it was read, in the world."""
     where = [targets(tell(state, one.q, one.wrench, one.point), state.mount(one)) for one in series]
     return Arrows(tuple(x for part in where for x in part), tuple(x for part in left for x in part))
-
-
-def picked(error: Array, rows: Ids) -> Ids:
-    """Places of the farthest rows and of others evenly, in the order of the files."""
-    far = rows[np.argsort(-error[rows], kind="stable")[:FAR]]
-    even = rows[np.linspace(0, len(rows) - 1, min(POSES - FAR, len(rows))).round().astype(int)]
-    return np.union1d(far, even)
 
 
 def _rows(

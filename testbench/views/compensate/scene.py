@@ -8,17 +8,16 @@ from testbench.bench.campaign import Cell
 from testbench.bench.compensate import CorrectedProgram
 from testbench.bench.compensate_report import CompensationReport, PointRow
 from testbench.correct.rest import rest
-from testbench.data.dataset import Ids
 from testbench.views.colours import GCO, MEASURED
 from testbench.views.compensate.words import words
+from testbench.views.picked import picked
 from testbench.views.recording.compensated import NOT_CORRECTED, Compensated, Off, Part
-
-MOST = 300  #: Points that are shown at most, evenly picked, the one of the largest error among them.
 
 
 def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Compensated:
     """The arm along its program: where the loaded tool would go, and where it goes corrected."""
-    own, state, some = found.found, found.model.state, _some(found)
+    own, state = found.found, found.model.state
+    some = picked(np.linalg.norm(own.before, axis=1), np.arange(found.program.points))
     loads = [load.of(some) for load in found.loads]
     q = own.start[some]
     off = Off(NOT_CORRECTED, MEASURED, own.before[some])
@@ -38,13 +37,6 @@ def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Co
         tables=text.block("joints"),
     )
     return replace(made, summary=text.summary(text.block("how_to_read", scale=made.scale)))
-
-
-def _some(found: CorrectedProgram) -> Ids:
-    points = found.program.points
-    even = np.linspace(0, points - 1, min(MOST, points)).round().astype(int)
-    worst = int(np.linalg.norm(found.found.before, axis=1).argmax())
-    return np.unique([*even, worst])
 
 
 def _said(row: PointRow) -> str:

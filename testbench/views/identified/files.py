@@ -13,6 +13,7 @@ from testbench.bench.stiffness_write import write_stiffness
 from testbench.output.run import whole_folder
 from testbench.views.identified.report import report_of
 from testbench.views.identified.words import words
+from testbench.views.page.page import write_page
 
 COMMAND = "testbench identify"  #: As manifest.json names it.
 
@@ -28,7 +29,7 @@ class Source:
 
 
 def write(source: Source, made: Explained, out: Path) -> None:
-    """The model, all fits, their report, figure, recording and manifest.json.
+    """The model, all fits, their report, figure, recording, page and manifest.json.
 
     Args:
         source: Where it comes from.
@@ -39,7 +40,8 @@ def write(source: Source, made: Explained, out: Path) -> None:
         InputError: When they cannot be written.
     """
     from testbench.views.identified.figure import overview  # here: importing matplotlib and rerun takes two
-    from testbench.views.identified.scene import scene  # thirds of a second
+    from testbench.views.identified.page import seen  # thirds of a second
+    from testbench.views.identified.scene import scene
     from testbench.views.recording.absolute import write_absolute
     from testbench.views.recording.stream import Header
 
@@ -49,9 +51,11 @@ def write(source: Source, made: Explained, out: Path) -> None:
         files.write_json(asdict(fits), folder / FITS)
         write_stiffness(cell, made.found, made.runs, source.data, folder)
         files.write_json(asdict(report), folder / "report.json")
-        (folder / "report.md").write_text(words(fits, report).whole(), encoding="utf-8")
+        text = words(fits, report)
+        (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(made, report).savefig(folder / "identify.png", dpi=110)
         header = Header(COMMAND, json.dumps({"arm": fits.arm, **asked}, sort_keys=True), 0)
         write_absolute(folder / "recording.rrd", header, scene(source.filed, made, report))
+        write_page(folder, f"{COMMAND}: {fits.arm}", text, seen(source.filed, made, report))
         arms = [cell.arm.rigid.parent]
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=arms)

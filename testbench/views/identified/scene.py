@@ -6,10 +6,11 @@ from testbench.bench.campaign import Cell
 from testbench.bench.explained import Explained
 from testbench.bench.rows import MM
 from testbench.errors import Array
-from testbench.views.absolute.scene import ARROWS, picked
+from testbench.views.absolute.scene import ARROWS
 from testbench.views.colours import MEASURED, look
 from testbench.views.identified.report import IdentifiedReport
 from testbench.views.identified.words import words
+from testbench.views.picked import evenly, picked
 from testbench.views.recording.absolute import AbsoluteScene, Arrows
 from testbench.views.recording.error_map import ErrorMap
 
@@ -23,7 +24,7 @@ def scene(cell: Cell, made: Explained, report: IdentifiedReport) -> AbsoluteScen
     residual = Arrows(tuple(data.before + moved - left), tuple(left))
     seen = np.flatnonzero(data.seen.any(axis=1))
     some = picked(made.taken, seen)
-    static = seen[np.linspace(0, len(seen) - 1, min(ARROWS, len(seen))).round().astype(int)]
+    static = evenly(seen, ARROWS)
     text = words(fits, report)
     [best] = [m for m in fits.models if m.name == report.recommended]
     own = look(best.structure, best.constraint, best.prior)

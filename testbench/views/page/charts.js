@@ -124,6 +124,7 @@ function drawColumn(table, k, width) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
   const names = rows.map((row) => row.cells[0].text);
   const left = Math.min(12 + 7.2 * Math.max(...names.map((n) => n.length)), 0.42 * width);
+  const fit = (name) => (12 + 7.2 * name.length <= left ? name : `${name.slice(0, Math.floor((left - 12) / 7.2) - 1)}\u2026`);
   const [line, top, right] = [21, 6, 74];
   const height = top + line * rows.length + 22;
   const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
@@ -136,7 +137,7 @@ function drawColumn(table, k, width) {
   rows.forEach((row, i) => {
     const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";
-    const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, names[i]);
+    const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, fit(names[i]));
     name.append(make("title", {}, `${names[i]}: ${cell.text}`));
     svg.append(name);
     if (cell.low !== undefined && cell.high > cell.low)
@@ -150,6 +151,12 @@ function drawColumn(table, k, width) {
   return svg;
 }
 
+/** A number with its interval. */
+function said(line, k) {
+  const [value, low, high] = [line.values, ...(line.ends || [])].map((own) => (own[k] === null ? "-" : own[k].toFixed(3)));
+  return low === undefined || low === "-" ? value : `${value} (${low} to ${high})`;
+}
+
 /** A number a pose and model; hovering reads them, a click shows the arm there. */
 function runChart(place, chart, names, choose) {
   const { labels } = chart;
@@ -157,7 +164,7 @@ function runChart(place, chart, names, choose) {
   const n = names.length;
   const order = [...names.keys()];
   const size = (k) => Math.max(...chart.lines.map((line) => line.values[k] ?? 0));
-  const every = chart.lines.flatMap((line) => line.values).filter((x) => x !== null);
+  const every = chart.lines.flatMap((line) => [line.values, ...(line.ends || [])].flat()).filter((x) => x !== null);
   const y = scale(chart.limit === null ? every : [...every, chart.limit], height - bottom, 8);
   const at = (i) => left + ((width - left - 10) * (i + 0.5)) / n;
   const tip = make("div", { class: "tip" }, "Point at a pose to read its numbers; click to see the arm there.");
@@ -179,7 +186,12 @@ function runChart(place, chart, names, choose) {
       svg.append(make("text", { class: "soft", x: width - 4, y: level - 4, "text-anchor": "end" }, "95 % of pure noise"));
     }
     const radius = Math.max(2, Math.min(4.5, width / n / 3));
-    order.forEach((k, i) => chart.lines.forEach((line) => line.values[k] !== null && svg.append(dot(at(i), y.place(line.values[k]), line, radius))));
+    order.forEach((k, i) => chart.lines.forEach((line) => {
+      if (line.values[k] === null) return;
+      const [low, high] = (line.ends || []).map((end) => end[k]);
+      if (low != null && high != null) svg.append(make("line", { x1: at(i), x2: at(i), y1: y.place(low), y2: y.place(high), stroke: line.colour, "stroke-width": Math.min(2.5, radius), opacity: 0.6 }));
+      svg.append(dot(at(i), y.place(line.values[k]), line, radius));
+    }));
     const every = Math.ceil(n / (width / 70));
     order.forEach((k, i) => i % every === 0 && svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": "middle" }, labels[k])));
   };
@@ -191,7 +203,7 @@ function runChart(place, chart, names, choose) {
   const cursor = make("line", { class: "chosen", y1: 4, y2: height - bottom });
   svg.addEventListener("pointermove", (event) => {
     const i = nearest(event), k = order[i];
-    const texts = chart.lines.map((line) => `${line.name} ${line.values[k] === null ? "-" : line.values[k].toFixed(3)}`);
+    const texts = chart.lines.map((line) => `${line.name} ${said(line, k)}`);
     tip.textContent = `${names[k]}: ${texts.join(", ")}`;
     cursor.setAttribute("x1", at(i));
     cursor.setAttribute("x2", at(i));

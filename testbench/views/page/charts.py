@@ -17,6 +17,7 @@ class Line:
     name: str
     look: Look
     values: Array  #: (n,), in the unit of its chart; NaN where there is none.
+    ends: tuple[Array, Array] | None = None  #: Lower and upper end of an interval of each, (n,) both.
 
 
 @dataclass(frozen=True)
@@ -48,20 +49,29 @@ class PlaceMap:
     group: int  #: Index of the group in the scene.
     at: Array  #: Tool positions, (n, 3) [m].
     lines: Sequence[Line]
+    heading: str = "Where it errs"
+    without: str = ""  #: What a ring means, a place without a value.
 
     def plain(self) -> Json:
         """As JSON data."""
         return {
             "title": self.title,
             "group": self.group,
+            "heading": self.heading,
+            "without": self.without,
             "at": [[round(x, 3) for x in row] for row in self.at.tolist()],
             "lines": [_line(line) for line in self.lines],
         }
 
 
 def _line(line: Line) -> Json:
-    values = [float(f"{x:.4g}") if np.isfinite(x) else None for x in line.values.tolist()]
-    return {"name": line.name, **look_plain(line.look), "values": values}
+    found = {"name": line.name, **look_plain(line.look), "values": _short(line.values)}
+    return found if line.ends is None else found | {"ends": [_short(end) for end in line.ends]}
+
+
+def _short(values: Array) -> list[float | None]:
+    """Four digits of each."""
+    return [float(f"{x:.4g}") if np.isfinite(x) else None for x in values.tolist()]
 
 
 def look_plain(look: Look) -> Json:

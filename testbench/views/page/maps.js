@@ -33,6 +33,7 @@ class Maps {
     turnable(canvas, this.camera, redraw, (event) => this.pick(pane, event));
     new ResizeObserver(() => this.ask(pane)).observe(canvas);
     const head = make("h3", {}, swatch(line));
+    if (worst < 0) return make("div", { class: "pane" }, head, canvas);
     const button = make("button", { type: "button" }, `worst: ${plain(line.values[worst])} mm`);
     button.addEventListener("click", () => this.choose(this.data.group, worst));
     const where = this.data.at[worst].map((x, k) => `${"xyz"[k]} ${x.toFixed(2)}`).join(", ");
@@ -114,6 +115,8 @@ class Maps {
     const [low, high] = [this.low, this.high];
     const middle = this.log ? Math.sqrt(low * high) : (low + high) / 2;
     const ramp = make("span", { class: "ramp", style: `background:linear-gradient(90deg,${stops})` });
-    return make("div", { class: "key" }, `${plain(low)} mm`, ramp, `${plain(high)} mm`, ` (middle ${plain(middle)} mm${this.log ? ", logarithmic" : ""})`);
+    const ring = this.data.without ? `. Rings: ${this.data.without}` : "";
+    if (low > high) return make("div", { class: "key" }, ring.slice(2));
+    return make("div", { class: "key" }, `${plain(low)} mm`, ramp, `${plain(high)} mm`, ` (middle ${plain(middle)} mm${this.log ? ", logarithmic" : ""})${ring}`);
   }
 }

@@ -13,7 +13,7 @@ from testbench.views.page.scene import Json, Scene
 from testbench.views.schema import Table
 
 NAME = "report.html"
-BLOCKS = ("question", "title", "answer", "worst", "statements", "body")
+BLOCKS = ("question", "title", "answer", "worst", "statements")
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
     text = html.fill(
         scenario=scenario,
         words={name: words.block(name) if words.has(name) else "" for name in BLOCKS},
+        rest=words.rest(),
         drawn=_plain(seen),
         pictures=pictures,
         others=[name for name in (*files.inside(folder), "manifest.json") if name != NAME],

@@ -12,6 +12,7 @@ class Scene {
     this.rasters = [new Raster(), new Raster()];
     this.picture = document.createElement("canvas");
     this.hidden = new Set();
+    this.whole = this.framed();
     this.camera = this.framed();
     this.controls(place);
     turnable(this.canvas, this.camera, () => this.ask());
@@ -29,7 +30,7 @@ class Scene {
       const pose = group.first;
       add(group.rigid[pose].slice(7), 7);
       if (group.bent) add(group.bent[pose].slice(7), 7);
-      for (const layer of group.layers) add(layer.at[pose], 3);
+      for (const layer of group.layers) add(ofPose(layer.at, pose), 3);
     }
     return Camera.around(points);
   }
@@ -56,6 +57,8 @@ class Scene {
       this.legend.replaceChildren(...own.layers.map((layer) => this.toggle(layer)));
       this.slider.max = own.names.length - 1;
       if (this.select) this.select.value = group;
+      const was = this.group === undefined ? null : this.data.groups[this.group].near;
+      if (own.near || was) Object.assign(this.camera, own.near ? Camera.around(own.near) : this.whole);
     }
     [this.group, this.pose] = [group, pose];
     this.slider.value = pose;
@@ -96,7 +99,8 @@ class Scene {
     this.floor(pen, project);
     this.arm(pen, project, width, height);
     const own = this.data.groups[this.group];
-    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio);
+    const ink = getComputedStyle(document.body).getPropertyValue("--ink");
+    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio, ink);
   }
 
   floor(pen, project) {
@@ -167,17 +171,25 @@ function shifted(rigid, bent, at) {
   return false;
 }
 
+/** The numbers of a pose, or those of all poses. */
+function ofPose(rows, pose) {
+  return rows[rows.length === 1 ? 0 : pose];
+}
+
+const DOTS = { dots: 4.5, specks: 1.6 };
+
 /** Dots, arrows or lines of one pose, over everything else. */
-function drawLayer(pen, project, layer, pose, ratio) {
-  const from = layer.at[pose], to = layer.to && layer.to[pose], out = new Float32Array(6);
+function drawLayer(pen, project, layer, pose, ratio, ink) {
+  const from = ofPose(layer.at, pose), to = layer.to && ofPose(layer.to, pose), out = new Float32Array(6);
   pen.strokeStyle = pen.fillStyle = layer.colour;
   pen.lineWidth = (layer.kind === "lines" ? 1.2 : 2.6) * ratio;
   for (let k = 0; k < from.length; k += 3) {
     if (from[k] === null || (to && to[k] === null)) continue;
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
     pen.beginPath();
-    if (layer.kind === "dots") {
-      pen.arc(out[0], out[1], 4.5 * ratio, 0, 7);
+    if (layer.labels.length) label(pen, layer.labels[k / 3], out, ratio, ink);
+    if (layer.kind in DOTS) {
+      pen.arc(out[0], out[1], DOTS[layer.kind] * ratio, 0, 7);
       pen.fill();
       continue;
     }
@@ -187,6 +199,14 @@ function drawLayer(pen, project, layer, pose, ratio) {
     pen.stroke();
     if (layer.kind === "arrows") head(pen, out, ratio);
   }
+}
+
+function label(pen, text, [x, y], ratio, ink) {
+  const own = pen.fillStyle;
+  pen.fillStyle = ink;
+  pen.font = `${12 * ratio}px system-ui, sans-serif`;
+  pen.fillText(text, x + 7 * ratio, y - 5 * ratio);
+  pen.fillStyle = own;
 }
 
 function head(pen, [x0, y0, , x1, y1], ratio) {

@@ -20,13 +20,14 @@ Json = Mapping[str, object]
 
 @dataclass(frozen=True)
 class Layer:
-    """Dots, arrows or lines, the same number in every pose."""
+    """Dots, small ones, arrows or lines, the same number in every pose, or the same in all of them."""
 
     name: str  #: For the legend.
     colour: Colour
-    kind: Literal["dots", "arrows", "lines"]
-    at: Array  #: Where they are or begin, (poses, k, 3) [m]; NaN where there is none.
-    to: Array | None = None  #: Where arrows and lines end, (poses, k, 3) [m].
+    kind: Literal["dots", "specks", "arrows", "lines"]
+    at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
+    to: Array | None = None  #: Where arrows and lines end, as many [m].
+    labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Poses:
     bent: Frames | None  #: Under load, its deflection magnified.
     layers: Sequence[Layer] = ()
     first: int = 0  #: Index of the pose that is shown first.
+    near: Array | None = None  #: What the eye has in view, (n, 3) [m]; all that is drawn if not given.
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ def _group(own: Poses) -> Json:
         "names": list(own.names),
         "words": list(own.words),
         "first": own.first,
+        "near": None if own.near is None else own.near.round(3).tolist(),
         "rigid": _frames(own.rigid),
         "bent": None if own.bent is None else _frames(own.bent),
         "layers": [
@@ -83,6 +86,7 @@ def _group(own: Poses) -> Json:
                 "kind": layer.kind,
                 "at": [_whole(row) for row in layer.at],
                 "to": None if layer.to is None else [_whole(row) for row in layer.to],
+                "labels": list(layer.labels),
             }
             for layer in own.layers
         ],

@@ -5,17 +5,16 @@ import numpy as np
 from testbench.bench.prediction import Predicted
 from testbench.bench.prediction_report import PredictionReport, pose_row
 from testbench.bench.rows import MM
-from testbench.data.dataset import Ids
+from testbench.views.picked import picked
 from testbench.views.predicted.words import words
 from testbench.views.recording.error_map import ErrorMap
 from testbench.views.recording.prediction import PredictionScene
 
-POSES, FAR = 240, 40  #: Poses that are shown at most, and those of largest deflection among them.
-
 
 def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
     """Some poses with what their loads do, the map, and the words beside them."""
-    some, found, text = _picked(made), made.found, words(report)
+    found, text = made.found, words(report)
+    some = picked(found.size[:, 0], np.arange(len(found.size)))
     field = made.map
     drawn = PredictionScene(
         cell=made.cell,
@@ -46,10 +45,3 @@ def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
             total=len(made.asked.q),
         )
     )
-
-
-def _picked(made: Predicted) -> Ids:
-    """The farthest poses and others evenly, in the order of the file."""
-    count = len(made.asked.q)
-    even = np.linspace(0, count - 1, min(POSES - FAR, count)).round().astype(int)
-    return np.union1d(made.worst_first[:FAR], even)
