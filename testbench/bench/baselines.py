@@ -9,6 +9,7 @@ from testbench.bench.rows import FitRow, JudgedRow
 from testbench.identify import completed_least_squares
 from testbench.model.structure import template56
 from testbench.trials.duel import Duel
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import middle, spread, wins
 
 R = TypeVar("R", bound=FitRow)
@@ -25,6 +26,14 @@ def equal_fit(cell: Cell) -> Model:
 def distinct(rows: Sequence[R]) -> list[R]:
     """The models without a completion that exists in no seed: that is least squares once more."""
     return [row for row in rows if row.constraint != "free" or row.conservative is not False]
+
+
+def gain(by_name: Mapping[str, Sequence[JudgedRow]], ours: str, theirs: str) -> Gain | None:
+    """Two models over the workspace, against the truth; None where one is not there, or both are one."""
+    if ours == theirs or not {ours, theirs} <= by_name.keys():
+        return None
+    a, b = ([middle(row.workspace.rms_mm) for row in by_name[name]] for name in (ours, theirs))
+    return gained(ours, theirs, a, b)
 
 
 def duels(by_name: Mapping[str, Sequence[JudgedRow]], pairs: Iterable[tuple[str, str]]) -> list[Duel]:

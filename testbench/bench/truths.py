@@ -108,6 +108,13 @@ TRUTHS: Mapping[str, TrueArm] = {
     "joints": _unequal_joints,
 }
 """True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
+CALLED = {
+    "tubes": "links of tubes",
+    **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
+    "cast": "cast links",
+    "joints": "unequal joints",
+}
+"""The same for readers."""
 
 
 def member(family: str, seed: int) -> str:

@@ -13,6 +13,7 @@ from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, St
 
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
+from testbench.views.gains import less, more
 from testbench.views.schema import Table, show, show_truth
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -109,7 +110,7 @@ def _environment(folder: Path) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
-    found.filters["line"] = line
+    found.filters |= {"line": line, "less": less, "more": more, "place": place}
     found.filters["counted"] = counted
     found.filters["ended"] = ended
     found.filters["against"] = against
@@ -129,6 +130,12 @@ def ended(sentence: str) -> str:
 def listed(names: list[str]) -> str:
     """Names as in a sentence: a, b and c."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def place(metres: Sequence[float]) -> str:
+    """Where in the world: x 1.20, y -0.35, z 2.10 m."""
+    x, y, z = (show(float(value), ".2f") for value in metres)
+    return f"x {x}, y {y}, z {z} m"
 
 
 def counted(number: int, noun: str) -> str:

@@ -1,5 +1,6 @@
 """What a table shows: columns declared once, for terminal, report.md, figures and recording alike."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
@@ -24,6 +25,7 @@ class Column:
     #: What is shown is so many times the report's number, for a unit that is not the key's.
     scale: float = 1.0
     rounding: float = 0.0  #: Numbers below, in the shown unit, are rounding and shown as "exact".
+    called: Mapping[str, str] = field(default_factory=dict)  #: Keys of a report by what readers call them.
 
     @property
     def title(self) -> str:
@@ -39,6 +41,8 @@ class Column:
         """A value of this quantity for people."""
         if self.rounding and value is not None and abs(middle(value)) < self.rounding:  # type: ignore[arg-type]
             return "exact"
+        if isinstance(value, str):
+            return self.called.get(value, value)
         return show(value, self.form)
 
     def cell(self, row: object) -> str:
@@ -52,7 +56,7 @@ class Column:
         value = None if cells is None else _at(cells, self.paper)
         if value is None or self.form == "yes":
             return "" if value is None else show_truth(value)
-        return f"{_times(self.scale, value):.3g}"
+        return plain(f"{_times(self.scale, value):.3g}")
 
 
 def _at(row: object, key: str) -> Any:
@@ -154,8 +158,25 @@ def show(value: object, form: str = ".3f") -> str:
 
 
 def _form(value: object, form: str) -> str:
-    text = format(value, form)
-    return text[1:] if text.startswith("-") and float(text) == 0 else text  # never "-0.000"
+    text = plain(format(value, form))
+    return text[1:] if text.startswith("-") and not text.strip("-0.") else text  # never "-0.000"
+
+
+POWER = re.compile(r"(-?\d(?:\.(\d+))?)e([+-]\d+)")
+LEAST, MOST = -3, 6  #: Powers of ten from which, and below which, a number is written out.
+
+
+def plain(number: str) -> str:
+    """A number for people where it has a power of ten: 1230 for 1.23e+03, 1.2 x 10^-8 for 1.2e-08."""
+    found = POWER.fullmatch(number)
+    if found is None:
+        return number
+    size, digits, power = found[1], len(found[2] or ""), int(found[3])
+    if float(size) == 0:
+        return "0"
+    if LEAST <= power < MOST:
+        return f"{float(number):.{max(digits - power, 0)}f}"
+    return f"{size} x 10^{power}"
 
 
 def show_truth(value: Share) -> str:

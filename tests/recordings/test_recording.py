@@ -194,7 +194,7 @@ def test_noise_free_linear_truth_is_drawn_too(kr500, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("MLS56", "No model is conservative in every seed"), ("MGCO56", "Recommended, marked: MGCO56")],
+    [("MLS56", "No model is conservative in every seed"), ("MGCO56", "Take MGCO56, marked")],
 )
 def test_one_model_alone_is_a_study_too(name, words, kr500, tmp_path):
     path = tmp_path / "recording.rrd"
@@ -434,7 +434,7 @@ def test_of_several_seeds_the_words_are_the_medians_and_the_drawing_is_the_first
     write_calibration(path, *made)
     chunks = chunks_of(path)
     check, area = (getattr(made[0].models[1], group).rms_mm for group in ("check", "workspace"))
-    assert f"{area.median:.3f} ({area.p05:.3f} to {area.p95:.3f}) mm (MGCO56)" in document(chunks, "/summary")
+    assert f"MGCO56 {area.median:.3f} mm, least squares" in document(chunks, "/summary")
     assert columns(chunks, "/__properties/study")["seed"] == [[1]]
     labels = columns(chunks, "/error_mm/number")["Points2D:labels"][0]
     assert f"{check.median:.3f} ({check.p05:.3f} to {check.p95:.3f}) mm, recommended" in labels

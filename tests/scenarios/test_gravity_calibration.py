@@ -17,12 +17,11 @@ from run_here import app_of, heed_ctrl_c, here
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.bench.truths import FAMILY, TRUTHS, TrueArmName, true_cell
+from testbench.bench.truths import CALLED, FAMILY, TRUTHS, TrueArmName, true_cell
 from testbench.cli.program import program
 from testbench.data.csvfile import read_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
-from testbench.studies.gravity_calibration.words import TITLE_WORDS
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
@@ -168,7 +167,7 @@ def test_campaign_is_that_of_section_6(quick):
 def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
     done = here(program(["demo"]), "demo", "--out", tmp_path, "--quick", "--workers", 1)
     assert done.returncode == 0, done.stderr
-    assert "cast links that no template holds" in " ".join(done.stdout.split())
+    assert "true arm: cast links" in " ".join(done.stdout.split())
     report = json.loads((tmp_path / "report.json").read_text())
     assert (report["true_arm"], report["template_is_true"], report["by_arm"]) == ("cast", False, [])
     cell, scenario = build_cell("kr500_l480"), Scenario(arm="kr500_l480", workspace_poses=40)
@@ -192,7 +191,7 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
 
 def test_every_true_arm_is_a_flag_and_has_words_for_the_title():
     assert get_args(TrueArmName) == (FAMILY, *TRUTHS)
-    assert list(TITLE_WORDS) == list(TRUTHS)
+    assert list(CALLED) == list(TRUTHS)
 
 
 def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):

@@ -83,6 +83,7 @@ def shows(text, value, beside=0.0):
     if text.endswith(" %") and not isinstance(value, Spread):
         return text == f"{100 * value:.0f} %"
     numbers = [value.median, value.p05, value.p95] if isinstance(value, Spread) else [value]
+    text = re.sub(r" x 10\^", "e", text)
     form = "{} ({} to {})" if isinstance(value, Spread) else "{}"
     shown = re.findall(NUMBER, text)
     if len(shown) != len(numbers) or text != form.format(*shown):
@@ -216,6 +217,62 @@ def check_report(study, report, width=80):
         assert console.measure(terminal.grid(tables[name])).minimum <= width, name
     assert words.block("answer") in " ".join(printed.split())
     return text
+
+
+MOST_WORDS, MOST_SENTENCES, MOST_STATEMENTS = 25, 2, 5
+"""Of a sentence, of the answer, of the list below it."""
+FORBIDDEN = {
+    "a goal": r"\b[Aa]ims?\b|\b[Bb]ars?\b|\b[Mm]issed\b|MISSED",
+    "a power of ten": r"\d[eE][+-]?\d",
+    "a key of the report": r"\b[a-z]+\d*(?:_[a-z0-9]+)+\b|\w_mm\b",
+    "the unit 1": r"\[1\]|, 1 \|",
+}
+"""What no reader is shown: goals belong to tests, keys to report.json."""
+NAMES = (
+    r"`[^`]*`|!?\[[^]]*\]\([^)]*\)|\b[\w.]+\.(?:csv|json|png|md|npz|xml|toml)\b"
+    r"|\bkr500_l480\b|\barm_6r\b|\b(?:link|joint|wrist|phi|shoulder|elbow)_\w+"
+)
+"""Commands, files, arms and joints, whose names may look like keys."""
+
+
+def sentences(text):
+    """Sentences of Markdown, bullets each by itself."""
+    plain = re.sub(r"\b(Eqs?|No|Fig)\. ", r"\1.~", re.sub(r"[*`]", "", text))
+    lines = [line.strip().removeprefix("- ") for line in plain.splitlines() if line.strip()]
+    return [s for line in lines for s in re.split(r"(?<=[.?!])\s+(?=[^a-z\s])", line)]
+
+
+def word_faults(words):
+    """What is wrong with the words of a report, a line each: their length, their number, what they hold."""
+    blocks = {name: words.block(name) for name in ("answer", "worst", "statements") if words.has(name)}
+    bullets = [line for line in blocks.get("statements", "").splitlines() if line.startswith("- ")]
+    said = [s for text in blocks.values() for s in sentences(text)]
+    found = [
+        f"{n} words: {s}"
+        for s in said
+        if (n := sum(bool(re.search(r"\w", word)) for word in s.split())) > MOST_WORDS
+    ]
+    if len(sentences(blocks["answer"])) > MOST_SENTENCES:
+        found.append(f"more than {MOST_SENTENCES} sentences: {blocks['answer']}")
+    if not blocks.get("worst"):
+        found.append("nothing is said of where it is worst")
+    if len(bullets) > MOST_STATEMENTS:
+        found.append(f"{len(bullets)} statements")
+    whole = words.whole()
+    lines = [line for line in whole.splitlines() if line.startswith("- ")]
+    found += [f"said twice: {s}" for s in {*said, *lines} if said.count(s) > 1 or lines.count(s) > 1]
+    plain = re.sub(NAMES, "", whole)
+    return found + [
+        f"{what}: {plain[max(m.start() - 30, 0) : m.end() + 10]!r}"
+        for what, pattern in FORBIDDEN.items()
+        for m in re.finditer(pattern, plain)
+    ]
+
+
+def check_words(words):
+    """The words of a report are as short as a reader's time, and hold nothing that is not for readers."""
+    faults = word_faults(words)
+    assert not faults, "\n".join(faults)
 
 
 def curves(axes):

@@ -119,7 +119,7 @@ def _plain(kind, name, rng):
     if kind is type(None):
         return None
     if kind in (str, object):
-        return f"{name} {_word(rng)}"
+        return f"{name.replace('_', ' ')} {_word(rng)}"
     raise AssertionError(f"{name}: nothing made up for {kind}")
 
 

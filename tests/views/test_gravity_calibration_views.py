@@ -4,18 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import at, check_report, check_table, unit_in
+from checks import at, check_report, check_table, check_words, unit_in
 from made_up import around, fill, filled, of_one_trial, single
 
 from testbench.bench.campaign import Scenario
+from testbench.bench.default import DEFAULT
+from testbench.bench.error_places import ErrorPlaces, WorstPlace
 from testbench.bench.rows import ErrorRow, error_row
+from testbench.bench.truths import CALLED
 from testbench.identify.evaluate import Score
+from testbench.studies.gravity_calibration.gains import gains
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.summary import (
-    Behind,
     ByArm,
     GravityReport,
     ModelReport,
+    leaders,
     recommended,
     summary,
     winners,
@@ -23,6 +27,7 @@ from testbench.studies.gravity_calibration.summary import (
 from testbench.studies.gravity_calibration.trial import Measured, ModelRow, Settings
 from testbench.trials.spread import middle
 from testbench.views.colours import look
+from testbench.views.gains import ratio
 
 
 def model(name, structure, constraint, conservative):
@@ -51,8 +56,16 @@ ERRORS = {
     "max check, readings, mm": "check.max_mm",
     "max rel., %": "check.max_relative_percent",
     "RMS workspace, true, mm": "workspace.rms_mm",
+    "times less than LS": "times_less",
 }
-LONG = {"F_M", "floor", "95 % check, readings, mm", "max check, readings, mm", "max rel., %"}
+LONG = {
+    "F_M",
+    "floor",
+    "RMS check, true, mm",
+    "95 % check, readings, mm",
+    "max check, readings, mm",
+    "max rel., %",
+}
 MEANS = {
     "model": "name",
     "unknowns": "parameters",
@@ -92,6 +105,7 @@ FITS = {
 
 @pytest.fixture
 def report(rng):
+    worst = WorstPlace(1, (1.2, -0.35, 2.0), "joint_1 10.0 deg", 0.75)
     models = filled(ModelReport, rng, MODELS, paper={key: float(rng.uniform(1, 9)) for key in PAPER})
     return fill(
         GravityReport,
@@ -101,7 +115,9 @@ def report(rng):
         recommended="MGCO56",
         twins=[],
         duels=[],
-        default=Behind("ALL153 + prior", around(1.5)),
+        take=DEFAULT,
+        gains=gains({m.name: [m] for m in models}, DEFAULT, "MGCO56", leaders(winners(models))),
+        map=fill(ErrorPlaces, rng, worst={DEFAULT: worst}, error_mm={"MLS32": (4.0, 5.0)}),
         by_arm=[
             ByArm(m.name, arm, 4 + k, around(float(rng.uniform(1, 9))))
             for m in models
@@ -119,16 +135,19 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
     check_table(tables["models"], report.models, MEANS, KNOWN)
     check_table(tables["short"], report.models, short)
     check_table(tables["fits"], report.models, FITS)
-    cells = {(row.name, row.true_arm): f"{middle(row.workspace_mm):.3f}" for row in report.by_arm}
+    cells = {(row.name, CALLED[row.true_arm]): f"{middle(row.workspace_mm):.3f}" for row in report.by_arm}
     columns, rows = tables["by_arm"].columns[1:], tables["by_arm"].rows
     shown = {(row["name"], c.heading): c.cell(row) for row in rows for c in columns}
     assert shown == cells
     check_report(STUDY, report)
+    check_words(STUDY.words(report))
 
 
 def judged(report, models):
     """The report of these models, its verdicts as the study computes them."""
-    return replace(report, models=models, winners=winners(models), recommended=recommended(models))
+    best, found, by_name = recommended(models), winners(models), {m.name: [m] for m in models}
+    own = gains(by_name, DEFAULT, best, leaders(found))
+    return replace(report, models=models, winners=found, recommended=best, gains=own)
 
 
 def with_error(model, mm):
@@ -141,12 +160,16 @@ def test_a_completion_that_exists_in_no_seed_has_no_row_beside_least_squares(rep
     told = [m for m in made.models if m.name != name]
     check_table(STUDY.tables(made)["models"], made.models, MEANS, KNOWN)
     check_table(STUDY.tables(made)["short"], told, {t: p for t, p in MEANS.items() if t not in LONG})
-    assert "No conservative model fits as well as least squares of MLS56" in statements(made)
-    assert "in 30 % of the seeds" in statements(report)
+    assert "No conservative model fits as well as least squares of MLS56" in more(made)
+    assert "in 30 % of the seeds" in more(report)
 
 
 def statements(report):
     return STUDY.words(report).block("statements")
+
+
+def more(report):
+    return STUDY.words(report).block("more")
 
 
 @pytest.mark.parametrize("winner", ["Joints", "MLS32", "MGCO56", "MGCO56 + prior", "ALL153 + prior"])
@@ -156,15 +179,21 @@ def test_the_answer_names_each_method_with_its_own_error(report, winner):
     made = judged(report, [with_error(m, sizes[m.name]) for m in report.models])
     held = {m.name: sizes[m.name] for m in report.models if m.conservative is True}
     assert made.recommended == min(held, key=held.get)
-    text = STUDY.words(made).block("answer")
-    assert f"joints alone (what most calibrations use) {sizes['Joints']:.3f} (" in text
-    assert f"GCO without prior {sizes['MGCO56']:.3f} (" in text
-    assert f"least squares {sizes['MLS32']:.3f} (" in text
-    assert ("MGCO56 + prior" in text) == (made.recommended == "MGCO56 + prior")
-    assert f"Recommended: {made.recommended}," in statements(made)
-    behind = "It is the best here." if winner == "ALL153 + prior" else "Its error is 1.50 ("
-    assert f"Marked: ALL153 + prior, the default of `testbench identify`. {behind}" in statements(made)
-    assert f"ALL153 + prior (default) {sizes['ALL153 + prior']:.3f} (" in text
+    text, others = STUDY.words(made).block("answer"), statements(made)
+    ours = sizes["ALL153 + prior"]
+    size = sizes["MLS32"] / ours
+    less = f"{ratio(size)} times less" if size > 1 else f"{ratio(1 / size)} times as much"
+    assert text.startswith(
+        f"True RMS error over the workspace: ALL153 + prior {ours:.3f} mm, "
+        f"least squares {sizes['MLS32']:.3f} mm; {less}. "
+        f"Joints alone {sizes['Joints']:.3f} mm, "
+    )
+    assert f"; GCO without prior {sizes['MGCO56']:.3f} mm, against least squares " in text
+    if winner == "ALL153 + prior":
+        assert "Take ALL153 + prior, marked: no other conservative model errs less" in others
+    else:
+        least = f"The least error of a conservative model is that of {made.recommended}: "
+        assert f"{least}{ratio(ours / sizes[made.recommended])} times less." in others
     marks = {name: table.bold for name, table in STUDY.tables(made).items() if table.bold}
     assert marks.pop("errors") == made.recommended  # what a recording calls so
     assert set(marks.values()) == {"ALL153 + prior"}
@@ -176,7 +205,8 @@ def test_of_models_alike_the_conservative_one_of_fewest_unknowns_is_recommended(
     assert recommended(same) == "MGCO56"
     assert recommended(fewest) == "Joints"  # a baseline that is as good and simpler wins
     none = [replace(m, conservative=False) for m in same]
-    assert "none is recommended" in STUDY.words(judged(report, none)).block("statements")
+    made = replace(judged(report, none), take="", gains=gains({}, "", "", ("", "", "")))
+    assert "none is recommended" in STUDY.words(made).block("answer")
 
 
 def test_duels_count_the_seeds_by_true_errors_and_say_where_the_cone_does_nothing(rng):
@@ -201,10 +231,11 @@ def test_duels_count_the_seeds_by_true_errors_and_say_where_the_cone_does_nothin
     assert not against.cone
     cone = duels["MGCO56 + prior", "MLS56 + prior"]
     assert (cone.workspace, cone.alike, cone.cone) == (0, 3, True)
-    text = statements(found)
+    text = more(found)
     assert "MGCO56 beats Joints over the workspace in 1 of 3 seeds, 1.33" in text
     assert "MGCO56 + prior and MLS56 + prior err alike in all 3 seeds: there the cone does nothing" in text
-    assert found.default.ratio.median == pytest.approx(1.5)
+    assert (found.take, found.gains.joints.times.median) == ("ALL153 + prior", pytest.approx(2.0))
+    assert (found.worst.true_arm_is, found.worst.take_mm) == ("cast links", 2.0)
     own = {(row.name, row.true_arm): (row.seeds, row.workspace_mm.median) for row in found.by_arm}
     assert own["MGCO56", "off_10"] == (2, 3.0)
     assert own["MGCO56", "cast"] == (1, 6.0)

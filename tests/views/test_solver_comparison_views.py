@@ -21,6 +21,7 @@ from testbench.studies.solver_comparison.study import STUDY
 from testbench.studies.solver_comparison.theses import targets
 from testbench.studies.study import Run
 from testbench.trials.spread import Spread, middle
+from testbench.views.schema import show
 
 KEYS = ("a", "a'", "b", "b'", "c", "d")
 MEANS = {
@@ -69,7 +70,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
     for row in report.local_minima.values():
         shares = f"{100 * row.share_sharp:.0f} | {100 * row.share_close:.0f}"
         line = f"| {row.m} | {row.starts_per_seed} in each of 2 seeds | {row.reference} | {shares} | "
-        assert f"{line}{row.median:.1e} | {row.worst:.1e} | {row.unfinished} |" in text
+        assert f"{line}{show(row.median, '.1e')} | {show(row.worst, '.1e')} | {row.unfinished} |" in text
 
 
 def test_the_answer_has_the_times_of_the_conic_program_and_of_the_papers_search(report):

@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from testbench.bench.baselines import JOINTS, distinct, duels
+from testbench.bench.baselines import JOINTS, distinct, duels, gain
 from testbench.bench.campaign import Truth
 from testbench.bench.default import DEFAULT
 from testbench.bench.error_places import ErrorPlaces, error_places
-from testbench.bench.truths import FAMILY
+from testbench.bench.truths import CALLED, FAMILY
 from testbench.identify import Constraint
+from testbench.studies.gravity_calibration.gains import Gains, Worst, gains, worst
 from testbench.studies.gravity_calibration.trial import NAME, Judged, Measured, ModelRow, Settings
-from testbench.studies.gravity_calibration.words import TITLE_WORDS
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Trials
 from testbench.trials.duel import Duel
@@ -33,6 +33,8 @@ ALIKE = 1e-6  #: Relative difference of check errors below which two models pred
 class ModelReport(Judged):
     """A model over all seeds, and the paper's known numbers for it."""
 
+    #: Error over the workspace of the best least squares without prior over its own, seed by seed.
+    times_less: Number = None
     paper: Mapping[str, float] | None = None
 
 
@@ -44,14 +46,6 @@ class Winner:
     prior: bool  #: Whether a prior fills what the data cannot see.
     names: tuple[str, ...]  #: The best; several where nothing tells them apart.
     rms_mm: Number  #: RMS error over the workspace of the first.
-
-
-@dataclass(frozen=True)
-class Behind:
-    """The default of `identify` beside the best."""
-
-    name: str  #: Of the default.
-    ratio: Number  #: Its error over the workspace over that of the recommended model, seed by seed.
 
 
 @dataclass(frozen=True)
@@ -82,7 +76,9 @@ class GravityReport:
     duels: list[Duel]  #: Empty with one seed.
     winners: list[Winner]
     recommended: str
-    default: Behind | None  #: None where it is not among the models, or none is recommended.
+    take: str  #: The default of `identify`; where that is not among the models, what is recommended.
+    gains: Gains
+    worst: Worst | None  #: None with one true arm, or no model to take.
     by_arm: list[ByArm]  #: Empty with one true arm.
     check_best: tuple[str, ...]  #: Conservative models of least true error at the check poses.
     twins: list[tuple[str, str]]
@@ -96,9 +92,12 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
     scenario = asked.scenario
     known = SECTION_6 if scenario.arm == PAPERS_ARM else {}
     models = [_model(rows, known.get(name)) for name, rows in by_name.items()]
-    first, best, best_of_each = next(iter(by_name.values())), recommended(models), winners(models)
+    best_of_methods, best = winners(models), recommended(models)
     told = {m.name for m in distinct(models)}
-    arms = sorted({row.true_arm for row in first}, key=list(TITLE_WORDS).index)
+    least = leaders(best_of_methods)
+    models = beside(models, by_name, least[0])
+    first, take = next(iter(by_name.values())), DEFAULT if DEFAULT in by_name else best
+    arms = sorted({row.true_arm for row in first}, key=list(CALLED).index)
     return GravityReport(
         scenario=NAME,
         seed=seeds[0] if len(seeds) == 1 else list(seeds),
@@ -108,17 +107,19 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
         noise=scenario.noise,
         dataset=merge([row.measured for row in first]),
         true_arm=arms[0] if len(arms) == 1 else FAMILY,
-        true_arm_is=TITLE_WORDS[arms[0]] if len(arms) == 1 else f"true arms in turn: {', '.join(arms)}",
+        true_arm_is=("in turn " if len(arms) > 1 else "") + ", ".join(CALLED[arm] for arm in arms),
         template_is_true=merge([row.template_is_true for row in first]),
         models=models,
         duels=duels(by_name, [(best, JOINTS), *DUELS]),
-        winners=best_of_each,
+        winners=best_of_methods,
         recommended=best,
-        default=behind(by_name, best),
+        take=take,
+        gains=gains(by_name, take, best, least),
+        worst=worst(by_name, arms, (take, JOINTS, least[0])),
         by_arm=by_arm(by_name, arms),
         check_best=best_of({m.name: m.check_true.rms_mm for m in models if m.conservative is True}).names,
         twins=twins(models),
-        map=error_map([row for row in found if row.name in told], compared(best_of_each)),
+        map=error_map([row for row in found if row.name in told], compared(best_of_methods)),
     )
 
 
@@ -168,12 +169,18 @@ def recommended(models: Sequence[ModelReport]) -> str:
     return order[0].name if order else ""
 
 
-def behind(by_name: Mapping[str, Sequence[ModelRow]], best: str) -> Behind | None:
-    """The default beside the best over the workspace."""
-    if not {DEFAULT, best} <= by_name.keys():
-        return None
-    ours, theirs = ([middle(row.workspace.rms_mm) for row in by_name[name]] for name in (DEFAULT, best))
-    return Behind(DEFAULT, merge([a / b for a, b in zip(ours, theirs, strict=True)]))
+def leaders(found: Sequence[Winner]) -> tuple[str, str, str]:
+    """The best of least squares, of least squares with the prior, and of GCO without; empty for none."""
+    names = {(w.constraint, w.prior): w.names[0] for w in found}
+    return names.get(("none", False), ""), names.get(("none", True), ""), names.get(("psd", False), "")
+
+
+def beside(
+    models: Sequence[ModelReport], by_name: Mapping[str, Sequence[ModelRow]], least_squares: str
+) -> list[ModelReport]:
+    """The models, each beside the best least squares without prior."""
+    found = {m.name: gain(by_name, m.name, least_squares) for m in models}
+    return [replace(m, times_less=g.times) if (g := found[m.name]) else m for m in models]
 
 
 def by_arm(by_name: Mapping[str, Sequence[ModelRow]], arms: Sequence[str]) -> list[ByArm]:
@@ -213,16 +220,17 @@ COLUMNS = (
     Column("check.max_mm", "max check, readings", "mm", paper="check_max_mm"),
     Column("check.max_relative_percent", "max rel.", "%", ".2f", paper="check_max_relative_percent"),
     Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nwork-\nspace\ntrue\nmm"),
+    Column("times_less", "times less than LS", form=".2f", short="times\nless\nthan\nLS"),
 )
 """The table of section 6; what is not against the readings is against the true deflection."""
 SHORT = (
     "name", "parameters", "rank", "conservative",
-    "identification.rms_mm", "check.rms_mm", "check_true.rms_mm", "workspace.rms_mm",
+    "identification.rms_mm", "check.rms_mm", "workspace.rms_mm", "times_less",
 )  # fmt: skip
-RECORDED = ("name", "conservative", "check_true.rms_mm", "workspace.rms_mm")
+RECORDED = ("name", "conservative", "workspace.rms_mm", "times_less")
 DRAWN = ("name", "check.rms_mm", "check_true.rms_mm", "workspace.rms_mm")
 """What a terminal of 80 columns has room for, what a recording says first, and what it draws."""
-TRUE_ARM = Column("true_arm", "true arm")
+TRUE_ARM = Column("true_arm", "true arm", called=CALLED)
 BY_ARM = Column("workspace_mm", "RMS workspace, true", "mm", exact=True)
 FITS = (
     Column("name", "model"),
@@ -250,7 +258,7 @@ def tables(report: GravityReport) -> dict[str, Table]:
     short = tuple(replace(c, paper="") for c in COLUMNS if c.key in SHORT)
     told = distinct(report.models)
     drawn = tuple(c for c in COLUMNS if c.key in DRAWN)
-    marked = report.default.name if report.default else report.recommended
+    marked = report.take
     names = [m.name for m in told]
     arms = Table((), [row for row in report.by_arm if row.name in names], bold=marked)
     return {

@@ -1,0 +1,45 @@
+"""A gain in words: 8.6 times less (3.0 to 20 in 90 %), or alike where the spread holds both."""
+
+from testbench.trials.gain import Gain
+from testbench.trials.spread import Number, Spread, ends, middle
+
+SMALL = 0.04  #: Width of the ratios' interval that is not worth saying.
+
+
+def less(gain: Gain, each: str = "") -> str:
+    """How ours errs beside theirs.
+
+    Args:
+        gain: Both.
+        each: What a trial is, such as "seed", where it is to be said that the ratio is that of each, and
+            how far it spreads where neither is better.
+    """
+    return _words(gain.times, each, alike=gain.alike)
+
+
+def more(gain: Gain, each: str = "") -> str:
+    """How theirs errs beside ours."""
+    low, high = ends(gain.times)
+    return _words(Spread(1 / middle(gain.times), 1 / high, 1 / low), each, alike=gain.alike)
+
+
+def _words(times: Number, each: str, *, alike: bool) -> str:
+    """Of an error, by what it is smaller."""
+    (low, high), size = ends(times), middle(times)
+    if alike:
+        both = f", from {ratio(1 / low)} times as much to {ratio(high)} times less"
+        return f"alike{both if each and low < 1 < high and high - low > SMALL else ''}"
+    side, value, between = "less", size, (low, high)
+    if size < 1:
+        side, value, between = "as much", 1 / size, (1 / high, 1 / low)
+    ninety = " in 90 %" if each else ""
+    spread = f" ({ratio(between[0])} to {ratio(between[1])}{ninety})" if low < high else ""
+    by = f"{each} by {each} " if each and spread else ""
+    return f"{by}{ratio(value)} times {side}{spread}"
+
+
+def ratio(value: float) -> str:
+    """A ratio in two or three digits: 1.04, 1.7, 8.6, 21, 1,300."""
+    if value < 1.1:
+        return f"{value:.2f}"
+    return f"{value:.1f}" if value < 9.95 else f"{value:,.0f}"

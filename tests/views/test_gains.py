@@ -1,0 +1,88 @@
+"""Gains, powers of ten and places as readers see them, and the check of all words itself."""
+
+from types import SimpleNamespace
+
+import pytest
+from checks import word_faults
+
+from testbench.trials.gain import gained
+from testbench.trials.spread import Spread
+from testbench.views.gains import less, more
+from testbench.views.markdown import place
+from testbench.views.schema import plain
+
+
+def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
+    """Medians 1 and 4, ratios 10, 4 and 1: in the median 4."""
+    gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 4.0])
+    assert (gain.ours_mm.median, gain.theirs_mm.median, gain.trials) == (1.0, 4.0, 3)
+    assert gain.times == Spread(4.0, pytest.approx(1.3), pytest.approx(9.4))
+    assert less(gain, "seed") == "seed by seed 4.0 times less (1.3 to 9.4 in 90 %)"
+    assert less(gain) == "4.0 times less (1.3 to 9.4)"
+    assert more(gain) == "4.0 times as much (1.3 to 9.4)"
+
+
+def test_models_are_alike_where_the_spread_holds_both():
+    gain = gained("ours", "theirs", [1.0, 1.0, 1.0], [0.5, 1.2, 2.0])
+    assert gain.alike
+    assert less(gain) == more(gain) == "alike"
+    assert less(gain, "seed") == "alike, from 1.8 times as much to 1.9 times less"
+    assert more(gain, "seed") == "alike, from 1.9 times as much to 1.8 times less"
+    same = gained("ours", "theirs", [1.0, 2.0], [1.001, 2.002])
+    assert less(same, "seed") == "alike"
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "words"),
+    [(0.11, 0.944, "8.6 times less"), (0.4, 0.1, "4.0 times as much"), (1.0, 1.01, "alike")],
+)
+def test_of_one_seed_the_ratio_is_plain(ours, theirs, words):
+    assert less(gained("ours", "theirs", [ours], [theirs]), "seed") == words
+    assert words in more(gained("theirs", "ours", [theirs], [ours]), "seed")
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        ("1.23e+03", "1230"),
+        ("1e+03", "1000"),
+        ("2.9e-03", "0.0029"),
+        ("-1.2e-08", "-1.2 x 10^-8"),
+        ("0.0e+00", "0"),
+        ("5.0e+00", "5.0"),
+        ("4e+07", "4 x 10^7"),
+        ("0.25", "0.25"),
+    ],
+)
+def test_powers_of_ten_are_written_out(number, words):
+    assert plain(number) == words
+
+
+def test_a_place_has_its_axes_and_unit():
+    assert place((1.2, -0.354, 2)) == "x 1.20, y -0.35, z 2.00 m"
+
+
+GOOD = {"answer": "A errs less.", "worst": "Worst in pose 3.", "statements": "- One.\n- Two."}
+LONG = " ".join(["word"] * 26)
+
+
+@pytest.mark.parametrize(
+    ("block", "text", "fault"),
+    [
+        ("answer", f"{LONG}.", "26 words"),
+        ("answer", "A. B. C.", "more than 2 sentences"),
+        ("worst", "", "nothing is said of where it is worst"),
+        ("statements", "- A.\n- B.\n- C.\n- D.\n- E.\n- F.", "6 statements"),
+        ("statements", "- A errs less.", "said twice"),
+        ("statements", "- Of 9 bars one is missed.", "a goal"),
+        ("statements", "- The gap is 1e-08.", "a power of ten"),
+        ("statements", "- The check_true.rms_mm is small.", "a key of the report"),
+    ],
+)
+def test_the_check_of_words_sees_every_fault(block, text, fault):
+    def words(blocks):
+        whole = "\n\n".join(blocks.values())
+        return SimpleNamespace(block=blocks.get, has=blocks.__contains__, whole=lambda: whole)
+
+    assert word_faults(words(GOOD)) == []
+    assert any(fault in found for found in word_faults(words(GOOD | {block: text})))
