@@ -263,7 +263,7 @@ def tables(report: GravityReport) -> dict[str, Table]:
     arms = Table((), [row for row in report.by_arm if row.name in names], bold=marked)
     return {
         "models": Table(COLUMNS, report.models, bold=marked),
-        "short": Table(short, told, bold=marked),
+        "short": Table(short, told, bold=marked, headline="workspace.rms_mm"),
         "recorded": Table(recorded, told, bold=marked),
         "errors": Table(drawn, told, bold=report.recommended),
         "fits": Table(FITS, report.models),

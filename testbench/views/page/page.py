@@ -37,7 +37,7 @@ def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
     """
     pictures = [{"name": png.name, "data": html.embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = html.fill(
-        scenario=scenario,
+        scenario=scenario.replace("_", " ").capitalize(),
         words={name: words.block(name) if words.has(name) else "" for name in BLOCKS},
         rest=words.rest(),
         drawn=_plain(seen),
