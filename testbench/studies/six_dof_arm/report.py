@@ -7,6 +7,7 @@ from testbench.bench.campaign import Truth
 from testbench.bench.error_places import ErrorPlaces
 from testbench.studies.paper import Claim
 from testbench.studies.six_dof_arm.trial import Judged, Measured, Order
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Number
 
 
@@ -14,6 +15,8 @@ from testbench.trials.spread import Number
 class ModelReport(Judged):
     """A model over all seeds, and the paper's known numbers for it."""
 
+    #: 95 % error in the check runs, without noise, of the best least squares over its own, seed by seed.
+    times_less: Number = None
     paper: Mapping[str, float] | None = None
 
 
@@ -71,6 +74,16 @@ class Enough:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """The best of GCO beside others, by the 95 % error of the check runs without noise."""
+
+    least_squares: Gain  #: The best of least squares.
+    joints: Gain  #: Joints alone.
+    nonlinear: Gain  #: The best of least squares, with MuJoCo's non-linear truth.
+    nonlinear_joints: Gain  #: Joints alone, with that truth.
+
+
+@dataclass(frozen=True)
 class SixDofReport:
     """report.json."""
 
@@ -89,6 +102,7 @@ class SixDofReport:
     enough: list[Enough]
     which_m: str
     best: tuple[str, ...]
+    gains: Gains
     claims: list[Claim]
     rule: str  #: How verdicts are made.
     map: ErrorPlaces  #: Errors in the check runs, without noise, in the first seed.

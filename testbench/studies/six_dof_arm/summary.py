@@ -1,6 +1,8 @@
 """Tables I and II over all seeds and both truths, the order m, and the paper's statements judged."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 from testbench.bench.baselines import EQUAL_FIT, JOINTS
 from testbench.bench.campaign import Truth
@@ -9,6 +11,7 @@ from testbench.identify.factorised import LARGEST_ORDER
 from testbench.studies.paper import RULE, SECTION_5_2
 from testbench.studies.six_dof_arm.report import (
     Enough,
+    Gains,
     ModelReport,
     OrderReport,
     Paired,
@@ -28,6 +31,7 @@ from testbench.studies.six_dof_arm.trial import (
 )
 from testbench.studies.six_dof_arm.verdict import claims
 from testbench.studies.study import Trials
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, merge, middle, wins
 from testbench.views.schema import best_of
 
@@ -42,6 +46,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[SixDofRow]) -> SixDofR
     """Medians and spreads of every model and order; with one seed its numbers."""
     every = [(seed, list(rows)) for seed, rows in trials]
     linear, nonlinear = (_truth(every, truth) for truth in TRUTHS)
+    least_squares, gco = compared(linear.models)
     order, paired = _order(every), _paired(every)
     least = [enough(name, rows) for name, rows in (("MGCO69", order.MGCO69), ("MGCO56", order.MGCO56))]
     models = {m.name: m for m in linear.models}
@@ -54,7 +59,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[SixDofRow]) -> SixDofR
         noise_per=asked.per,
         truth="linear",
         dataset=linear.dataset,
-        models=linear.models,
+        models=beside(linear.models, every, least_squares),
         nonlinear=nonlinear,
         order=order,
         paired=paired,
@@ -62,9 +67,10 @@ def summary(asked: Settings, seeds: range, trials: Trials[SixDofRow]) -> SixDofR
         enough=least,
         which_m=which_m(least),
         best=best(linear.models),
+        gains=gains(every, gco, least_squares),
         claims=claims(models, nonlinear.models, paired, ties[0]),
         rule=RULE,
-        map=error_map(every, compared(linear.models)),
+        map=error_map(every, (least_squares, gco)),
     )
 
 
@@ -87,6 +93,35 @@ def error_map(every: Everything, names: Sequence[str]) -> ErrorPlaces:
     rows = [row for _, own in every for row in own if row.places and row.place_mm]
     [at, *_] = [row.places for row in rows if row.places]
     return error_places(at, {row.model.name: row.place_mm for row in rows if row.place_mm}, names)
+
+
+def _errors(every: Everything, truth: Truth, name: str) -> list[float]:
+    """95 % errors of a model in the check runs without noise, seed by seed [mm]."""
+    return [middle(models[name].check_true.p95_mm) for models in _by_seed(every, truth)]
+
+
+def beside(models: Sequence[ModelReport], every: Everything, least_squares: str) -> list[ModelReport]:
+    """The models, each beside the best of least squares."""
+    theirs = _errors(every, "linear", least_squares)
+    ours = {m.name: _errors(every, "linear", m.name) for m in models if m.name != least_squares}
+    return [
+        replace(m, times_less=gained(m.name, least_squares, ours[m.name], theirs).times)
+        if m.name in ours
+        else m
+        for m in models
+    ]
+
+
+def gains(every: Everything, gco: str, least_squares: str) -> Gains:
+    """The best of GCO beside the best of least squares and joints alone, with both truths."""
+
+    def gain(truth: Truth, theirs: str) -> Gain:
+        return gained(gco, theirs, _errors(every, truth, gco), _errors(every, truth, theirs))
+
+    return Gains(
+        *(gain("linear", name) for name in (least_squares, JOINTS)),
+        *(gain("nonlinear", name) for name in (least_squares, JOINTS)),
+    )
 
 
 def _truth(every: Everything, truth: Truth) -> TruthReport:
@@ -119,12 +154,9 @@ def _by_seed(every: Everything, truth: Truth) -> list[dict[str, Judged]]:
 
 
 def _paired(every: Everything) -> Paired:
-    plain, bent = (_by_seed(every, truth) for truth in TRUTHS)
-
-    def errors(name: str, seeds: Sequence[Mapping[str, Judged]] = plain) -> list[float]:
-        return [middle(models[name].check_true.p95_mm) for models in seeds]
-
+    plain, errors = _by_seed(every, "linear"), partial(_errors, every, "linear")
     ours, mls32, joints = (errors(name) for name in ("MGCO56", "MLS32", JOINTS))
+    bent = _errors(every, "nonlinear", "MGCO56")
     others = [errors(name) for name in MODELS if name != "MGCO56"]
     ratio = [a / b for a, b in zip(ours, mls32, strict=True)]
     read = [middle(m["MGCO56"].check.p95_mm) / middle(m["MLS32"].check.p95_mm) for m in plain]
@@ -135,7 +167,7 @@ def _paired(every: Everything) -> Paired:
         mgco56_near_mls32=sum(abs(r - 1) <= CLOSE for r in ratio),
         mls32_better_than_mls56=wins(mls32, errors("MLS56")),
         mgco56_better_than_joints=wins(ours, joints),
-        linear_is_enough=sum(a <= (1 + CLOSE) * b for a, b in zip(errors("MGCO56", bent), ours, strict=True)),
+        linear_is_enough=sum(a <= (1 + CLOSE) * b for a, b in zip(bent, ours, strict=True)),
         mgco56_over_mls32_p95_check=merge(read),
         mgco56_over_mls32_p95_check_true=merge(ratio),
         joints_over_mgco56_p95_check_true=merge([b / a for a, b in zip(ours, joints, strict=True)]),
