@@ -14,7 +14,7 @@ from testbench.errors import InputError, read_text
 from testbench.output import manifest
 
 REPORT = "report.json"
-MOST, LONGEST = 64 * 2**20, 20_000
+MOST, LONGEST = 16 * 2**20, 20_000
 """Largest file [byte] and longest text in it [characters] that are read."""
 LARGEST = 2**63  #: Integers lie below.
 
@@ -93,26 +93,46 @@ def read_plain(path: Path) -> JsonValue:
         found: JsonValue = from_json(text)
     except ValueError as err:  # also one of thousands of digits, and data that are too deep
         raise InputError(path, "", f"not JSON: {err}") from err
-    return _checked(path, found, ())
+    try:
+        return _checked(found)
+    except _Wrong as err:
+        raise InputError(path, ".".join(reversed(err.place)), str(err)) from err
 
 
-def _checked(path: Path, value: JsonValue, place: tuple[str, ...]) -> JsonValue:
+class _Wrong(Exception):
+    """A value that is no data of ours, with the keys that lead to it, the innermost first."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(problem)
+        self.place: list[str] = []
+
+
+def _checked(value: JsonValue) -> JsonValue:
     if isinstance(value, dict):
-        return {_text(path, k, place): _checked(path, v, (*place, k[:80])) for k, v in value.items()}
+        return {_text(key): _at(key, own) for key, own in value.items()}
     if isinstance(value, list):
-        return [_checked(path, v, (*place, str(k))) for k, v in enumerate(value)]
+        return [_at(k, own) for k, own in enumerate(value)]
     if isinstance(value, str):
-        return _text(path, value, place)
+        return _text(value)
     if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(path, ".".join(place), f"expected a finite number, got {value}")
+        raise _Wrong(f"expected a finite number, got {value}")
     if isinstance(value, int) and not -LARGEST <= value < LARGEST:
-        raise InputError(path, ".".join(place), "expected an integer of 64 bits, got a larger one")
+        raise _Wrong("expected an integer of 64 bits, got a larger one")
     return value
 
 
-def _text(path: Path, text: str, place: tuple[str, ...]) -> str:
+def _at(key: object, value: JsonValue) -> JsonValue:
+    try:
+        return _checked(value)
+    except _Wrong as err:
+        err.place.append(str(key)[:80])
+        raise
+
+
+def _text(text: str) -> str:
     """The text; what would steer a terminal is replaced."""
     if len(text) > LONGEST:
-        problem = f"expected a text of at most {LONGEST} characters, got {len(text)}"
-        raise InputError(path, ".".join(place), problem)
+        raise _Wrong(f"expected a text of at most {LONGEST} characters, got {len(text)}")
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
