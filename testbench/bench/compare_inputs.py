@@ -21,6 +21,18 @@ class InputRow:
 
     what: str  #: In words.
     values: tuple[str, ...]  #: Of every run.
+    unit: str = ""  #: Of the values.
+
+    @property
+    def title(self) -> str:
+        """What it is, with its unit."""
+        return f"{self.what}, {self.unit}" if self.unit else self.what
+
+    @property
+    def words(self) -> str:
+        """The same with its values."""
+        *first, last = self.values
+        return f"{self.what} {', '.join(first)} and {last}{' ' if self.unit else ''}{self.unit}"
 
 
 def inputs_differ(runs: Sequence[Finished]) -> list[InputRow]:
@@ -60,15 +72,15 @@ def _settings(runs: Sequence[Finished]) -> list[InputRow]:
     told = [_told(run) for run in runs]
     alike = len({run.manifest.command for run in runs}) == 1
     return [
-        InputRow(what, tuple(show_setting(*own[what]) if what in own else ABSENT for own in told))
+        InputRow(what[0], tuple(show_setting(*own[what]) if what in own else ABSENT for own in told), what[1])
         for what in _keys(told)
         if (alike or all(what in own for own in told))
         and any(own.get(what, ((), ABSENT))[1] != told[0].get(what, ((), ABSENT))[1] for own in told)
     ]
 
 
-def _told(run: Finished) -> dict[str, tuple[Path, JsonValue]]:
-    """Every setting by its words."""
+def _told(run: Finished) -> dict[tuple[str, str], tuple[Path, JsonValue]]:
+    """Every setting by its words and unit."""
     leaves = _flat(run.manifest.scenario)
     return {words_of(path): (path, leaf) for path, leaf in leaves.items() if path[-1:] not in SEEDS}
 

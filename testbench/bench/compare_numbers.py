@@ -7,13 +7,13 @@ from typing import Literal
 
 import numpy as np
 
+from testbench.trials.gain import ALIKE
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
 
-ALIKE = 0.02  #: Share of a number within which two are alike where no spread tells.
 FEWEST = 2  #: Pairs that have a spread.
 
 Verdict = Literal["same", "alike", "less", "more"]
-"""Of the second number beside the first; alike are those that the spread covers."""
+"""Of the second number beside the first one; alike are those within 2 %, or that the spread covers."""
 By = Literal["pairs", "spreads", "one"]
 """What tells: ratios seed by seed, intervals from 5 to 95 % that do not overlap, or one number each."""
 
@@ -38,6 +38,11 @@ class Difference:
         return _size(middle(self.a), middle(self.b))
 
     @property
+    def near(self) -> bool:
+        """Whether the two are within 2 %."""
+        return self.size < math.log1p(ALIKE)
+
+    @property
     def apart(self) -> bool:
         """Whether the two are not alike."""
         return self.verdict in ("less", "more")
@@ -54,7 +59,7 @@ def differ(a: Number, b: Number) -> Difference:
     by: By = "spreads" if isinstance(a, Spread) or isinstance(b, Spread) else "one"
     if same(a, b):
         verdict: Verdict = "same"
-    elif _overlap(a, b) or (by == "one" and _size(first, second) < math.log1p(ALIKE)):
+    elif _overlap(a, b) or _size(first, second) < math.log1p(ALIKE):
         verdict = "alike"
     else:
         verdict = "less" if second < first else "more"
@@ -76,7 +81,7 @@ def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mappi
     ratio = spread([y / x for x, y in pairs])
     if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
         verdict: Verdict = "same"
-    elif ratio.p05 <= 1 <= ratio.p95:
+    elif ratio.p05 <= 1 <= ratio.p95 or max(abs(ratio.p05 - 1), abs(ratio.p95 - 1)) <= ALIKE:
         verdict = "alike"
     else:
         verdict = "less" if ratio.median < 1 else "more"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from testbench.bench.compare_inputs import NONE, InputRow
 from testbench.bench.compare_models import KINDS, ModelPair
@@ -19,6 +20,11 @@ class RunRow:
     command: str  #: What made it.
     seeds: str  #: In words.
     answer: str  #: Its own, empty where its report has none that can be read.
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        return Path(self.folder).resolve().name
 
     @property
     def made(self) -> str:

@@ -60,13 +60,12 @@ NAMES = {
 """By the last key."""
 
 
-def words_of(path: Path) -> str:
-    """A setting's name, with what it belongs to."""
+def words_of(path: Path) -> tuple[str, str]:
+    """A setting's name, with what it belongs to, and its unit."""
     *tables, key = path or ("settings",)
     own, unit = _named(key)
     above = [_named(table)[0].words for table in tables if table not in AROUND]
-    words = ", ".join([*above, own.words])
-    return f"{words}, {unit}" if unit else words
+    return ", ".join([*above, own.words]), unit
 
 
 def show_setting(path: Path, value: JsonValue) -> str:

@@ -33,7 +33,8 @@ def _words(times: Number, each: str, *, alike: bool) -> str:
     if size < 1:
         side, value, between = "as much", 1 / size, (1 / high, 1 / low)
     ninety = " in 90 %" if each else ""
-    spread = f" ({ratio(between[0])} to {ratio(between[1])}{ninety})" if low < high else ""
+    ends_shown = [ratio(end) for end in between]
+    spread = f" ({' to '.join(ends_shown)}{ninety})" if ends_shown[0] != ends_shown[1] else ""
     by = f"{each} by {each} " if each and spread else ""
     return f"{by}{ratio(value)} times {side}{spread}"
 

@@ -7,10 +7,14 @@ from pathlib import Path
 from testbench.bench.compare_models import ModelPair
 from testbench.bench.compare_numbers import Difference
 from testbench.bench.compare_report import Beside, ComparedReport, NumberPair
+from testbench.trials.gain import Gain
+from testbench.trials.spread import Spread, middle, triple
+from testbench.views.colours import Look, look
+from testbench.views.gains import less
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
-FEW, MANY = 8, 60  #: Rows of inputs and of numbers in a terminal, and on the page.
+FEW, MANY = 8, 30  #: Rows of inputs and of numbers in a terminal, and on the page.
 WIDE, NAME = 30, 28  #: Names of numbers and of models in a terminal [characters].
 NAMED = 3  #: Inputs that a sentence names.
 
@@ -20,7 +24,7 @@ def told(found: Difference) -> str:
     if found.verdict == "same":
         return "the same"
     if found.verdict == "alike":
-        return "within 2 %" if found.by == "one" else "within the spread"
+        return "within 2 %" if found.near else "within the spread"
     size = "smaller" if found.verdict == "less" else "larger"
     return f"{size}, no spread" if found.by == "one" else size
 
@@ -54,9 +58,18 @@ def sortable(report: ComparedReport) -> list[Table]:
     every = tables(report)
     heads = [f"{pair.b}, {where}" for pair in report.beside for where in pair.by_kind]
     others = [f"{pair.b}, numbers" for pair in report.beside if pair.numbers]
-    return [
-        replace(every[name], title=every[name].title or "Numbers that differ most") for name in heads + others
-    ]
+    return [replace(every[name], title=every[name].title or "Other numbers") for name in heads + others]
+
+
+def gain(pair: Beside, found: Difference) -> Gain | None:
+    """The run that errs less beside the other one; None where they are alike, or an error is not above 0."""
+    if not found.apart or found.ratio is None or middle(found.ratio) <= 0:
+        return None
+    if found.verdict == "more":
+        return Gain(pair.a, pair.b, found.a, found.b, found.ratio, found.pairs or 1)
+    middle_, low, high = triple(found.ratio)
+    times = Spread(1 / middle_, 1 / high, 1 / low)
+    return Gain(pair.b, pair.a, found.b, found.a, times, found.pairs or 1)
 
 
 OVERVIEW = (
@@ -78,10 +91,12 @@ def _in_short(pair: Beside) -> dict[str, object]:
 
 
 def input_lines(report: ComparedReport) -> list[str]:
-    """Inputs that differ, for a terminal: texts of any length, so that no column would hold them."""
+    """Inputs that differ where no sentence says them, for a terminal: of any length, no column holds them."""
+    if len(report.inputs) <= NAMED:
+        return []
     letters = [run.letter for run in report.runs]
     found = [
-        f"{row.what}: " + "; ".join(f"{a} {value}" for a, value in zip(letters, row.values, strict=True))
+        f"{row.title}: " + "; ".join(f"{a} {value}" for a, value in zip(letters, row.values, strict=True))
         for row in report.inputs[:FEW]
     ]
     more = len(report.inputs) - len(found)
@@ -105,11 +120,14 @@ def models_table(pair: Beside, models: Sequence[ModelPair], title: str = "") -> 
         for name, model in zip(names, models, strict=True)
     ]
     marked = next((name for name, m in zip(names, models, strict=True) if m.name == pair.lead_name), "")
-    return Table(columns, rows, title, marked)
+    return Table(columns, rows, title, marked, headline="ratio", looks=_looks(models, names))
 
 
 def _inputs(report: ComparedReport) -> Table:
-    columns = (Column("what", "input"), *(Column(f"values.{k}", r.letter) for k, r in enumerate(report.runs)))
+    columns = (
+        Column("title", "input"),
+        *(Column(f"values.{k}", r.letter) for k, r in enumerate(report.runs)),
+    )
     return Table(columns, report.inputs[:MANY])
 
 
@@ -139,7 +157,13 @@ def _clipped(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
+def _looks(models: Sequence[ModelPair], names: Sequence[str]) -> dict[str, Look]:
+    """How models are drawn of which a report says what they are."""
+    pairs = zip(names, models, strict=True)
+    return {name: look(m.structure, m.constraint, m.prior) for name, m in pairs if m.constraint is not None}
+
+
 def words(report: ComparedReport) -> Words:
     """The words of a comparison."""
-    values = {"report": report, "tables": tables(report), "told": told, "named": NAMED, "many": MANY}
-    return Words(Path(__file__).parent, values, "compared.md.j2")
+    values = {"report": report, "tables": tables(report), "named": NAMED, "many": MANY}
+    return Words(Path(__file__).parent, values | {"told": told, "gain": gain, "less": less}, "compared.md.j2")
