@@ -24,7 +24,7 @@ class Difference:
 
     a: Number
     b: Number
-    difference: float  #: b less a, of medians.
+    difference: float | None  #: b less a, of medians; None beyond all numbers, as the ratio.
     ratio: Number  #: b over a; in pairs with its spread; None where a is not above 0.
     verdict: Verdict
     by: By
@@ -63,7 +63,8 @@ def differ(a: Number, b: Number) -> Difference:
         verdict = "alike"
     else:
         verdict = "less" if second < first else "more"
-    return Difference(a, b, second - first, second / first if first > 0 else None, verdict, by)
+    ratio = _finite(second / first) if first > 0 else None
+    return Difference(a, b, _finite(second - first), ratio, verdict, by)
 
 
 def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mapping[int, float]) -> Difference:
@@ -76,9 +77,11 @@ def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mappi
         theirs: The second run's by seed.
     """
     pairs = [(x, theirs[seed]) for seed, x in ours.items() if seed in theirs]
-    if ours.keys() != theirs.keys() or len(pairs) < FEWEST or min(map(min, pairs)) <= 0:
+    ratios = [_finite(y / x) if x > 0 else None for x, y in pairs]
+    known = [ratio for ratio in ratios if ratio]
+    if ours.keys() != theirs.keys() or len(pairs) < FEWEST or len(known) < len(ratios) or min(known) < 0:
         return differ(a, b)
-    ratio = spread([y / x for x, y in pairs])
+    ratio = spread(known)
     if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
         verdict: Verdict = "same"
     elif ratio.p05 <= 1 <= ratio.p95 or max(abs(ratio.p05 - 1), abs(ratio.p95 - 1)) <= ALIKE:
@@ -87,12 +90,18 @@ def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mappi
         verdict = "less" if ratio.median < 1 else "more"
     xs, ys = zip(*pairs, strict=True)
     ahead, behind = wins(ys, xs), wins(xs, ys)
-    return Difference(a, b, middle(b) - middle(a), ratio, verdict, "pairs", len(pairs), ahead, behind)
+    return Difference(
+        a, b, _finite(middle(b) - middle(a)), ratio, verdict, "pairs", len(pairs), ahead, behind
+    )
 
 
 def same(a: Number, b: Number) -> bool:
     """Whether median and spread are the same but for a solver's last digits."""
     return bool(np.allclose(triple(a), triple(b), rtol=SAME, atol=0, equal_nan=True))
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _overlap(a: Number, b: Number) -> bool:

@@ -36,11 +36,11 @@ def command(asked: Options) -> None:
     runs = [read_run(folder) for folder in asked.runs]
     report = compare(runs)
     write(runs, report, asked.out)
-    console, text, out = Console(highlight=False), words(report), asked.out
+    console, text, out = Console(highlight=False, markup=False), words(report), asked.out
     terminal.print_answer(console, text)
     terminal.print_statements(console, text)
     for line in input_lines(report):
-        console.print(line, markup=False)
+        console.print(line)
     for table in printed(report):
         console.print()
         console.print(terminal.grid(table))
@@ -50,4 +50,4 @@ def command(asked: Options) -> None:
         f"numbers    {out / 'report.json'}, {out / 'report.md'}",
         f"page       {out / 'report.html'}: opens in any browser",
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)

@@ -295,14 +295,27 @@ def test_runs_with_nothing_in_common_and_too_few_are_one_line(one, rng, tmp_path
     assert (done.returncode, done.stderr) == (2, "error: runs: expected 2 to 8 folders, got 1\n")
 
 
-def test_what_would_steer_a_terminal_is_not_printed(one, tmp_path):
+def test_names_of_a_stranger_are_shown_as_they_are_and_steer_nothing(one, tmp_path):
     def plant(report):
         for model in report["models"]:
-            model["name"] = f"\x1b[31m{model['name']}\x1b]0;owned\x07"
+            model["name"] = f"\x1b[31m[/x]<b>|{model['name']}\x1b]0;owned\x07"
+        report["models"][0]["workspace"]["rms_mm"] = 9
 
     run = changed(one, tmp_path / "run", "report.json", plant)
-    done = compare(run, run, one, "--out", tmp_path / "out")
-    assert "\x1b" not in done.stdout + done.stderr
+    other = changed(
+        run,
+        tmp_path / "other",
+        "report.json",
+        lambda report: report["models"][1]["workspace"].update(rms_mm=1e-320),
+    )
+    done = compare(run, other, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "[31m[/x]<b>|Joints" in done.stdout
+    made = "".join(
+        (tmp_path / "out" / name).read_text() for name in ("report.md", "report.html", "report.json")
+    )
+    assert "\x1b" not in done.stdout + made
+    assert "<b>" not in (tmp_path / "out" / "report.html").read_text()
 
 
 WIDE, LOW = Spread(1.0, 0.5, 2.0), Spread(0.3, 0.2, 0.4)
