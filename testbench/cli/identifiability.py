@@ -61,5 +61,5 @@ def command(asked: Options) -> None:
         console.print(f"- {sentence}", markup=False)
     if figure is not None:
         with whole_file(figure) as part:
-            shares(seen).savefig(part, dpi=120, format="png")
+            shares(seen).savefig(part, format="png")
         console.print(f"figure     {figure}", soft_wrap=True, markup=False)

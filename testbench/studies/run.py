@@ -85,7 +85,7 @@ def _write(study: Study[O, S, W, R], found: Run[S, R]) -> None:
     files.write_json(to_json(found.report), found.folder / "report.json")
     (found.folder / "report.md").write_text(found.words.whole(), encoding="utf-8")
     for name, figure in study.figures.items():
-        figure(found.report).savefig(found.folder / name, dpi=120)
+        figure(found.report).savefig(found.folder / name)
     seen = study.write(found) or Seen()
     tables = [found.tables[name] for name in study.printed]
     write_page(found.folder, study.name, found.words, replace(seen, tables=tables))

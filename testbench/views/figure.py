@@ -1,44 +1,115 @@
-"""What figures share: dots with their spread, lines over a swept quantity, quiet axes."""
+"""What figures share: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
 import math
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
+from matplotlib.figure import SubFigure
 
-from testbench.trials.spread import ends, middle
+from testbench.bench.baselines import JOINTS
+from testbench.trials.spread import Number, ends, middle
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
-from testbench.views.schema import Column
+from testbench.views.schema import Column, best_of
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
 """Colours of sizes, as recordings have them."""
+WIDTH, DPI = 10.0, 160
+"""Width of every figure [in], and its points: on a page 800 wide, 9 points are 10 pixels high."""
+SMALL = 9.0  #: Least size of letters [pt].
+STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
+"""Ticks of a decade by how many times the least the greatest value is at most."""
+TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
-def dots(axes: Axes, rows: Sequence[object], name: Column, value: Column, looks: Sequence[Look]) -> None:
+def page(height: float) -> Figure:
+    """A figure of this height [in]."""
+    return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+
+
+def body(figure: Figure) -> SubFigure:
+    """The whole of a figure between its title and its caption, for a legend of all axes."""
+    found = figure.subfigures()
+    assert isinstance(found, SubFigure)  # one row, one column
+    return found
+
+
+def key(part: SubFigure, known: tuple[Sequence[Artist], Sequence[str]], columns: int) -> None:
+    """A legend of all axes below them."""
+    part.legend(
+        *known,
+        frameon=False,
+        fontsize=SMALL,
+        loc="outside lower center",
+        ncols=columns,
+        handlelength=3.0,
+    )
+
+
+def say(figure: Figure, answer: str, reading: str) -> None:
+    """Write what is seen above a figure, and below it what its marks and numbers are.
+
+    Args:
+        figure: Whole.
+        answer: A sentence with numbers and the statistic that they are.
+        reading: What dots, lines and colours mean.
+    """
+    lines = [textwrap.fill(text, TITLE) for text in answer.splitlines()]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold", parse_math=False)
+    words = textwrap.fill(reading, CAPTION)
+    figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3", parse_math=False)
+
+
+def of_seeds(seeds: int | Sequence[int]) -> str:
+    """What dots and lines of a report are over its seeds."""
+    return "One seed" if isinstance(seeds, int) else f"Dots: medians, lines: 5 to 95 % of {len(seeds)} seeds"
+
+
+def least(errors: Mapping[str, Number], beside: str, unit: str = "mm", form: str = ".3f") -> str:
+    """Which of several errs least, and by how much another one more, as the end of a sentence.
+
+    Args:
+        errors: By name; medians are compared.
+        beside: Name of the one to beat.
+        unit: Of the errors.
+        form: Of the numbers.
+    """
+    best, other = best_of(errors), middle(errors[beside])
+    called = "joints alone" if beside == JOINTS else beside
+    verb = "errs" if len(best.names) == 1 else "err"
+    words = f"{best.words} {verb} least, {best.value:{form}} {unit}"
+    return words if beside in best.names else f"{words}, {called} {other:{form}} {unit}"
+
+
+def dots(
+    axes: Axes, rows: Sequence[object], name: Column | None, value: Column, looks: Sequence[Look]
+) -> None:
     """One dot a row from top to bottom, its spread as a line, the paper's number as a grey diamond.
 
     Args:
         axes: Where to.
         rows: Of a table.
-        name: Names the rows.
+        name: Names the rows; None where the axes to the left do.
         value: What is drawn; it labels the axis.
         looks: One a row.
     """
     for y, (row, look) in enumerate(zip(rows, looks, strict=True)):
-        number = value.value(row)
+        number, size = value.value(row), 13 if look.mark == "*" else 8
         axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
-        axes.plot(middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=8)
+        axes.plot(middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=size)
         known = value.known(row)
         if known:
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
-    axes.set_yticks(
-        range(len(rows)), [f"{name.cell(r)}  {middle(value.value(r)):{value.form}}" for r in rows]
-    )
+    heads = [f"{name.cell(row)}  " if name else "" for row in rows]
+    numbers = [value.text(middle(value.value(row))) for row in rows]
+    axes.set_yticks(range(len(rows)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlabel(f"{value.heading} [{value.unit}]")
     quiet(axes)
@@ -82,7 +153,7 @@ def draw_line(axes: Axes, x: Column, y: Column, line: Line) -> None:
 
 
 def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> None:
-    """A logarithmic axis with plain numbers: 1, 2, 5 times powers of ten, or powers of ten over many decades.
+    """A logarithmic axis with plain numbers: more of a decade where there are few.
 
     Args:
         axes: Of a figure.
@@ -91,13 +162,18 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
         high: Largest value drawn.
     """
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
-    steps = (1, 2, 5) if high < 300 * low else (1,)
+    steps = next(ticks for most, ticks in STEPS.items() if high < most * low)
     low, high = low / 1.3, high * 1.3
     ticks = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
     axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
     axis = axes.xaxis if side == "x" else axes.yaxis
     axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.set_ticks([], minor=True)
+
+
+def short(name: str, letters: int = 20) -> str:
+    """A name that has room beside an axis."""
+    return name if len(name) <= letters else f"{name[: letters - 1]}…"
 
 
 def quiet(axes: Axes) -> None:

@@ -296,6 +296,12 @@ def unit_in(label):
     return re.fullmatch(r".*\[(.*)\]", label).group(1)
 
 
+def key_of(figure):
+    """The legend of all axes of a figure."""
+    [found] = [legend for part in (figure, *figure.subfigs) for legend in part.legends]
+    return found
+
+
 def looks_differ(legend):
     """No two entries of a legend look alike: colour, line and marker."""
     seen = [

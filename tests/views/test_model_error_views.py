@@ -11,6 +11,7 @@ from checks import (
     check_summary,
     check_table,
     curves,
+    key_of,
     looks_differ,
     summaries,
     tables_of,
@@ -269,7 +270,7 @@ def test_the_figure_draws_the_reports_numbers_and_joins_no_two_cases(report):
             assert line.get_linestyle() == "None" or len(line.get_xdata()) == 2
     assert [t.get_text() for t in left.get_yticklabels()] == CASES
     assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case on top
-    [legend] = drawn.legends
+    legend = key_of(drawn)
     assert [t.get_text() for t in legend.get_texts()] == list(MODELS)
     looks_differ(legend)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_table, curves, looks_differ, tables_of, unit_in
+from checks import check_pivot, check_report, check_table, curves, key_of, looks_differ, tables_of, unit_in
 from made_up import fill, single
 from read_back import chunks_of, columns, document, series
 
@@ -456,7 +456,7 @@ def test_curves_are_the_reports_errors_over_the_number_of_poses(report):
         for corners, name in zip(shaded, ("test", "random"), strict=True):
             edges = {e for level in report.errors[fit.name][name] for e in ends(getattr(level, key))}
             assert edges <= set(corners)
-    looks_differ(figure.legends[0])
+    looks_differ(key_of(figure))
     enough = report.recommendation.aim_mm
     assert enough in [line.get_ydata()[0] for line in figure.axes[0].get_lines()]
     assert f"{enough:g} mm" in [text.get_text() for text in figure.axes[0].texts]

@@ -312,7 +312,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_units_of_its_axes(report):
     left, cost, error = figure.single_link(report).axes
     ls, _, ours = report.models
     orange, green = hexadecimal(LEAST_SQUARES), hexadecimal(GCO)
-    assert "[1e-6 SI]" in left.get_xlabel()
+    assert "[10\u207b\u2076 SI]" in left.get_xlabel()
     inside = [1e6 * x for x in ls.min_eigenvalues]
     [bars, *_] = left.containers
     width = bars[0].get_width()

@@ -16,55 +16,90 @@ from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
 from testbench.studies.gravity_calibration.trial import normalities
 from testbench.trials.spread import middle
 from testbench.views.colours import MEASURED, hexadecimal, look
-from testbench.views.figure import SOFT, dots, log_ticks, quiet
+from testbench.views.figure import SMALL, SOFT, dots, log_ticks, of_seeds, page, quiet, say
 
+SIDES = {
+    "workspace.rms_mm": "whole workspace, against the truth",
+    "check_true.rms_mm": "check poses, against the truth",
+    "check.rms_mm": "check poses, against readings",
+}
+"""Columns that are drawn, where it matters first."""
+METHODS = {("psd", True): "GCO with prior", ("psd", False): "GCO", ("none", False): "least squares"}
+BINS = 24  #: Of a histogram.
 PAPERS = ("MGCO68", "MLS32")  #: The models of Fig. 5.
 
 
 def models(report: GravityReport) -> Figure:
-    """Errors of every model at check poses and over the workspace, the paper's beside."""
-    figure = Figure(figsize=(15, 5.2), layout="constrained")
+    """Errors of every model over the workspace and at check poses, the paper's beside."""
     name, rows = COLUMNS[0], distinct(report.models)
+    figure = page(1.9 + 0.3 * len(rows))
     looks = [look(m.structure, m.constraint, m.prior) for m in rows]
-    sides = (
-        ("check.rms_mm", "check poses, against readings"),
-        ("check_true.rms_mm", "check poses, against the truth"),
-        ("workspace.rms_mm", "whole workspace, against the truth"),
-    )
-    for axes, (key, words) in zip(figure.subplots(1, 3), sides, strict=True):
+    panes = figure.subplots(1, len(SIDES))
+    for k, (axes, (key, words)) in enumerate(zip(panes, SIDES.items(), strict=True)):
         [column] = [c for c in COLUMNS if c.key == key]
-        dots(axes, rows, name, column, looks)
+        dots(axes, rows, None if k else name, column, looks)
         log_ticks(axes, "x", *axes.dataLim.intervalx)
         for own, shade in zip(rows, looks, strict=True):
             if own.name == JOINTS:  # what there is to beat
                 axes.axvline(middle(column.value(own)), color=shade.hex, linewidth=0.8, linestyle=":")
         axes.set_title(words, fontsize="medium")
-    seeds = report.seed
-    spread = "" if isinstance(seeds, int) else f"; median, 5 to 95 % of {len(seeds)} seeds"
-    colours = "Least squares orange, joints alone blue, GCO green, filled with prior"
-    figure.suptitle(f"{colours}; grey diamonds: the paper{spread}", fontsize="medium")
+    paper = "; grey diamonds: the paper" if any(m.paper for m in rows) else ""
+    say(
+        figure,
+        f"{report.arm} under {report.payload_kg:g} kg, error over the workspace: {_compared(report)}",
+        f"RMS errors. {of_seeds(report.seed)}. Filled: with a prior; dotted line: joints alone{paper}.",
+    )
     return figure
+
+
+def _compared(report: GravityReport) -> str:
+    """Errors over the workspace: the best of each method, the least error first, and joints alone."""
+    own = {
+        f"{METHODS[w.constraint, w.prior]} {middle(w.rms_mm):.3f} mm": middle(w.rms_mm)
+        for w in report.winners
+        if (w.constraint, w.prior) in METHODS
+    }
+    own |= {
+        f"joints alone {middle(m.workspace.rms_mm):.3f} mm": middle(m.workspace.rms_mm)
+        for m in report.models
+        if m.name == JOINTS
+    }
+    return ", ".join(sorted(own, key=own.__getitem__))
 
 
 def residuals(campaign: Campaign, results: Sequence[Result], recommended: str) -> Figure:
     """Distributions of residual components with their normal curve, as Fig. 5 of the paper.
 
-    The paper's two models, joints alone, and the recommended one.
+    The paper's two models, joints alone, and the recommended one; all axes have one range.
     """
     chosen = [r for r in results if r.model.name in (JOINTS, *PAPERS, recommended)]
-    figure = Figure(figsize=(5 * len(chosen), 4.6), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, len(chosen), sharex=True))
+    across = min(len(chosen), 2)
+    down = -(-len(chosen) // across)
+    figure = page(1.3 + 2.9 * down)
+    panes = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
     used = np.isin(campaign.measured.pose, campaign.identification.pose)
     normal = normalities(campaign, chosen)
     edge = max(4 * UM * max(fit.std for fit, _ in normal), 1e-6)
-    for ax, result, (fit, check) in zip(axes, chosen, normal, strict=True):
-        _distribution(ax, result, used, (fit, edge))
-        ax.set_title(f"{result.model.name}\nfit: {_words(fit)}\ncheck: {_words(check)}", fontsize="small")
-    axes[0].set_ylabel("density [1/um]")
-    figure.suptitle(
-        f"Residuals of seed {campaign.seed}, all markers and axes pooled (Fig. 5); what lies beyond an axis "
-        "stands in its last bin",
-        fontsize="medium",
+    for axes, result, (fit, check) in zip(panes.flat, chosen, normal, strict=False):
+        _distribution(axes, result, used, (fit, edge))
+        axes.set_title(
+            f"{result.model.name}\nfit: {_words(fit)}\ncheck: {_words(check)}", fontsize=SMALL, loc="left"
+        )
+    for axes in panes.flat[len(chosen) :]:
+        axes.axis("off")
+    for axes in panes[:, 0]:
+        axes.set_ylabel("share of the components [%]")
+    for axes in panes[-1]:
+        axes.set_xlabel("residual component [um]")
+    scatter = {r.model.name: UM * check.std for r, (_, check) in zip(chosen, normal, strict=True)}
+    best, worst = (f(scatter, key=scatter.__getitem__) for f in (min, max))
+    say(
+        figure,
+        f"At check poses {best} of these leaves the least scatter, {scatter[best]:.0f} um, {worst} the most, "
+        f"{scatter[worst]:.0f} um",
+        f"Residuals of seed {campaign.seed}, all markers and axes pooled (Fig. 5). Filled: runs fitted; "
+        "vermillion: check runs; grey: normal curve of the fit. What lies beyond an end stands in its last "
+        "bin. Small p: not normal (Lilliefors).",
     )
     return figure
 
@@ -72,20 +107,18 @@ def residuals(campaign: Campaign, results: Sequence[Result], recommended: str) -
 def _distribution(ax: Axes, result: Result, used: Mask, shown: tuple[Normality, float]) -> None:
     """Residuals of one model under the normal curve of the fit, up to an edge [um]."""
     normal, edge = shown
-    fit, check = (UM * result.residuals[runs].ravel() for runs in (used, ~used))
-    bins = np.linspace(-edge, edge, 25).tolist()
-    shade = look(result.estimate.structure.name, result.estimate.constraint).hex
-    ax.hist(np.clip(fit, -edge, edge), bins, density=True, color=shade, alpha=0.7, label="fit")
-    dark = hexadecimal(MEASURED)
-    outside = np.clip(check, -edge, edge)
-    ax.hist(outside, bins, density=True, histtype="step", color=dark, linewidth=2, label="check")
+    bins = np.linspace(-edge, edge, BINS + 1).tolist()
+    own = result.estimate
+    shade = look(own.structure.name, own.constraint, own.belief is not None).hex
+    fit, check = (np.clip(UM * result.residuals[runs].ravel(), -edge, edge) for runs in (used, ~used))
+    shares = [np.full(left.size, 100 / left.size) for left in (fit, check)]
+    ax.hist(fit, bins, weights=shares[0], color=shade, alpha=0.7)
+    ax.hist(check, bins, weights=shares[1], histtype="step", color=hexadecimal(MEASURED), linewidth=2)
     x = np.linspace(-edge, edge, 400)
     curve = normal_density(x, UM * normal.mean, max(UM * normal.std, 1e-9))
-    ax.plot(x, curve, color=SOFT, label="normal curve of the fit")
-    ax.set_xlabel("residual component [um]")
-    ax.legend(frameon=False, fontsize="small")
+    ax.plot(x, 100 * (bins[1] - bins[0]) * curve, color=SOFT)
     quiet(ax)
 
 
 def _words(n: Normality) -> str:
-    return f"mean {UM * n.mean:.1f} um, std {UM * n.std:.1f} um, Lilliefors p = {n.p_value:.3f}"
+    return f"mean {UM * n.mean:.0f} um, standard deviation {UM * n.std:.0f} um, p = {n.p_value:.3f}"

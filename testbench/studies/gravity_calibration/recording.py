@@ -21,7 +21,7 @@ def write(run: Run[Settings, GravityReport]) -> Seen:
     names = {m.name for m in distinct(run.report.models)}
     results = [result for result in trial.results(cell, campaign) if result.model.name in names]
     write_csv(campaign.measured, cell.arm, run.folder / "dataset.csv")
-    figure.residuals(campaign, results, run.report.recommended).savefig(run.folder / "residuals.png", dpi=120)
+    figure.residuals(campaign, results, run.report.recommended).savefig(run.folder / "residuals.png")
     drawn = about(run)
     write_calibration(run.folder / "recording.rrd", drawn, cell, campaign, results)
     models = {m.name: m for m in run.report.models}

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from testbench.studies.loaded_stiffness.summary import LOAD, NAMES, RMS, SHARE, LoadedReport
 from testbench.studies.loaded_stiffness.trial import Method, Truth
 from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, hexadecimal
-from testbench.views.figure import SOFT, log_ticks, quiet
+from testbench.views.figure import SOFT, log_ticks, page, quiet, say
 
 METHODS: dict[Method, tuple[str, str]] = {
     "linear": (hexadecimal(LEAST_SQUARES), "o"),
@@ -26,7 +26,7 @@ TRUTHS: dict[Truth, tuple[str, str]] = {
 
 def loaded_stiffness(report: LoadedReport) -> Figure:
     """RMS error of Eq. (6) and (7) against the load: weightless solid, with the arm's own weight dashed."""
-    figure = Figure(figsize=(8, 5.2), layout="constrained")
+    figure = page(5.8)
     axes = figure.subplots()
     _lines(axes, report)
     loads = [LOAD.value(row) for row in report.tangent]
@@ -41,10 +41,13 @@ def loaded_stiffness(report: LoadedReport) -> Figure:
     for style, words in TRUTHS.values():
         axes.plot([], [], style, color=SOFT, linewidth=2, label=words)
     axes.legend(loc="upper left", edgecolor="none", framealpha=1)
-    figure.suptitle(
-        f"{report.arm}, {report.poses} poses: error of the deflection predicted from true compliances\n"
-        "(at the right as a share of the deflection)",
-        fontsize="medium",
+    heaviest = [(NAMES[method], report.line("own weight", method)[-1]) for method in METHODS]
+    words = ", ".join(f"{name} {SHARE.cell(row)} %" for name, row in heaviest)
+    say(
+        figure,
+        f"{report.arm} under {LOAD.cell(heaviest[0][1])} {LOAD.unit}, error of the deflection: {words}",
+        f"RMS over {report.poses} poses, from the true compliances; at the right ends as a share of the "
+        "deflection. The title is of the arm that sags under its own weight.",
     )
     return figure
 
@@ -58,7 +61,9 @@ def _lines(axes: Axes, report: LoadedReport) -> None:
             if all(row.exact for row in line):
                 note = f"{NAMES[method]}, {whose}: exact to rounding"
                 place = (0.98, 0.03 + 0.05 * exact)
-                axes.text(*place, note, color=shade, transform=axes.transAxes, ha="right")
+                axes.text(
+                    *place, note, color=shade, transform=axes.transAxes, ha="right", backgroundcolor="white"
+                )
                 exact += 1
                 continue
             error = [RMS.value(row) for row in line]
@@ -76,5 +81,5 @@ def _name_ends(axes: Axes, ends: list[tuple[float, str, str]]) -> None:
     low, high = np.log(axes.get_ylim())
     place = math.inf
     for value, words, shade in sorted(ends, reverse=True):
-        place = min((math.log(value) - low) / (high - low), place - 0.035)
+        place = min((math.log(value) - low) / (high - low), place - 0.04)
         axes.text(1.01, place, words, color=shade, transform=axes.transAxes, ha="left", va="center")

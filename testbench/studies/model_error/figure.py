@@ -5,20 +5,22 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from testbench.bench.baselines import JOINTS
 from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
 from testbench.studies.model_error.summary import distinct
 from testbench.studies.model_error.tables import RMS
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
-from testbench.views.figure import log_ticks, quiet
+from testbench.views.figure import body, key, least, log_ticks, page, quiet, say
 
 STEP = 0.09  #: Between the models of one case [cases].
 
 
 def disturbances(report: ModelErrorReport) -> Figure:
     """Median and spread of every model, a line a case: nothing joins one case to the next."""
-    figure = Figure(figsize=(14, 9), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure = page(2.4 + 0.6 * len(report.sizes))
+    part = body(figure)
+    left, right = part.subplots(1, 2, sharey=True)
     told = distinct(report.cells)
     calm, noisy = ([c for c in told if (c.noise_um == 0) == quietly] for quietly in (True, False))
     for axes, cells, words in (
@@ -29,11 +31,14 @@ def disturbances(report: ModelErrorReport) -> Figure:
         axes.set_title(words, fontsize="medium")
     left.set_yticks(range(len(report.sizes)), list(report.sizes))
     left.set_ylim(len(report.sizes) - 0.5, -0.5)
-    figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=8)
-    figure.suptitle(
-        f"{report.arm}: each disturbance alone and all together, {report.trials} trials: median, 5 to 95 %; "
-        "least squares orange, joints alone blue, GCO green, filled with prior",
-        fontsize="medium",
+    key(part, left.get_legend_handles_labels(), columns=5)
+    errors = {row.model: row.all_um for row in report.together}
+    say(
+        figure,
+        f"{report.arm}, all disturbances together, {report.sigma_um:g} um of noise: "
+        f"{least(errors, JOINTS, 'um', '.0f')}",
+        f"RMS errors over the workspace. Dots: medians, lines: 5 to 95 % of {report.trials} trials. Filled: "
+        "with a prior.",
     )
     return figure
 

@@ -6,47 +6,64 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.studies.noise_sensitivity.instruments import FLAT
+from testbench.bench.baselines import JOINTS
+from testbench.studies.noise_sensitivity.instruments import FLAT, WEIGHTED
 from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA, distinct
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import GCO, GREY, SERIES, Look, look
-from testbench.views.figure import SOFT, Line, draw_line, quiet
+from testbench.views.figure import SMALL, SOFT, Line, draw_line, least, page, quiet, say
 from testbench.views.schema import Column
 
 SHADES = (GCO, GREY, *SERIES[1:])
 """Of the instruments, which are all read by one model; the second has flat weights."""
+BANDS = (JOINTS, "MLS32", "MLS56", "MGCO56", "ALL153 + prior")
+"""Models whose spread is drawn: all of them would cover one another."""
 SAME = 1e-4  #: Share by which errors may differ and be one line.
 LINEAR_UM = 1.0  #: Errors below are drawn on a linear scale: without noise some are exact.
 
 
 def sensitivity(report: NoiseReport) -> Figure:
     """Error against noise for both arms, and against distance for the instruments."""
-    figure = Figure(figsize=(15, 5.2), layout="constrained")
-    *left, right = figure.subplots(1, 3)
-    for axes, (part, words) in zip(left, PARTS.items(), strict=True):
+    figure = page(10.5)
+    panes = figure.subplot_mosaic("ab;cc", height_ratios=[1.3, 1])
+    for axes, (part, words) in zip((panes["a"], panes["b"]), PARTS.items(), strict=True):
         for name, own in _alike(report.sweeps[part]).items():
             first = own[0]
-            draw_line(axes, SIGMA, RMS, Line(own, look(first.structure, first.constraint, first.prior), name))
+            shade = look(first.structure, first.constraint, first.prior)
+            draw_line(axes, SIGMA, RMS, Line(own, shade, name, band=first.model in BANDS))
         axes.set_title(words, fontsize="medium")
         _finish(axes, SIGMA, report.sweeps[part])
-    rows = [c for c in report.instruments if c.truth == "linear"]
-    placed = grouped([c for c in rows if c.x > 0], lambda row: row.model)
-    for k, (name, distances) in enumerate(placed.items()):
-        draw_line(right, DISTANCE, RMS, Line(distances, Look(SHADES[k], k, prior=False), name))
-    [flat] = [middle(c.rms_um) for c in rows if c.model == FLAT]
-    right.axhline(flat, color=SOFT, linewidth=0.8)
-    right.annotate(FLAT, (1, flat), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=SOFT)
-    right.set_title("laser tracker, MGCO56 with prior, KR 500, linear truth", fontsize="medium")
-    _finish(right, DISTANCE, rows)
+    _instruments(panes["c"], [c for c in report.instruments if c.truth == "linear"])
+    led = report.leaders["gravity"]
+    at = {row.model: row.rms_um for row in distinct(report.sweeps["gravity"]) if row.sigma_um == led.noise_um}
     counts = [report.trials[part] for part in ("six_dof", "gravity", "instrument_linear")]
-    figure.suptitle(
-        "What noise costs: medians, bands 5 to 95 %, of {}, {} and {} trials; ".format(*counts)
-        + "least squares orange, joints alone blue, GCO green, dashed with prior",
-        fontsize="medium",
+    say(
+        figure,
+        f"{PARTS['gravity']}, {led.noise_um:g} um of noise: over the workspace "
+        f"{least(at, JOINTS, 'um', '.0f')}",
+        "RMS errors. Marks: medians of {}, {} and {} trials; bands, of some: 5 to 95 % of them. ".format(
+            *counts
+        )
+        + f"Filled and dashed: with a prior. Below {LINEAR_UM:g} um the axis is linear.",
     )
     return figure
+
+
+def _instruments(axes: Axes, rows: Sequence[Level]) -> None:
+    """A line an instrument over its distance; the one that stands nowhere is a level."""
+    placed = grouped([c for c in rows if c.x > 0], lambda row: row.model)
+    for k, (name, distances) in enumerate(placed.items()):
+        own = Look(SHADES[k], k, prior=False)
+        draw_line(axes, DISTANCE, RMS, Line(distances, own, name, band=name == WEIGHTED))
+    [flat] = [middle(c.rms_um) for c in rows if c.model == FLAT]
+    axes.axhline(flat, color=SOFT, linewidth=0.8)
+    axes.annotate(FLAT, (1, flat), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=SOFT)
+    axes.set_title("laser tracker, MGCO56 with prior, KR 500, linear truth", fontsize="medium")
+    _finish(axes, DISTANCE, rows)
+    stations = sorted({c.x for c in rows if c.x > 0})
+    axes.set_xticks(stations, [f"{x:g}" for x in stations])
 
 
 def _alike(levels: Sequence[Level]) -> dict[str, list[Level]]:
@@ -78,6 +95,12 @@ def _finish(axes: Axes, x: Column, rows: Sequence[Level]) -> None:
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_yticks([], minor=True)
     axes.set_ylim(0 if low < LINEAR_UM else 0.7 * low, high)
-    legend = axes.legend(frameon=False, fontsize="x-small", ncols=2, handlelength=4, loc="upper center")
-    legend.set_bbox_to_anchor((0.5, -0.14))
+    axes.legend(
+        frameon=False,
+        fontsize=SMALL,
+        ncols=2,
+        handlelength=3,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.14),
+    )
     quiet(axes)

@@ -6,23 +6,26 @@ from matplotlib.figure import Figure
 from testbench.studies.pose_selection.report import PoseReport
 from testbench.studies.pose_selection.settings import BARE, INCUMBENT, PLANNED, RANDOM
 from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSES, TASKS, VARIANT, WORKSPACE
+from testbench.trials.spread import middle
 from testbench.views.colours import GREY, SERIES, Look
-from testbench.views.figure import SOFT, Line, dots, draw_line, log_ticks, quiet
+from testbench.views.figure import SMALL, SOFT, Line, body, dots, draw_line, key, log_ticks, page, quiet, say
 from testbench.views.schema import Column
 
 CRITERIA = ("test", "I", "D", "A", "E", "G", RANDOM)
 LOOKS = {
-    name: Look(shade, k, prior=name == RANDOM)
+    name: Look(shade, 0 if name == RANDOM else k, prior=name == RANDOM)
     for k, (name, shade) in enumerate(zip(CRITERIA, (*SERIES[: len(CRITERIA) - 1], GREY), strict=True))
 }
 """One a criterion, random poses dashed."""
 BANDS = ("test", RANDOM)  #: Those whose spread is drawn.
+CALLED = "Plans for the tasks (test) and by the criteria I, D, A, E, G."
 
 
 def curves(report: PoseReport) -> Figure:
     """Error against the number of poses: at the tasks, over the workspace, without prior, by joints alone."""
-    figure = Figure(figsize=(17, 5), layout="constrained")
-    left, centre, right, last = figure.subplots(1, 4)
+    figure = page(8.6)
+    part = body(figure)
+    (left, centre), (right, last) = part.subplots(2, 2)
     _curve(left, report, PLANNED.name, TASKS, "at the tasks")
     _curve(centre, report, PLANNED.name, WORKSPACE, "over the workspace")
     _curve(right, report, BARE.name, TASKS, "at the tasks, identified without prior")
@@ -33,18 +36,26 @@ def curves(report: PoseReport) -> Figure:
         1, enough, f"{enough:g} mm", transform=left.get_yaxis_transform(), color=SOFT, ha="right", va="bottom"
     )
     log_ticks(left, "y", min(enough, left.dataLim.ymin), max(enough, left.dataLim.ymax))
-    figure.legend(*left.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=7)
-    figure.suptitle(
-        f"{report.arm}: {PLANNED.name} from planned and from random poses, {report.dataset.sigma_um:g} um"
-        f"{_spread(report, 'bands')}",
-        fontsize="medium",
-    )
+    key(part, left.get_legend_handles_labels(), columns=7)
+    say(figure, _headline(report), f"RMS errors. {_reading(report, 'bands')} {CALLED}")
     return figure
 
 
-def _spread(report: PoseReport, drawn: str) -> str:
-    seeds = report.seed
-    return "" if isinstance(seeds, int) else f"; median, {drawn} 5 to 95 % of {len(seeds)} seeds"
+def _headline(report: PoseReport) -> str:
+    """Planned and random poses at the tasks."""
+    own = report.featured[PLANNED.name]
+    ours, theirs = middle(own.test_mm), middle(own.random_mm)
+    return (
+        f"{report.arm}, {PLANNED.name}: {own.poses} poses planned for the tasks leave {ours:.3f} mm there, "
+        f"random ones {theirs:.3f} mm"
+    )
+
+
+def _reading(report: PoseReport, drawn: str) -> str:
+    seeds, noise = report.seed, f"{report.dataset.sigma_um:g} um of noise"
+    if isinstance(seeds, int):
+        return f"One seed, {noise}."
+    return f"Marks: medians, {drawn}: 5 to 95 % of {len(seeds)} seeds, {noise}."
 
 
 def _curve(axes: Axes, report: PoseReport, fit: str, error: Column, words: str) -> None:
@@ -63,8 +74,10 @@ def _curve(axes: Axes, report: PoseReport, fit: str, error: Column, words: str) 
 
 def featured(report: PoseReport) -> Figure:
     """The featured number of poses: every criterion, what could be done beyond, and where plans pay."""
-    figure = Figure(figsize=(18, 4.4), layout="constrained")
-    left, centre, right, last = figure.subplots(1, 4, width_ratios=(1, 1, 0.9, 1))
+    figure = page(7.6)
+    above, below = figure.subfigures(2, 1)  # type: ignore[misc]  # stubs: one or several
+    left, centre = above.subplots(1, 2)
+    right, last = below.subplots(1, 2)
     _ratios(last, report)
     looks = [LOOKS[c.plan] for c in report.criteria]
     for axes, error in ((left, TASKS), (centre, WORKSPACE)):
@@ -73,12 +86,14 @@ def featured(report: PoseReport) -> Figure:
     dots(right, report.worth, VARIANT, JUDGED, [LOOKS["test"]] * len(report.worth))
     expected = [EXPECTED.value(row) for row in report.worth]
     right.plot(expected, range(len(expected)), "|", color=SOFT, markersize=16, label="forecast")
-    right.set_title("what else would help; grey: forecast", fontsize="medium")
+    right.set_title("what else would help; grey strokes: forecast", fontsize="medium")
     for axes in (left, centre, right):
         axes.set_xlim(left=0)
-    figure.suptitle(
-        f"{report.arm}: {PLANNED.name} but on the right, RMS errors{_spread(report, 'bars')}",
-        fontsize="medium",
+    say(
+        figure,
+        _headline(report),
+        f"RMS errors of {PLANNED.name}. {_reading(report, 'lines')} {CALLED} Below right: plans made for "
+        "each fit, medians; a plan pays left of 1.",
     )
     return figure
 
@@ -93,7 +108,7 @@ def _ratios(axes: Axes, report: PoseReport) -> None:
     log_ticks(axes, "x", *axes.dataLim.intervalx)
     axes.set_yticks(range(len(rows)), [f"{row.fit}, {row.ground}" for row in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlabel("planned over random, medians [1]")
-    axes.set_title("planned for the very fit: pays left of 1", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small")
+    axes.set_xlabel("error, planned over random poses")
+    axes.set_title("what a plan brings", fontsize="medium")
+    axes.legend(frameon=False, fontsize=SMALL, loc="upper left")
     quiet(axes)

@@ -5,39 +5,48 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.studies.single_link.report import LinkModel, LinkReport
-from testbench.studies.single_link.tables import ORDER, POSITION, SI, SMALLEST
+from testbench.studies.single_link.tables import ORDER, POSITION, SMALLEST
 from testbench.studies.single_link.trial import GCO, LEAST_SQUARES
 from testbench.trials.spread import middle
 from testbench.views.colours import look
-from testbench.views.figure import SOFT, log_ticks, quiet
+from testbench.views.figure import SMALL, SOFT, log_ticks, page, quiet, say
 from testbench.views.schema import Column
 
 ROUND = 1e-3  #: Eigenvalue below which GCO stands at the boundary of what is conservative [1e-6 SI].
+UNIT = "10\u207b\u2076 SI"
 BINS = 50
 SPREAD = 2.8  #: Width of the histogram over that of its middle 80 %.
 
 
 def single_link(report: LinkReport) -> Figure:
     """Left: smallest eigenvalue of every draw, LS against GCO. Right: F_M and error against the order m."""
-    figure = Figure(figsize=(12, 5.4), layout="constrained")
-    axes = figure.subplot_mosaic("aab;aac")
+    figure = page(6.2)
+    axes = figure.subplot_mosaic("ab;ac", width_ratios=[1.9, 1])
     ls, ours = report.model(LEAST_SQUARES), report.model(GCO)
     _eigenvalues(axes["a"], ls, ours, report.draws)
     level = POSITION.value(ls)
     _order(axes["b"], report, ORDER[1])
     _order(axes["c"], report, POSITION, middle(level))
-    axes["b"].set_title(f"order m of Eq. (16), {report.order_draws} draws", fontsize="medium")
+    axes["b"].set_title("F_M and error by order m, Eq. (16)", fontsize="medium")
     axes["b"].tick_params(labelbottom=False)
     axes["c"].axhline(middle(level), color=_hex(ls), linewidth=2, label=LEAST_SQUARES)
     axes["c"].text(
-        0.8, 0.93 * middle(level), f"{LEAST_SQUARES} {middle(level):.1f}", color=_hex(ls), va="top"
+        0.8,
+        0.93 * middle(level),
+        f"{LEAST_SQUARES} {middle(level):.1f}",
+        color=_hex(ls),
+        va="top",
+        fontsize=SMALL,
     )
-    axes["c"].set_xlabel("m")
+    axes["c"].set_xlabel("order m")
     loads = "six axis loads" if report.loads == "axes" else "six random loads"
-    figure.suptitle(
-        f"Single link of section 5.1, {loads}, {report.draws} draws of noise: "
-        f"least squares orange, GCO green, paper grey",
-        fontsize="large",
+    say(
+        figure,
+        f"Single link: least squares has a negative eigenvalue in {_negative(ls)} of the draws, GCO in "
+        f"{_negative(ours)}; median position errors {middle(level):.1f} and "
+        f"{middle(POSITION.value(ours)):.1f} um",
+        f"Section 5.1, {loads}, {report.draws} draws of noise; grey: the paper. Right: medians of "
+        f"{report.order_draws} draws. What lies beyond an end of the left axis stands in its last bin.",
     )
     return figure
 
@@ -61,25 +70,35 @@ def _eigenvalues(ax: Axes, ls: LinkModel, ours: LinkModel, draws: int) -> None:
     top = 1.5 * ax.dataLim.ymax
     ax.plot([0, 0], [0, 0.9 * top], color=green, linewidth=5, solid_capstyle="butt")
     ax.plot(
-        [0], [0.9 * top], "o", markersize=13, color=green, label=f"of it at zero: {100 * edge.mean():.0f} %"
+        [0],
+        [0.9 * top],
+        "o",
+        markersize=13,
+        color=green,
+        label=f"at zero, not to scale: {100 * edge.mean():.0f} %",
     )
     if ls.paper is not None:
         paper = SMALLEST.value(ls.paper)
-        words = f"the paper's least squares, Eq. (22): {paper:.2f} "
+        words = f"the paper, Eq. (22): {paper:.2f} "
         ax.plot([paper, paper], [0, 0.7 * top], "--", color=SOFT, linewidth=2)
         ax.text(paper, 0.71 * top, words, color=SOFT, ha="right", va="bottom")
     ax.set_ylim(0, top)
     ax.set_xlim(start, end)
-    ax.set_xlabel(f"{SMALLEST.heading} of C [{SI}]; beyond an end: in its last bin")
+    ax.set_xlabel(f"{SMALLEST.heading} of C [{UNIT}]")
     ax.set_ylabel(f"draws, of {draws}")
-    ax.legend(loc="upper left", bbox_to_anchor=(0.52, 1), handlelength=1, edgecolor="none")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), handlelength=1, frameon=False)
     quiet(ax)
 
 
 def _below(model: LinkModel) -> str:
     """A model and how often it is not positive semi-definite."""
     method = "least squares" if model.constraint == "none" else "GCO"
-    return f"{method}, {model.name}: below zero in {100 * float(model.negative_eigenvalue_matrix or 0):.4g} %"
+    return f"{method}, {model.name}: below zero in {_negative(model)}"
+
+
+def _negative(model: LinkModel) -> str:
+    """Share of the draws with a negative eigenvalue."""
+    return f"{100 * float(model.negative_eigenvalue_matrix or 0):.4g} %"
 
 
 def _order(ax: Axes, report: LinkReport, column: Column, *others: float) -> None:
@@ -88,8 +107,14 @@ def _order(ax: Axes, report: LinkReport, column: Column, *others: float) -> None
     green = _hex(report.model(GCO))
     ax.plot(m, values, "o-", color=green, linewidth=2, markersize=7, label=GCO)
     for x, y in zip(m, values, strict=True):
+        below = any(y < other < 1.5 * y for other in others)
         ax.annotate(
-            f"{y:.3g}" if y < 1000 else f"{y:.0f}", (x, y), (5, 7), textcoords="offset points", color=green
+            f"{y:.3g}" if y < 1000 else f"{y:.0f}",
+            (x, y),
+            (-6, -18) if below else (4, 6),
+            textcoords="offset points",
+            color=green,
+            fontsize=SMALL,
         )
     log_ticks(ax, "y", min([*values, *others]) / 1.5, 1.5 * max([*values, *others]))
     ax.set_xticks(m)

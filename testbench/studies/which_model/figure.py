@@ -7,25 +7,38 @@ from testbench.studies.which_model.report import MethodAt, WhichModelReport
 from testbench.studies.which_model.tables import ERROR, METHOD
 from testbench.trials.spread import ends
 from testbench.views.colours import CHOICE, Look, look
-from testbench.views.figure import SOFT, dots, log_ticks
+from testbench.views.figure import SOFT, dots, log_ticks, page, say
 
 
 def methods(report: WhichModelReport) -> Figure:
     """Median and spread of every method; a line marks joints alone, a band and a bold name the default."""
-    figure = Figure(figsize=(15, 4.8), layout="constrained")
+    count = sum(m.poses == report.advice[0].poses for m in report.family)
+    figure = page(1.8 + 0.3 * count)
     low, high = (f(ends(m.workspace_mm)[k] for m in report.family) for k, f in enumerate((min, max)))
-    for axes, own in zip(figure.subplots(1, len(report.advice)), report.advice, strict=True):
+    panes = figure.subplots(1, len(report.advice), squeeze=False)[0]
+    for k, (axes, own) in enumerate(zip(panes, report.advice, strict=True)):
         rows = [m for m in report.family if m.poses == own.poses]
         axes.axvline(own.joints.workspace_mm.median, color=SOFT, linewidth=1, zorder=0)
-        dots(axes, rows, METHOD, ERROR, [look_of(m) for m in rows])
+        dots(axes, rows, None if k else METHOD, ERROR, [look_of(m) for m in rows])
         axes.axhspan(-0.5, 0.5, color=CHOICE.hex, alpha=0.1, linewidth=0, zorder=0)
         axes.get_yticklabels()[0].set_fontweight("bold")
         log_ticks(axes, "x", low, high)
         axes.set_title(f"{own.poses} poses", fontsize="medium")
-    figure.suptitle(
-        f"Black: what testbench chooses. Grey line: joints alone. Filled: with a prior. Error over the "
-        f"workspace, median, 5 to 95 %; {report.arm}, {report.trials} trials",
-        fontsize="medium",
+    poses, ours, theirs = (
+        ", ".join(own)
+        for own in (
+            [str(a.poses) for a in report.advice],
+            [f"{a.default.workspace_mm.median:.3f}" for a in report.advice],
+            [f"{a.joints.workspace_mm.median:.3f}" for a in report.advice],
+        )
+    )
+    say(
+        figure,
+        f"{report.arm}: from {poses} poses the default errs {ours} mm over the workspace, joints alone "
+        f"{theirs} mm",
+        f"RMS errors over the family of true arms and priors. Dots: medians, lines: 5 to 95 % of "
+        f"{report.trials} trials. Band: what testbench chooses from the readings. Filled: with a prior; grey "
+        "line: joints alone.",
     )
     return figure
 

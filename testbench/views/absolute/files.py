@@ -46,7 +46,7 @@ def write(
         write_model(reported.found.calibration, data, said, folder)
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
-        overview(reported).savefig(folder / "calibration.png", dpi=120)
+        overview(reported).savefig(folder / "calibration.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         write_absolute(folder / "recording.rrd", header, scene(cell, reported))
         files.write_manifest(

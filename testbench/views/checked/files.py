@@ -15,6 +15,6 @@ def write(checked: Checked, arm: Path, out: Path) -> None:
     from testbench.views.recording.arm_check import write_arm  # of a second
 
     with whole_folder(out) as folder:
-        picture(checked).savefig(folder / "arm.png", dpi=100)
+        picture(checked).savefig(folder / "arm.png")
         write_arm(folder / "recording.rrd", checked)
         files.write_manifest(folder, command=COMMAND, scenario={}, seeds=range(0), arms=[arm])

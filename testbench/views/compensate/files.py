@@ -64,7 +64,7 @@ def write(
     with whole_folder(to.report) as folder:
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
-        overview(found, report).savefig(folder / "compensation.png", dpi=120)
+        overview(found, report).savefig(folder / "compensation.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         write_compensated(folder / "recording.rrd", header, scene(cell, found, report))
         files.write_manifest(

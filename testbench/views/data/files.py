@@ -17,7 +17,7 @@ def write(cell: Cell, name: str, found: Understood, registered: Registered, out:
     from testbench.views.recording.data import write_data  # of a second
 
     with whole_folder(out) as folder:
-        picture(cell, name, found, registered.data).savefig(folder / "data.png", dpi=100)
+        picture(cell, name, found, registered.data).savefig(folder / "data.png")
         write_data(folder / "recording.rrd", cell, name, found, registered)
         arms = [cell.arm.rigid.parent]
         files.write_manifest(folder, command=COMMAND, scenario={"data": name}, seeds=range(0), arms=arms)

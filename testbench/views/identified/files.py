@@ -53,7 +53,7 @@ def write(source: Source, made: Explained, out: Path) -> None:
         files.write_json(asdict(report), folder / "report.json")
         text = words(fits, report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
-        overview(made, report).savefig(folder / "identify.png", dpi=110)
+        overview(made, report).savefig(folder / "identify.png")
         header = Header(COMMAND, json.dumps({"arm": fits.arm, **asked}, sort_keys=True), 0)
         write_absolute(folder / "recording.rrd", header, scene(source.filed, made, report))
         write_page(folder, f"{COMMAND}: {fits.arm}", text, seen(source.filed, made, report))

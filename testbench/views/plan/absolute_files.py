@@ -35,7 +35,7 @@ def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
         write_poses(report, cell.arm.joints, folder / "plan.csv")
         files.write_json(asdict(report), folder / "plan.json")
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
-        overview(report, tools).savefig(folder / "plan.png", dpi=120)
+        overview(report, tools).savefig(folder / "plan.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
         seeds = range(report.seed, report.seed + 1)

@@ -40,7 +40,7 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
         write_tasks(report, cell.arm.joints, folder / "tasks_expected.csv")
         files.write_json(asdict(report, dict_factory=_said), folder / "plan.json")
         (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
-        overview(report, tools).savefig(folder / "plan.png", dpi=120)
+        overview(report, tools).savefig(folder / "plan.png")
         seeds = range(report.seed, report.seed + 1)
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))

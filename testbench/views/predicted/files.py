@@ -36,7 +36,7 @@ def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object]
         write_predictions(made, folder / "predictions.csv")
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
-        overview(made).savefig(folder / "predict.png", dpi=110)
+        overview(made).savefig(folder / "predict.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
         write_prediction(folder / "recording.rrd", header, scene(made, report))
         model = [made.model.arm.rigid.parent]

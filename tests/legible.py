@@ -1,0 +1,84 @@
+"""What every figure must hold when it is written: read at a width of 800 pixels, nothing cut or covered."""
+
+import re
+from itertools import combinations
+
+from matplotlib.axis import Axis
+from matplotlib.text import Text
+
+WIDEST, SMALLEST = 10.0, 9.0
+"""Inches and points: at 800 pixels the least letters are 10 pixels high."""
+ROUNDING = 2.0  #: Points of the picture by which boxes may touch [pixel].
+RAW = re.compile(r"\[1\]|\de[+-]?\d|\bnan\b|\binf\b|\bNone\b|[a-z]_(?:mm|um|percent|rad)\b")
+"""Units without a name, scientific numbers, what is not there, keys of a report."""
+
+
+def check_legible(figure):
+    """A figure that was just drawn."""
+    seen = [text for text in _texts(figure) if text.get_text().strip()]
+    assert figure.get_figwidth() <= WIDEST, f"{figure.get_figwidth():g} in wide"
+    assert figure.get_suptitle(), "no title"
+    small = [(t.get_text(), t.get_fontsize()) for t in seen if t.get_fontsize() < SMALLEST]
+    assert not small, f"too small at 800 pixels: {small}"
+    raw = [t.get_text() for t in seen if RAW.search(t.get_text())]
+    assert not raw, f"not for a reader: {raw}"
+    boxes = [(t.get_text(), t.get_window_extent()) for t in seen]
+    page = figure.bbox
+    cut = [
+        words
+        for words, box in boxes
+        if box.x0 < page.x0 - ROUNDING
+        or box.y0 < page.y0 - ROUNDING
+        or box.x1 > page.x1 + ROUNDING
+        or box.y1 > page.y1 + ROUNDING
+    ]
+    assert not cut, f"cut: {cut}"
+    over = [(a, b) for (a, one), (b, two) in combinations(boxes, 2) if _overlap(one, two)]
+    assert not over, f"over one another: {over}"
+    for legend in _legends(figure):
+        alike = [_drawn(handle) for handle in legend.legend_handles]
+        assert len(set(alike)) == len(alike), f"swatches alike: {[t.get_text() for t in legend.get_texts()]}"
+
+
+def _texts(figure):
+    """All texts that are drawn: of ticks only those within their axis."""
+    axes = [a for a in figure.findobj(Axis) if a.axes.get_visible() and a.axes.axison]
+    ticks = {id(label) for axis in figure.findobj(Axis) for label in axis.findobj(Text)}
+    for text in figure.findobj(Text):
+        if id(text) not in ticks and text.get_visible() and _shown(text):
+            yield text
+    for axis in axes:
+        if not axis.get_visible():
+            continue
+        low, high = sorted(axis.get_view_interval())
+        edge = 1e-9 * (high - low)
+        for tick in axis.get_major_ticks():
+            if low - edge <= tick.get_loc() <= high + edge:
+                yield from (label for label in (tick.label1, tick.label2) if label.get_visible())
+        yield axis.label
+        yield axis.offsetText
+
+
+def _shown(text):
+    """Whether the axes of a text are drawn."""
+    return text.axes is None or text.axes.get_visible()
+
+
+def _overlap(one, two):
+    across = min(one.x1, two.x1) - max(one.x0, two.x0)
+    up = min(one.y1, two.y1) - max(one.y0, two.y0)
+    return across > ROUNDING and up > ROUNDING
+
+
+def _legends(figure):
+    parts = [figure, *figure.subfigs]
+    return [x for part in parts for x in part.legends] + [
+        a.get_legend() for a in figure.axes if a.get_legend()
+    ]
+
+
+def _drawn(handle):
+    """How an entry of a legend looks."""
+    if hasattr(handle, "get_marker"):
+        return handle.get_color(), handle.get_linestyle(), handle.get_marker(), handle.get_markerfacecolor()
+    return str(handle.get_facecolor()), getattr(handle, "get_hatch", lambda: None)()
