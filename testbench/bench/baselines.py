@@ -6,7 +6,7 @@ from typing import TypeVar
 from testbench.bench.campaign import Cell
 from testbench.bench.models import Model
 from testbench.bench.rows import FitRow, JudgedRow
-from testbench.identify import completed_least_squares
+from testbench.identify import Constraint, completed_least_squares
 from testbench.model.structure import template56
 from testbench.trials.duel import Duel
 from testbench.trials.gain import Gain, gained
@@ -21,6 +21,11 @@ EQUAL_FIT = "MLS56, PSD of equal fit"
 def equal_fit(cell: Cell) -> Model:
     """The model of MLS56 with its free directions used to be conservative."""
     return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
+
+
+def is_least_squares(structure: str, constraint: Constraint, *, prior: bool) -> bool:
+    """Whether it is least squares of links without a prior, what GCO is compared with."""
+    return structure != JOINTS and constraint == "none" and not prior
 
 
 def distinct(rows: Sequence[R]) -> list[R]:

@@ -4,8 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 from rerun.chunk import RrdReader
 
+PLACED = 1e-4  #: Of a number that is read off a logarithmic axis: its place is in single precision.
 NAMES = [f"ViewBlueprint:{key}" for key in ("space_origin", "class_identifier", "display_name")]
 
 
@@ -33,6 +35,22 @@ def series(chunks, path, timeline="worst_first"):
     """Scalars of an entity, sorted by a timeline."""
     data = columns(on(chunks, timeline), path)
     return [v[0] for _, v in sorted(zip(data[timeline], data["Scalars:scalars"], strict=True))]
+
+
+def plotted(chunks, path):
+    """Median, 5th and 95th percentile of every line of a plot in a plane, (n, 3) by name."""
+
+    def part(entity, what):
+        return columns(chunks, f"{path}/{entity}")[what][0]
+
+    numbers = [float(text) for text in part("ticks_y", "Points2D:labels")]
+    grid = [strip[0][1] for strip in part("axis", "LineStrips2D:strips")][: len(numbers)]
+    names = part("name", "Points2D:labels")
+    middle = [y for _, y in part("value", "Points2D:positions")]
+    y = np.column_stack([middle, np.array(part("spread", "LineStrips2D:strips"))[:, :, 1]])
+    (low, high), (first, last) = np.log10([numbers[0], numbers[-1]]), (grid[0], grid[-1])
+    found = 10 ** (low + (y - first) / (last - first) * (high - low))
+    return dict(zip(names, found.reshape(len(names), -1, 3), strict=True))
 
 
 def document(chunks, path):

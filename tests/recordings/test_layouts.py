@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from read_back import chunks_of, columns, document, layout, on, panes, rerun, series, views
+from read_back import PLACED, chunks_of, columns, document, layout, on, panes, plotted, rerun, series, views
 from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario
@@ -42,7 +42,7 @@ BUDGET = 2 * 2**20
 TIMELINES = {
     "gravity": {"worst_first", "pose", "load"},
     "full_pose": {"worst_first", "pose", "load"},
-    "loaded": {"sweep"},
+    "loaded": {"worst_first", "sweep"},
     "single_link": {"sweep"},
     "solver": {"iteration"},
     "planted": {"fault"},
@@ -316,20 +316,45 @@ def test_compliances_of_a_calibration_are_those_of_the_true_arm(made, kr500):
 def test_sweep_has_the_median_and_spread_of_every_row(made):
     file, found, _ = made("loaded")
     data = chunks_of(file)
-    for method, name in (("linear", "eq_6"), ("secant", "eq_7_once")):
+    drawn = plotted(data, "/error_of_the_tool_s_deflection_um")
+    for method, name in (("linear", "Eq. (6)"), ("secant", "Eq. (7) once")):
         rows = [r for r in found["rows"] if (r["truth"], r["method"]) == ("own weight", method)]
-        for key, column in (("median", "median_mm"), ("p05", "p05_mm"), ("p95", "p95_mm")):
-            path = f"/error_of_the_tool_s_deflection_um/{name}_sagged/{key}"
-            assert series(data, path, "sweep") == [1e3 * r[column] for r in rows]
-    assert columns(data, path)["sweep"] == [1000, 10000]
+        expected = [[1e3 * r[f"{key}_mm"] for key in ("median", "p05", "p95")] for r in rows]
+        np.testing.assert_allclose(drawn[f"{name}, sagged"], expected, rtol=PLACED)
+    assert columns(data, "/error_of_the_tool_s_deflection_um/cursor")["sweep"] == [1, 2]
 
 
-def test_sweep_values_that_round_to_the_same_step_are_refused(tmp_path):
-    points = [Point(x, "LS", 1.0) for x in (0.1, 0.2)]
+def swept(**changes):
+    """LS 3, 12, 2 times as large as GCO over three loads."""
+    points = [Point(x, "GCO", y) for x, y in ((1, 2.0), (10, 1.0), (100, 4.0))]
+    points += [Point(x, "LS", y) for x, y in ((1, 6.0), (10, 12.0), (100, 8.0))]
+    points += [Point(x, "worse", 100.0) for x in (1, 10, 100)]
+    looks = {"GCO": look("MGCO56", "psd"), "LS": look("MLS56", "none"), "worse": look("MLS32", "none")}
     axes = Column("load", "load", "N"), Column("error", "error", "mm")
-    sweep = Sweep(*axes, points, {"LS": look("MLS56", "none")})
-    with pytest.raises(BenchError, match="differ after rounding"):
-        write_sweep(tmp_path / "x.rrd", Header("name", "{}", 1), sweep, "")
+    return replace(Sweep(*axes, points, looks, against=["LS", "worse"]), **changes)
+
+
+def test_a_sweep_opens_where_the_best_gains_most_over_least_squares_and_says_so(tmp_path):
+    write_sweep(tmp_path / "x.rrd", Header("name", "{}", 1), swept(), "### How much?")
+    chunks = chunks_of(tmp_path / "x.rrd")
+    assert layout(tmp_path / "x.rrd")["/time_panel"]["TimePanelBlueprint:timeline"][0] == ["worst_first"]
+    steps = columns(chunks, "/this_step")
+    said = dict(zip(steps["worst_first"], steps["TextDocument:text"], strict=True))
+    assert said[0][0].startswith(
+        "**Load 10 N**: LS 12 mm, 12 times the best, GCO, 1 mm. Here they differ most."
+    )
+    assert "3 times the best" in said[1][0]
+    assert "most" not in said[1][0]
+    assert "2 times the best" in said[2][0]
+    assert "at load 10 N" in document(chunks, "/summary")
+    assert swept(among=["worse"]).widest.best.model == "worse"
+    assert swept(against=()).widest.theirs.model == "worse"
+
+
+def test_a_model_that_lacks_a_value_of_a_sweep_is_refused():
+    some = swept()
+    with pytest.raises(BenchError, match="expected 'worse' once at every value of load"):
+        replace(some, points=some.points[:-1]).steps  # noqa: B018
 
 
 def test_matrices_of_the_single_link_are_the_reports(made):

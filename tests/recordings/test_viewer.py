@@ -95,7 +95,7 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch):
     at_9, lost, tabless = replace(at_2, at=9), replace(at_2, timeline="load"), replace(at_2, tab="Nothing")
     for sight, said in (
         (at_9, "--at: expected 1 to 2"),
-        (lost, "no timeline 'load'; timelines are sweep"),
+        (lost, "no timeline 'load'; timelines are sweep, worst_first"),
         (tabless, "no tab 'Nothing'; tabs are Overview, Table"),
     ):
         with pytest.raises(BenchError, match=said):

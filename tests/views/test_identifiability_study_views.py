@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import bands, check_report, check_table, curves, key_of, looks_differ, shows, tables_of, unit_in
 from made_up import around, fill, filled, single, spread
-from read_back import chunks_of, document, series
+from read_back import PLACED, chunks_of, document, plotted
 
 from testbench.studies.identifiability import figure, recording
 from testbench.studies.identifiability.study import STUDY
@@ -20,7 +20,7 @@ from testbench.studies.identifiability.summary import (
     verdict,
 )
 from testbench.studies.study import Run
-from testbench.trials.spread import ends, middle
+from testbench.trials.spread import ends, middle, triple
 from testbench.views.colours import look
 
 KINDS = {
@@ -275,15 +275,14 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     run = Run(None, range(4, 7), report, words, STUDY.tables(report), tmp_path, "{}")
     recording.write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
+    drawn = plotted(chunks, "/rms_error_over_the_workspace_mm")
     for name in OVER_POSES:
-        path = "/rms_error_over_the_workspace_mm/" + name.lower().replace(", ", "_").replace(" + ", "_")
-        for what in ("median", "p05", "p95"):
-            expected = [getattr(row[name], what) for row in report.poses]
-            assert series(chunks, f"{path}/{what}", "sweep") == expected, (name, what)
+        expected = [triple(row[name]) for row in report.poses]
+        np.testing.assert_allclose(drawn[name], expected, rtol=PLACED, err_msg=name)
     summary = document(chunks, "/summary")
     for block in ("question", "answer", "statements", "seen"):
         assert words.block(block) in summary
     [(head, rows)] = tables_of(summary)
-    assert head == ["poses", *OVER_POSES]
-    for cells, row in zip(rows, report.poses, strict=True):
-        assert cells == [str(row["poses"]), *(f"{row[name].median:.4g}" for name in OVER_POSES)]
+    assert head == ["model", *(str(row["poses"]) for row in report.poses)]
+    for cells, name in zip(rows, OVER_POSES, strict=True):
+        assert cells == [name, *(f"{row[name].median:.3g}" for row in report.poses)]

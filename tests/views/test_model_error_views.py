@@ -8,7 +8,6 @@ from checks import (
     check_pivot,
     check_report,
     check_spread,
-    check_summary,
     check_table,
     curves,
     key_of,
@@ -18,7 +17,7 @@ from checks import (
     unit_in,
 )
 from made_up import of_one_trial
-from read_back import chunks_of, columns
+from read_back import chunks_of, columns, document
 
 from testbench.bench.truths import member
 from testbench.studies.model_error import figure, recording
@@ -299,4 +298,11 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     assert list(meaning) == list(MODELS)
     assert len(set(meaning.values())) == len(MODELS)
     assert colours == [meaning[c.model] for c in noisy]
-    check_summary(chunks, words, tables["noisy_short"])
+    summary = document(chunks, "/summary")
+    assert all(words.block(name) in summary for name in ("question", "answer", "statements"))
+    (head, rows), *_ = tables_of(summary)
+    assert [row[0] for row in rows] == list(MODELS)
+    assert {"none", "all together"} < {*head} < {"model", *CASES}
+    for name, *cells in rows:
+        told = {c.case: f"{c.rms_um.median:.0f}" for c in noisy if c.model == name}
+        assert cells == [told[case] for case in head[1:]]

@@ -17,13 +17,14 @@ from checks import (
     unit_in,
 )
 from made_up import of_one_trial
-from read_back import chunks_of, series
+from read_back import PLACED, chunks_of, plotted
 
 from testbench.bench.truths import TRUTHS, member
 from testbench.studies.noise_sensitivity import figure, recording
 from testbench.studies.noise_sensitivity.study import STUDY
 from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
 from testbench.studies.study import Run
+from testbench.trials.spread import triple
 from testbench.views.markdown import grid
 
 SEEDS = range(4, 9)
@@ -352,10 +353,8 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
     recording.write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
+    drawn = plotted(chunks, "/rms_error_over_the_workspace_um")
     for name in MODELS:
-        path = name.lower().replace(" + ", "_")
         own = sorted((r for r in report.sweeps["gravity"] if r.model == name), key=lambda r: r.sigma_um)
-        for end in ("median", "p05", "p95"):
-            values = series(chunks, f"/rms_error_over_the_workspace_um/{path}/{end}", "sweep")
-            np.testing.assert_allclose(values, [getattr(r.rms_um, end) for r in own])
+        np.testing.assert_allclose(drawn[name], [triple(r.rms_um) for r in own], rtol=PLACED)
     check_summary(chunks, words, tables["gravity_short"])

@@ -26,7 +26,7 @@ from testbench.views.recording.plan import write_plan
 from testbench.views.recording.stream import Header
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
-from read_back import chunks_of, columns, document, series
+from read_back import PLACED, chunks_of, columns, document, plotted, series
 
 JOINTS = ["swing", "boom", "arm", "roll", "bend", "turn"]
 POSES, TASKS, MOST = 4, 7, 9
@@ -451,39 +451,16 @@ def test_the_numbers_of_the_recording_are_those_of_the_report(recorded, report):
 
 
 def test_the_chart_of_the_recording_tells_planned_from_random(recorded, report):
-    """Places on its logarithmic axis are put back into numbers by its ticks."""
-    path = "/other_plans_mm"
-    ticks = columns(recorded, f"{path}/ticks")
-    values = np.log10([float(text) for text in ticks["Points2D:labels"][0]])
-    places = [x for x, _ in ticks["Points2D:positions"][0]]
-
-    def number(place):
-        return 10 ** (values[0] + (place - places[0]) * np.ptp(values) / np.ptp(places))
-
-    legend = columns(recorded, f"{path}/legend")
-    colour = dict(zip(legend["Points2D:labels"][0], legend["Points2D:colors"][0], strict=True))
-    assert [colour[name] >> 8 for name in (BEST, RANDOM)] == [
-        0x2892C4,
-        0x7F7F7F,
-    ]  # sky blue as the plan, grey
-    dots, spread = (columns(recorded, f"{path}/{name}") for name in ("value", "spread"))
-    drawn = {name: [] for name in (BEST, RANDOM)}
-    for (x, _), own, ((low, _), (high, _)) in zip(
-        dots["Points2D:positions"][0],
-        dots["Points2D:colors"][0],
-        spread["LineStrips2D:strips"][0],
-        strict=True,
-    ):
-        name = next(name for name, value in colour.items() if value == own)
-        drawn[name].append((number(x), number(low), number(high)))
-    rows = report.curve
-    best = [(row.greedy_mm,) * 3 for row in rows]
+    drawn, rows = plotted(recorded, "/other_plans_mm"), report.curve
+    np.testing.assert_allclose(drawn[BEST], [(row.greedy_mm,) * 3 for row in rows], rtol=PLACED)
     random = [(row.random_median_mm, row.random_p10_mm, row.random_p90_mm) for row in rows]
-    # single precision of places up to 1000 on an axis of four decades
-    np.testing.assert_allclose(drawn[BEST], best, rtol=1e-5)
-    np.testing.assert_allclose(drawn[RANDOM], random, rtol=1e-5)
-    names = columns(recorded, f"{path}/name")["Points2D:labels"][0]
-    assert names == [f"{row.poses} poses" for row in rows]
+    np.testing.assert_allclose(drawn[RANDOM], random, rtol=PLACED)
+    names = columns(recorded, "/other_plans_mm/name")
+    colours = dict(zip(names["Points2D:labels"][0], names["Points2D:colors"][0], strict=True))
+    sky_blue, grey = 0x2892C4, 0x7F7F7F
+    assert [colours[name] >> 8 for name in (BEST, RANDOM)] == [sky_blue, grey]
+    ticks = columns(recorded, "/other_plans_mm/ticks_x")["Points2D:labels"][0]
+    assert ticks == [str(row.poses) for row in rows]
 
 
 def test_a_curve_without_a_bound_says_so_and_is_left_out_of_figure_and_chart(report):

@@ -516,4 +516,4 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500,
     for name, own in report.errors[PLANNED.name].items():
         for level in own:
             assert points[name, level.poses] == triple(level.tasks_mm)
-    assert columns(chunks, "/other_plans_mm/legend")["Points2D:labels"][0] == list(NAMES)
+    assert columns(chunks, "/other_plans_mm/name")["Points2D:labels"][0] == list(NAMES)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import check_pivot, check_report, check_spread, check_summary, check_table, summaries, unit_in
 from made_up import of_one_trial
-from read_back import chunks_of, columns
+from read_back import PLACED, chunks_of, columns, plotted
 
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
@@ -17,6 +17,7 @@ from testbench.studies.which_model.methods import COVERED
 from testbench.studies.which_model.rows import Case, Cover, Doubted, FitRow
 from testbench.studies.which_model.study import STUDY
 from testbench.studies.which_model.trial import POSES, Settings, pairs
+from testbench.trials.spread import triple
 from testbench.views.markdown import grid
 
 SEEDS = range(2, 14)
@@ -363,11 +364,10 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     words, tables = STUDY.words(report), STUDY.tables(report)
     recording.write_recording(Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}"))
     chunks = chunks_of(tmp_path / "recording.rrd")
-    for name, entity in (("MGCO56", "mgco56"), ("ALL153 + prior", "all153_prior")):
-        own = [m.workspace_mm for m in report.family if m.method == name]
-        for end, key in (("median", "median"), ("p05", "p05"), ("p95", "p95")):
-            data = columns(chunks, f"/rms_error_over_the_workspace_mm/{entity}/{end}")
-            assert data["sweep"] == list(POSES)
-            values = [value[0] for value in data["Scalars:scalars"]]
-            assert values == pytest.approx([getattr(value, key) for value in own])
+    drawn = plotted(chunks, "/rms_error_over_the_workspace_mm")
+    for name in ("MGCO56", "ALL153 + prior"):
+        own = [triple(m.workspace_mm) for m in report.family if m.method == name]
+        np.testing.assert_allclose(drawn[name], own, rtol=PLACED)
+    texts = columns(chunks, "/rms_error_over_the_workspace_mm/ticks_x")["Points2D:labels"][0]
+    assert texts == [str(n) for n in POSES]
     check_summary(chunks, words, tables["family_short"])

@@ -1,7 +1,7 @@
 """What the study leaves beside its report: dataset of the first seed, and error over poses as a recording."""
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import distinct
+from testbench.bench.baselines import distinct, is_least_squares
 from testbench.bench.campaign import build_cell, simulate
 from testbench.data.csvfile import write_csv
 from testbench.studies.identifiability.summary import IdentifiabilityReport
@@ -32,6 +32,7 @@ def write_recording(run: Run[Settings, IdentifiabilityReport]) -> None:
         Column("", "RMS error over the workspace", rms("").unit),
         [Point(POSES.value(row), m.name, row[m.name]) for row in rows for m in models],
         {m.name: look(m.structure, m.constraint, m.prior, m.filling) for m in models},
+        against=[m.name for m in models if is_least_squares(m.structure, m.constraint, prior=m.prior)],
     )
     header = Header(run.report.scenario, run.parameters, run.seeds[0])
     words = run.words.summary(sweep.words.block("medians"), then=("statements", "seen"))

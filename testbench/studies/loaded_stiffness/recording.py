@@ -45,7 +45,9 @@ def write_recording(run: Run[Settings, LoadedReport]) -> None:
                 looks[own] = Look(COLOURS[method][shade], len(looks), prior=False)
                 points += [Point(row.load_N, own, error(row)) for row in line]
     y = replace(MEDIAN, heading="error of the tool's deflection")
-    sweep = Sweep(Column("load_N", "load", "N"), y, points, looks)
+    sagged = [name for name in looks if name.endswith(TRUTHS["own weight"])]
+    linear = [name for name in sagged if name.startswith(NAMES["linear"])]
+    sweep = Sweep(Column("load_N", "load", "N"), y, points, looks, against=linear, among=sagged)
     header = Header(run.report.scenario, run.parameters, run.seeds[0])
     write_sweep(run.folder / "recording.rrd", header, sweep, run.words.summary(sweep.words.block("medians")))
 

@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import is_least_squares
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.bench.truths import member, true_cell
 from testbench.data.csvfile import write_csv
-from testbench.studies.model_error.cases import ALL, cases
+from testbench.studies.model_error.cases import ALL, NONE, cases
 from testbench.studies.model_error.report import ModelErrorReport
 from testbench.studies.model_error.summary import distinct
 from testbench.studies.model_error.tables import CASE, MODEL, RMS
@@ -17,6 +18,7 @@ from testbench.views.colours import look
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
 from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Table, pivot
 
 
 def write(run: Run[Settings, ModelErrorReport]) -> None:
@@ -40,7 +42,10 @@ def write_recording(run: Run[Settings, ModelErrorReport]) -> None:
         [Point(names.index(c.case), MODEL.cell(c), c.rms_um) for c in noisy],
         {c.model: look(c.structure, c.constraint, c.prior) for c in noisy},
         labels=dict(enumerate(names)),
+        against=[c.model for c in noisy if is_least_squares(c.structure, c.constraint, prior=c.prior)],
     )
     header = Header(report.scenario, run.parameters, run.seeds[0])
-    words = run.words.summary(run.tables["noisy_short"])
+    shown = {NONE, names[int(sweep.widest.best.x)], ALL}
+    table = pivot(Table((), [c for c in noisy if c.case in shown]), MODEL, CASE, replace(RMS, exact=True))
+    words = run.words.summary(f"RMS error over the workspace ({RMS.unit}), medians:", table)
     write_sweep(run.folder / "recording.rrd", header, sweep, words)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import is_least_squares
 from testbench.bench.campaign import Scenario, build_cell, simulate, stream
 from testbench.bench.truths import member, true_cell
 from testbench.data.csvfile import write_csv
@@ -32,7 +33,8 @@ def write_recording(run: Run[Settings, NoiseReport]) -> None:
     rows = distinct(run.report.sweeps["gravity"])
     y = replace(RMS, heading=f"{RMS.heading} over the workspace")
     looks = {row.model: look(row.structure, row.constraint, row.prior) for row in rows}
-    sweep = Sweep(SIGMA, y, points(rows, MODEL, SIGMA, y), looks)
+    theirs = [r.model for r in rows if is_least_squares(r.structure, r.constraint, prior=r.prior)]
+    sweep = Sweep(SIGMA, y, points(rows, MODEL, SIGMA, y), looks, against=theirs)
     header = Header(run.report.scenario, run.parameters, run.seeds[0])
     words = run.words.summary(run.tables["gravity_short"])
     write_sweep(run.folder / "recording.rrd", header, sweep, words)

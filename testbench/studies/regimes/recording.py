@@ -12,10 +12,11 @@ from testbench.studies.study import Run
 from testbench.views.colours import look
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
-from testbench.views.recording.swept import Sweep, points
+from testbench.views.recording.swept import Point, Sweep, points
 from testbench.views.schema import Column
 
 STRUCTURE = Column("structure", "structure")
+EQUAL = "least squares"  #: What the others are over.
 
 
 def write(run: Run[Settings, RegimesReport]) -> None:
@@ -31,9 +32,11 @@ def write_recording(run: Run[Settings, RegimesReport]) -> None:
     report = run.report
     rows = [cell for cell in report.cells["gravity"] if cell.poses == report.featured_poses]
     heading = f"error of GCO over that of least squares, {report.featured_poses} poses"
-    y = replace(OVER_LS, heading=heading, unit="1")
-    looks = {row.structure: look(row.structure, "psd") for row in rows}
-    sweep = Sweep(NOISE, y, points(rows, STRUCTURE, NOISE, y), looks)
+    y = replace(OVER_LS, heading=heading)
+    looks = {row.structure: look(row.structure, "psd") for row in rows} | {EQUAL: look("MLS56", "none")}
+    equal = [Point(noise, EQUAL, 1.0) for noise in sorted({row.noise_um for row in rows})]
+    found = [*points(rows, STRUCTURE, NOISE, y), *equal]
+    sweep = Sweep(NOISE, y, found, looks, against=[EQUAL])
     header = Header(report.scenario, run.parameters, run.seeds[0])
     words = run.words.summary(run.tables["gravity_short"])
     write_sweep(run.folder / "recording.rrd", header, sweep, words)

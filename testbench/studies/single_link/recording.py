@@ -16,6 +16,7 @@ from testbench.views.colours import look
 from testbench.views.markdown import grid
 from testbench.views.recording.chart import Chart, dots
 from testbench.views.recording.pen import snake
+from testbench.views.recording.plane import TITLE, WHOLE
 from testbench.views.recording.single_link import Matrices, write_single_link
 from testbench.views.recording.stream import Header
 from testbench.views.recording.swept import Sweep, points
@@ -51,7 +52,8 @@ def _errors(run: Run[Settings, LinkReport], column: Column) -> Chart:
     table = Table((*run.tables["errors"].columns[:1], column), models)
     colours = [look(m.structure, m.constraint).colour for m in models]
     title = f"RMS {column.heading} ({column.unit}), logarithmic"
-    return Chart(f"error_{column.unit}/{snake(column.heading)}", title, dots(table, colours))
+    path = f"error_{column.unit}/{snake(column.heading)}"
+    return Chart(path, title, dots(table, colours), (WHOLE[0], WHOLE[1] / 2 - TITLE))
 
 
 def _over_m(run: Run[Settings, LinkReport], column: Column) -> Sweep:

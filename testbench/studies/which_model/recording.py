@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import is_least_squares
 from testbench.bench.campaign import build_cell, draw_poses, simulate_at
 from testbench.bench.truths import true_cell
 from testbench.data.csvfile import write_csv
@@ -36,6 +37,9 @@ def write_recording(run: Run[Settings, WhichModelReport]) -> None:
         replace(ERROR, heading=f"{ERROR.heading} over the workspace"),
         points(report.family, METHOD, ACROSS, ERROR),
         {m.method: look_of(m) for m in report.family},
+        against=[
+            m.method for m in report.family if is_least_squares(m.structure, m.constraint, prior=m.filled)
+        ],
     )
     header = Header(report.scenario, run.parameters, run.seeds[0])
     words = run.words.summary(run.tables["family_short"])

@@ -212,7 +212,7 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
             for row in scene.spectrum[:SPECTRA]
         ]
         tabs.append(rrb.Grid(*bars, name="Spectra"))
-    return layout(*tabs, timeline=TIMELINES[0])
+    return layout(*tabs, timeline=TIMELINES[0], places=len(scene.q))
 
 
 def _map_view(scene: AbsoluteScene, found: ErrorMap) -> rrb.Spatial3DView:

@@ -112,4 +112,8 @@ def _blueprint(checked: Checked, frames: Frames) -> rrb.Blueprint:
         origin="world", name="Arm (m): tubes at their true diameter, beam axes as arrows", eye_controls=eye
     )
     words = text_view("summary", "What to confirm")
-    return layout(rrb.Horizontal(view, words, column_shares=[13, 8], name="Arm"), timeline=TIMELINE)
+    return layout(
+        rrb.Horizontal(view, words, column_shares=[13, 8], name="Arm"),
+        timeline=TIMELINE,
+        places=len(checked.poses),
+    )

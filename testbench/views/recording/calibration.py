@@ -97,4 +97,5 @@ def _blueprint(drawing: Drawing, chart: Chart) -> rrb.Blueprint:
         text_view("table", "Table"),
         text_view("log", "Notes"),
         timeline=TIMELINES[0],
+        places=drawing.data.runs,
     )

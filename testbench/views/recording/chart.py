@@ -1,8 +1,8 @@
 """Values with their spread on a logarithmic axis: drawn in a plane, so that every dot has its name."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import rerun as rr
@@ -11,19 +11,24 @@ import rerun.blueprint as rrb
 from testbench.errors import Array
 from testbench.trials.spread import Number, triple
 from testbench.views.recording.pen import Pen
+from testbench.views.recording.plane import (
+    LINE,
+    SPACE,
+    WHOLE,
+    Axis,
+    axis,
+    beside,
+    plane_view,
+    tick_text,
+    width,
+    write_grid,
+)
 from testbench.views.recording.style import NOISE, Colour
 from testbench.views.schema import Table
 
-ROW, TALL, WIDTH = 60.0, 100.0, 1000.0
-"""Height of a line, of one that several dots share, and width of the axis, in the chart's own units."""
 SHARE = 0.7  #: How much of a line its dots take up.
-LEFT, RIGHT = 340.0, 200.0  #: Room for names on the left and for numbers on the right.
-PANE = 1580.0, 760.0
-"""About the size of the view [ui points]: labels keep their size on the screen whatever the chart's."""
-BELOW, LETTER, SPACE = 14.0, 3.7, 18.0
-"""How far a label stands below its point, half the width of a letter, space before a number [ui points]."""
-ABREAST = 4  #: Entries of the legend on one line: more would overlap.
-SMALLEST = 1e-9  #: Values below are drawn here: the axis is logarithmic.
+DOT = (2.5, 4.5)  #: Radius of a dot, at least and at most.
+BETWEEN = 26.0  #: Between two entries of the legend.
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,7 @@ class Chart:
     path: str  #: Root of its entities.
     title: str  #: Of its view, unit included.
     dots: Sequence[Dot]
+    size: tuple[float, float] = WHOLE  #: Of its pane.
 
     @property
     def names(self) -> list[str]:
@@ -74,73 +80,97 @@ class Chart:
         return len(self.names) < len(self.dots)
 
     @property
-    def bottom(self) -> float:
-        """Where the lines end."""
-        return self._tall * len(self.names)
-
-    @property
-    def _meaning(self) -> dict[str, Colour]:
+    def legend(self) -> dict[str, Colour]:
         """What the colours of shared lines mean."""
-        return {d.text: d.colour for d in self.dots}
+        return {d.text: d.colour for d in self.dots} if self.shared else {}
 
-    @property
-    def _tall(self) -> float:
-        return TALL if self.shared else ROW
+    @cached_property
+    def _entries(self) -> Array:
+        """Where the dots of the legend stand, (entries, 2): from left to right, then on the next line."""
+        found: list[tuple[float, float]] = []
+        x, y = SPACE, 0.0
+        for text in self.legend:
+            wide = SPACE + width(text)
+            if x + wide > self._values.length + self._right and x > SPACE:
+                x, y = SPACE, y + LINE
+            found.append((x, y))
+            x += wide + BETWEEN
+        return np.array(found).reshape(-1, 2) - [0.0, y + 1.5 * LINE]
+
+    @cached_property
+    def _left(self) -> float:
+        return max(map(width, self.names)) + 2 * SPACE
+
+    @cached_property
+    def _right(self) -> float:
+        return SPACE if self.shared else max(width(d.text) for d in self.dots) + 2 * SPACE
+
+    @cached_property
+    def _values(self) -> Axis:
+        every = np.array([triple(d.value) for d in self.dots])
+        return axis(every, self.size[0] - self._left - self._right, log=True)
+
+    @cached_property
+    def _top(self) -> float:
+        return -LINE if not self.shared else float(self._entries[:, 1].min()) - LINE
+
+    @cached_property
+    def _bottom(self) -> float:
+        """Where the lines end: as low as the pane allows, and as each needs for its text."""
+        return max(self.size[1] + self._top - 2 * LINE, LINE * len(self.names))
 
     def view(self) -> rrb.Spatial2DView:
         """The view of the chart."""
-        top = -ROW * (0.5 + math.ceil(len(self._meaning) / ABREAST)) if self.shared else -ROW / 4
-        bounds = rrb.VisualBounds2D(x_range=(-LEFT, WIDTH + RIGHT), y_range=(top, self.bottom + ROW))
-        return rrb.Spatial2DView(origin=self.path, name=self.title, visual_bounds=bounds)
+        ends = (-self._left, self._values.length + self._right), (self._top, self._bottom + 2 * LINE)
+        return plane_view(self.path, self.title, *ends)
 
     def write(self, pen: Pen) -> None:
-        """Dots, whiskers, names and a grid of powers of ten."""
-        values = np.array([triple(d.value) for d in self.dots])
-        logs = np.log10(np.maximum(values, SMALLEST))
-        first = int(np.floor(logs.min()))
-        last = max(int(np.ceil(logs.max())), first + 1)
-        ticks = WIDTH * np.linspace(0, 1, last - first + 1)
-        x, y = WIDTH * (logs - first) / (last - first), self._tall * self._heights()
-        lines = [[(t, 0), (t, self.bottom)] for t in ticks]
-        pen.still(f"{self.path}/axis", rr.LineStrips2D(lines, colors=(*NOISE, 120), radii=-0.5))
-        marks = rr.Points2D(
-            [(t, self.bottom + ROW / 2) for t in ticks],
-            labels=[f"{10.0**k:g}" for k in range(first, last + 1)],
-            colors=NOISE,
-            radii=-1.0,
-            show_labels=True,
-        )
-        pen.still(f"{self.path}/ticks", marks)
+        """Dots, whiskers, names and a grid."""
+        values = self._values.at(np.array([triple(d.value) for d in self.dots]))
+        ticks, y = self._values.at(np.array(self._values.ticks)), self._heights()
+        write_grid(pen, f"{self.path}/axis", [[(float(t), 0.0), (float(t), self._bottom)] for t in ticks])
+        below = np.column_stack([ticks, np.full(len(ticks), self._bottom)])
+        pen.names(f"{self.path}/ticks", below, [tick_text(t) for t in self._values.ticks], NOISE)
         colours = [d.colour for d in self.dots]
-        spread = np.stack([x[:, 1:], np.column_stack([y, y])], axis=2)
-        pen.still(f"{self.path}/spread", rr.LineStrips2D(spread, colors=colours, radii=-2.0))
-        places = rr.Points2D(np.column_stack([x[:, 0], y]), colors=colours, radii=-6.0)
-        pen.still(f"{self.path}/value", places)
-        self._write_words(pen, x[:, 2], y)
+        spread = np.stack([values[:, 1:], np.column_stack([y, y])], axis=2)
+        pen.still(f"{self.path}/spread", rr.LineStrips2D([*spread], colors=colours, radii=-1.5))
+        places = np.column_stack([values[:, 0], y])
+        pen.still(f"{self.path}/value", rr.Points2D(places, colors=colours, radii=-self._dot))
+        self._write_words(pen, values.max(axis=1), y)
+
+    def write_cursor(self, pen: Pen, number: Array) -> None:
+        """Lines above and below what the time bar is at, its number from the top, (rows,) from 1."""
+        pen.still(f"{self.path}/cursor", rr.LineStrips2D.from_fields(colors=NOISE, radii=-1.0))
+        ends = (-self._left, self._values.length + self._right)
+        each = self._bottom / len(self.names)
+        strips = [[(x, each * y) for x in ends] for k in number for y in (k - 1, k)]
+        columns = rr.LineStrips2D.columns(strips=strips)
+        pen.rows(f"{self.path}/cursor", columns.partition([2] * len(number)))
 
     def _write_words(self, pen: Pen, right: Array, y: Array) -> None:
         """Names of the lines; numbers, or on shared lines what the colours mean, above."""
-        unit = max((LEFT + WIDTH + RIGHT) / PANE[0], (self.bottom + ROW) / PANE[1])  # of the chart a ui point
-        lift = BELOW * unit
         own = [next(d.colour for d in self.dots if d.name == name) for name in self.names]
-        places = [(-LEFT / 2, self._tall * (k + 0.5) - lift) for k in range(len(own))]
-        pen.names(f"{self.path}/name", np.array(places), self.names, NOISE if self.shared else own)
+        middles = self._bottom * (np.arange(len(own)) + 0.5) / len(own)
+        left = np.column_stack([np.zeros(len(own)), middles])
+        pen.names(
+            f"{self.path}/name", beside(left, self.names, -1), self.names, NOISE if self.shared else own
+        )
         if not self.shared:
-            texts = [d.text for d in self.dots]
-            ahead = right + unit * (SPACE + LETTER * np.array([len(text) for text in texts]))
-            colours = [d.colour for d in self.dots]
-            pen.names(f"{self.path}/number", np.column_stack([ahead, y - lift]), texts, colours)
+            texts, colours = [d.text for d in self.dots], [d.colour for d in self.dots]
+            pen.names(f"{self.path}/number", beside(np.column_stack([right, y]), texts, 1), texts, colours)
             return
-        names, colours = list(self._meaning), list(self._meaning.values())
-        columns, lines = min(ABREAST, len(names)), math.ceil(len(names) / ABREAST)
-        places = [
-            (WIDTH * (k % ABREAST + 0.5) / columns, -ROW * (lines - k // ABREAST)) for k in range(len(names))
-        ]
-        marks = rr.Points2D(places, labels=names, colors=colours, radii=-6.0, show_labels=True)
-        pen.still(f"{self.path}/legend", marks)
+        texts, colours = list(self.legend), list(self.legend.values())
+        pen.still(f"{self.path}/key", rr.Points2D(self._entries, colors=colours, radii=-5.0))
+        pen.names(f"{self.path}/legend", beside(self._entries, texts, 1), texts, colours)
+
+    @property
+    def _dot(self) -> float:
+        """Radius of a dot: those of a line do not cover each other where there is room."""
+        each = self._bottom / len(self.names) * SHARE
+        return float(np.clip(0.7 * each / len(self.legend or [1]), *DOT))
 
     def _heights(self) -> Array:
-        """Height of every dot [lines]: the middle of its line; several share it out."""
-        names = [d.name for d in self.dots]
+        """Height of every dot: the middle of its line; several share it out."""
+        names, each = [d.name for d in self.dots], self._bottom / len(self.names)
         within = [(names[:k].count(n) + 0.5) / names.count(n) - 0.5 for k, n in enumerate(names)]
-        return np.array([self.names.index(n) for n in names]) + 0.5 + SHARE * np.array(within)
+        return each * (np.array([self.names.index(n) for n in names]) + 0.5 + SHARE * np.array(within))

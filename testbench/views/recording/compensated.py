@@ -198,6 +198,7 @@ def _blueprint(scene: Compensated) -> rrb.Blueprint:
         rrb.Horizontal(views, beside, column_shares=[3, 2], name="Overview"),
         text_view("tables", "Tables"),
         timeline=TIMELINES[0],
+        places=len(scene.q),
     )
 
 

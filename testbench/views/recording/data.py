@@ -127,4 +127,5 @@ def _blueprint(cell: Cell, frames: Frames, registered: Registered, scale: float)
         rrb.Horizontal(view, words, column_shares=[12, 9], name="Overview"),
         text_view("columns", "Columns"),
         timeline=TIMELINE,
+        places=registered.data.runs,
     )

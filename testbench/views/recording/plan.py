@@ -9,6 +9,7 @@ from rerun.components import MarkerShape
 
 from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart
+from testbench.views.recording.curves import Curves
 from testbench.views.recording.error_map import key_view, map_words, write_key
 from testbench.views.recording.pen import Line, text_view
 from testbench.views.recording.plan_world import PlanScene, map_view, plan_view, write_world
@@ -25,10 +26,9 @@ EXPECTED = {
 
 def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
     """Write a measurement plan for the Rerun viewer; an existing file is replaced only by a whole one."""
-    # a line a number of poses, a dot a plan: a chart stands still, whatever the timeline
-    chart = scene.sweep.chart(CHART) if scene.sweep else None
+    plot = scene.sweep.plot(CHART) if scene.sweep else None
     words = Words(Path(__file__).parent, {"scene": scene}, "plan.md.j2")
-    with recording(path, "plan", header, _blueprint(scene, chart)) as pen:
+    with recording(path, "plan", header, _blueprint(scene, plot)) as pen:
         run = pen.on(rr.TimeColumn(TIMELINE, sequence=np.arange(scene.poses) + 1))
         write_world(run, scene)
         pen.documents(
@@ -44,12 +44,12 @@ def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
             run.line(Line(name, title.lower(), colour, 2.0, MarkerShape.Circle), mm)
         if scene.tables:
             pen.documents({"tables": scene.tables})
-        if chart:
+        if plot:
             pen.documents({"sweep_words": scene.sweep_words})
-            chart.write(pen)
+            plot.write(pen)
 
 
-def _blueprint(scene: PlanScene, chart: Chart | None) -> rrb.Blueprint:
+def _blueprint(scene: PlanScene, plot: Chart | Curves | None) -> rrb.Blueprint:
     """Plan, error map, and where there are any tables and errors over the number of poses."""
     ends = [rr.TimeRangeBoundary.absolute(seq=k) for k in (0, scene.poses + 1)]
     expected = [
@@ -71,7 +71,7 @@ def _blueprint(scene: PlanScene, chart: Chart | None) -> rrb.Blueprint:
     ]
     if scene.tables:
         tabs.append(text_view("tables", "Tables"))
-    if chart:
-        both = chart.view(), text_view("sweep_words", "In words")
+    if plot:
+        both = plot.view(), text_view("sweep_words", "In words")
         tabs.append(rrb.Horizontal(*both, column_shares=[12, 9], name="How many poses"))
-    return layout(*tabs, timeline=TIMELINE)
+    return layout(*tabs, timeline=TIMELINE, places=scene.poses)

@@ -91,4 +91,4 @@ def _blueprint(shown: Planted, frames: Frames) -> rrb.Blueprint:
         text_view("this_fault", "This fault"), text_view("summary", "Summary"), row_shares=[1, 6]
     )
     overview = rrb.Horizontal(view, words, column_shares=[12, 10], name="Overview")
-    return layout(overview, text_view("table", "Every fault"), timeline=TIMELINE)
+    return layout(overview, text_view("table", "Every fault"), timeline=TIMELINE, places=shown.data.runs)

@@ -140,7 +140,7 @@ def _blueprint(scene: PredictionScene) -> rrb.Blueprint:
     beside = rrb.Vertical(*words, plot, row_shares=[18, 5, 8])
     field = rrb.Vertical(_map_view(scene), key_view("map_key_mm"), row_shares=[10, 1])
     overview = rrb.Horizontal(_arm_view(scene), field, beside, column_shares=[8, 8, 7], name="Overview")
-    return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0])
+    return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0], places=len(scene.q))
 
 
 def _arm_view(scene: PredictionScene) -> rrb.Spatial3DView:

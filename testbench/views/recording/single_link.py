@@ -4,15 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.errors import Array
 from testbench.views.recording.chart import Chart
 from testbench.views.recording.compliance import heatmap_view, scaled, write_heatmap
+from testbench.views.recording.curves import Curves
 from testbench.views.recording.pen import snake, text_view
 from testbench.views.recording.stream import Header, layout, recording
-from testbench.views.recording.sweep import TIMELINE, plot_views, write_lines
 from testbench.views.recording.swept import Sweep
+
+TIMELINE = "sweep"
+ORDERS = (610.0, 560.0)  #: Size of the pane of one of two plots [ui points].
 
 
 @dataclass(frozen=True)
@@ -28,24 +33,28 @@ class Matrices:
 def write_single_link(path: Path, header: Header, shown: Matrices) -> None:
     """Write section 5.1 for the Rerun viewer; an existing file is replaced only by a whole one."""
     true = next(iter(shown.matrices.values()))
-    with recording(path, "single_link", header, _blueprint(shown)) as pen:
+    plots = [sweep.plot(sweep.root, ORDERS) for sweep in shown.orders]
+    with recording(path, "single_link", header, _blueprint(shown, plots)) as pen:
         pen.documents(shown.documents)
         for title, C in shown.matrices.items():
             write_heatmap(pen, f"compliance/{snake(title)}", [scaled(C, true)])
         for chart in shown.errors:
             chart.write(pen)
-        for sweep in shown.orders:
-            write_lines(pen, sweep)
+        for sweep, plot in zip(shown.orders, plots, strict=True):
+            plot.write(pen)
+            number = np.array([step.number for step in sweep.steps])
+            plot.write_cursor(pen.on(rr.TimeColumn(TIMELINE, sequence=number)), number)
 
 
-def _blueprint(shown: Matrices) -> rrb.Blueprint:
+def _blueprint(shown: Matrices, plots: Sequence[Chart | Curves]) -> rrb.Blueprint:
     pictures = [heatmap_view(f"compliance/{snake(title)}", title) for title in shown.matrices]
     grid = rrb.Grid(*pictures, grid_columns=2)
     return layout(
         rrb.Horizontal(grid, text_view("summary", "Summary"), column_shares=[10, 9], name="Overview"),
         rrb.Vertical(*(chart.view() for chart in shown.errors), name="Errors"),
-        rrb.Horizontal(*(rrb.Vertical(*plot_views(sweep)) for sweep in shown.orders), name="Order m"),
+        rrb.Horizontal(*(plot.view() for plot in plots), name="Order m"),
         text_view("eigenvalue", "Eigenvalues"),
         text_view("table", "Numbers"),
         timeline=TIMELINE,
+        places=len(shown.orders[0].steps),
     )

@@ -114,4 +114,5 @@ def _blueprint(race: Race, times: Chart) -> rrb.Blueprint:
         rrb.Vertical(*ways, name="Iterations"),
         text_view("log", "Notes"),
         timeline=TIMELINE,
+        places=max(map(len, race.ways.values())),
     )

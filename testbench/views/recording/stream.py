@@ -14,7 +14,7 @@ from testbench.files import versions
 from testbench.output.scratch import whole_file
 from testbench.views.recording.pen import Pen
 
-FPS = 2.0  #: Places a second of a timeline that is played: 21 runs take about ten seconds.
+SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,15 @@ def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
 
 
-def layout(*tabs: rrb.Container | rrb.View, timeline: str) -> rrb.Blueprint:
-    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on."""
+def layout(*tabs: rrb.Container | rrb.View, timeline: str, places: int) -> rrb.Blueprint:
+    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on.
+
+    That many places on the timeline are played in SCRUB seconds.
+    """
+    fps = max(1.0, places / SCRUB)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
-        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="paused", fps=FPS),
+        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="paused", fps=fps),
         auto_views=False,
         collapse_panels=True,
     )
