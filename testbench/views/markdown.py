@@ -11,6 +11,7 @@ from pathlib import Path
 
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
 
+from testbench.bench.truths import CALLED
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
 from testbench.views.gains import less, more
@@ -110,7 +111,7 @@ def _environment(folder: Path) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
-    found.filters |= {"line": line, "less": less, "more": more, "place": place}
+    found.filters |= {"line": line, "less": less, "more": more, "place": place, "true_arm": true_arm}
     found.filters["counted"] = counted
     found.filters["ended"] = ended
     found.filters["against"] = against
@@ -130,6 +131,11 @@ def ended(sentence: str) -> str:
 def listed(names: list[str]) -> str:
     """Names as in a sentence: a, b and c."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def true_arm(name: str) -> str:
+    """What a true arm is called."""
+    return CALLED.get(name, name)
 
 
 def place(metres: Sequence[float]) -> str:

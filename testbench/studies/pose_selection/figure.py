@@ -30,7 +30,7 @@ def curves(report: PoseReport) -> Figure:
     _curve(centre, report, PLANNED.name, WORKSPACE, "over the workspace")
     _curve(right, report, BARE.name, TASKS, "at the tasks, identified without prior")
     _curve(last, report, INCUMBENT.name, TASKS, "at the tasks, joints alone by least squares")
-    enough = report.recommendation.aim_mm
+    enough = report.recommendation.within_mm
     left.axhline(enough, color=SOFT, linewidth=0.8)
     left.text(
         1, enough, f"{enough:g} mm", transform=left.get_yaxis_transform(), color=SOFT, ha="right", va="bottom"

@@ -7,6 +7,7 @@ from testbench.bench.plan_report import Found
 from testbench.bench.rows import DatasetRow
 from testbench.studies.pose_selection.rows import Certificate, Model, PlanRow, Where
 from testbench.studies.pose_selection.settings import Scope
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Number
 
 
@@ -79,12 +80,12 @@ class Possible:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """The fewest poses that keep the tasks within `aim_mm` in 95 % of all trials, None for more than tried.
+    """The fewest poses that keep the tasks within so much in 95 % of all trials, None for more than tried.
 
     Beyond `little_more_beyond` poses `step` more take less than `little_percent` off the error.
     """
 
-    aim_mm: float
+    within_mm: float
     fewest: Mapping[str, int | None]
     little_more_beyond: int | None
     step: int
@@ -189,6 +190,24 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """Errors at the tasks of the featured plan, identified as planned for."""
+
+    random: Gain  #: Beside random poses.
+    joints: Gain  #: Beside joints alone, from poses planned likewise.
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Largest errors of the featured plan, medians pose by pose; and where planning gains least."""
+
+    task_mm: float
+    workspace_mm: float
+    case: str  #: Fit, where it is judged, and which tasks were planned for.
+    ratio: float  #: Median error there over that of random poses [1].
+
+
+@dataclass(frozen=True)
 class PoseReport:
     """report.json."""
 
@@ -219,3 +238,5 @@ class PoseReport:
     study: Scope
     criteria: list[Level]
     verdict: Verdict
+    gains: Gains
+    worst: Worst

@@ -8,13 +8,14 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.bench.candidates import REASONS
 from testbench.bench.plan_report import Found
-from testbench.bench.truths import TRUTHS
+from testbench.bench.truths import CALLED, TRUTHS
 from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.studies.pose_selection import report as r
 from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.rows import Part, PlanRow, Row, Scene
+from testbench.studies.pose_selection.rows import Part, PlanRow, Row, Scene, Where
 from testbench.studies.pose_selection.settings import ON_ARMS, PLANNED, RANDOM
 from testbench.studies.study import Trials
+from testbench.trials.gain import gained
 from testbench.trials.spread import Number, ends, grouped, merge, middle, wins
 from testbench.views.schema import best_of
 
@@ -25,7 +26,7 @@ STEP, LITTLE = 4, 0.10
 KEPT_BY: Mapping[str, Callable[[Row], str]] = {
     "poses": lambda row: "planned" if row.plan == "test" else row.plan,
     "tasks": lambda row: row.ground,
-    "truth": lambda row: row.kept.truth if row.kept else "",
+    "truth": lambda row: CALLED[row.kept.truth] if row.kept else "",
     "prior": lambda row: row.kept.prior if row.kept else "",
 }
 """What promises are told by."""
@@ -53,6 +54,7 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
     grounds = [
         row for there in (asked, s.elsewhere(asked)) for row in _ground(groups, there.scope, there.scene)
     ]
+    where = merge([x.where for x in groups["measured", "test", n, PLANNED.name] if x.where])
     return r.PoseReport(
         scenario=s.NAME,
         seed=seeds[0] if len(seeds) == 1 else list(seeds),
@@ -65,7 +67,7 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         dataset=r.Measured(**vars(first.data), poses=n, tasks=scope.tasks, workspace_poses=scope.workspace),
         candidates=Found(len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))),
         models=[r.ModelReport(**vars(merge(own))) for own in models.values()],
-        where=merge([x.where for x in groups["measured", "test", n, PLANNED.name] if x.where]),
+        where=where,
         plans=plans,
         errors=errors,
         featured={name: featured(own, n) for name, own in errors.items()},
@@ -81,6 +83,8 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         study=scope,
         criteria=criteria,
         verdict=verdict(criteria, ours["test"], forecasts, variants, grounds),
+        gains=gains(groups, n),
+        worst=worst(where, grounds),
     )
 
 
@@ -296,8 +300,32 @@ def verdict(
 
 def losing(grounds: Sequence[r.GroundReport]) -> tuple[str, ...]:
     """Where the plan's median error is no less than that of random poses."""
-    cases = [(f"{own.fit} at the tasks, {own.ground}", own.tasks) for own in grounds]
-    cases += [(f"{own.fit} over the workspace, planned {own.ground}", own.workspace) for own in grounds]
     return tuple(
-        f"{where} ({own.ratio:.2f}, {own.wins} of {own.seeds})" for where, own in cases if own.ratio >= 1
+        f"{where} ({own.ratio:.2f}, {own.wins} of {own.seeds})"
+        for where, own in _cases(grounds)
+        if own.ratio >= 1
     )
+
+
+def _cases(grounds: Sequence[r.GroundReport]) -> list[tuple[str, r.Against]]:
+    """Every fit with its own plan, where it is judged, in words."""
+    cases = [(f"{own.fit} at the tasks, {own.ground}", own.tasks) for own in grounds]
+    return cases + [(f"{own.fit} over the workspace, planned {own.ground}", own.workspace) for own in grounds]
+
+
+def gains(groups: Groups, poses: int) -> r.Gains:
+    """The featured plan beside random poses, and beside joints alone from poses planned likewise."""
+    plan, chance, joints = (
+        [row.tasks_mm for row in groups["measured", name, poses, fit.name]]
+        for name, fit in (("test", PLANNED), (RANDOM, PLANNED), ("test", s.INCUMBENT))
+    )
+    return r.Gains(
+        gained("planned", RANDOM, plan, chance), gained(PLANNED.name, s.INCUMBENT.name, plan, joints)
+    )
+
+
+def worst(where: Where, grounds: Sequence[r.GroundReport]) -> r.Worst:
+    """The worst task and place, and the case in which planning gains least."""
+    case, own = max(_cases(grounds), key=lambda found: found[1].ratio)
+    task, place = (max(map(middle, errors)) for errors in (where.tasks_mm, where.workspace_mm))
+    return r.Worst(task, place, case, own.ratio)
