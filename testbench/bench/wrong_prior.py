@@ -117,3 +117,12 @@ PRIORS: Mapping[str, Wrong] = {
     "uncoupled": Wrong(_uncoupled),
 }
 """By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
+PRIORS_CALLED = {
+    "right": "right",
+    "scaled": "scaled",
+    "link": "one link off",
+    "joints": "joints off",
+    "axes": "axes turned",
+    "uncoupled": "no couplings",
+}
+"""The same for readers."""

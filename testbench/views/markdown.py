@@ -12,6 +12,7 @@ from pathlib import Path
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
 
 from testbench.bench.truths import CALLED
+from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
 from testbench.views.gains import less, more
@@ -112,6 +113,7 @@ def _environment(folder: Path) -> Environment:
     )
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
     found.filters |= {"line": line, "less": less, "more": more, "place": place, "true_arm": true_arm}
+    found.filters["prior"] = prior
     found.filters["counted"] = counted
     found.filters["ended"] = ended
     found.filters["against"] = against
@@ -136,6 +138,11 @@ def listed(names: list[str]) -> str:
 def true_arm(name: str) -> str:
     """What a true arm is called."""
     return CALLED.get(name, name)
+
+
+def prior(name: str) -> str:
+    """What a prior is called."""
+    return PRIORS_CALLED.get(name, name)
 
 
 def place(metres: Sequence[float]) -> str:

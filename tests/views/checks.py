@@ -125,7 +125,7 @@ def check_table(table, rows, means, known=None):
     for row, line in zip(rows, cells, strict=True):
         for (title, path), cell in zip(means.items(), line, strict=True):
             own, paper = re.fullmatch(r"(.*?)(?: \[(.*)\])?", cell).groups()
-            value = in_unit(title, path, at(row, path))
+            value = _called(table, title, in_unit(title, path, at(row, path)))
             assert shows(own, _shown(table, title, value)), (title, path, cell, value)
             if paper or (known and title in known and at(row, known[title]) is not None):
                 value = in_unit(title, known[title], at(row, known[title]))
@@ -148,14 +148,14 @@ def check_terminal(table, rows, means):
     for row in rows:
         first, *others = lines.pop(0)
         title, path = next(iter(means.items()))
-        assert shows(first.removeprefix("* "), in_unit(title, path, at(row, path)))
+        assert shows(first.removeprefix("* "), _called(table, title, in_unit(title, path, at(row, path))))
         ends = {"median": others}
         while lines and lines[0][0] in ("  5 %", "  95 %", "  paper"):
             name, *cells = lines.pop(0)
             ends[{"  5 %": "p05", "  95 %": "p95"}.get(name, "paper")] = cells
         ends.pop("paper", None)
         for k, (title, path) in enumerate(list(means.items())[1:]):
-            value = in_unit(title, path, at(row, path))
+            value = _called(table, title, in_unit(title, path, at(row, path)))
             for end, cells in ends.items():
                 spread = isinstance(_shown(table, title, value), Spread)
                 own = getattr(value, end) if isinstance(value, Spread) else value
@@ -165,6 +165,12 @@ def check_terminal(table, rows, means):
     assert not lines
 
 
+def _called(table, title, value):
+    """What readers call a key."""
+    own = [c.called.get(value, value) for c in table.columns if c.title == title and isinstance(value, str)]
+    return own[0] if own else value
+
+
 def _shown(table, title, value):
     """The median alone where nothing is spread, or no spread is wanted."""
     [column] = [c for c in table.columns if c.title == title]
@@ -172,7 +178,7 @@ def _shown(table, title, value):
     return value.median if alone else value
 
 
-def check_pivot(table, rows, paths, unit=""):
+def check_pivot(table, rows, paths, unit="", called=({}, {})):
     """A table of two factors shows the report's number of every pair, and no other.
 
     Args:
@@ -180,6 +186,7 @@ def check_pivot(table, rows, paths, unit=""):
         rows: Those of the report that it must show.
         paths: In a row: what names the line, what heads the column, what the cell holds.
         unit: Behind every heading.
+        called: What readers call the keys that name lines, and those that head columns.
     """
     down, across, cell = paths
     [(head, lines)] = tables_of(markdown.grid(table))
@@ -190,6 +197,7 @@ def check_pivot(table, rows, paths, unit=""):
     for row in rows:
         value, name, level = at(row, cell), at(row, down), at(row, across)
         level = f"{level:g}" if isinstance(level, float) else str(level)
+        name, level = (own.get(key, key) for own, key in zip(called, (str(name), level), strict=True))
         value = value.median if exact and isinstance(value, Spread) else value
         assert shows(cells[str(name), level + behind], value), (name, level, value)
     fields = {"name": "name"} | {

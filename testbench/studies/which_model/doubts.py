@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from testbench.bench.truths import TRUTHS
+from testbench.bench.truths import CALLED, TRUTHS
 from testbench.bench.wrong_prior import PRIORS, RIGHT
 from testbench.studies.which_model.report import EVERY, DoubtAt
 from testbench.studies.which_model.rows import Case, Doubted, FitRow
@@ -39,7 +39,7 @@ def named_otherwise(found: Sequence[Found]) -> dict[str, float]:
 
 
 def _true(case: Case) -> Kind | None:
-    return (list(TRUTHS).index(case.truth), f"truth {case.truth}") if case.prior == RIGHT else None
+    return (list(TRUTHS).index(case.truth), CALLED[case.truth]) if case.prior == RIGHT else None
 
 
 def _moving(case: Case) -> Kind | None:

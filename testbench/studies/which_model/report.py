@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from testbench.bench.truths import CALLED
+from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.identify import Constraint
-from testbench.studies.bar import Bar
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Spread
 
 EVERY = "all"  #: All cases, in words.
@@ -99,7 +101,27 @@ class CoverAt:
     def where(self) -> str:
         """The cases in words."""
         poses = EVERY if self.poses is None else f"{self.poses} poses"
-        return (self.truth and f"truth {self.truth}") or (self.prior and f"prior {self.prior}") or poses
+        prior = self.prior and f"prior {PRIORS_CALLED[self.prior]}"
+        return CALLED.get(self.truth, self.truth) or prior or poses
+
+
+@dataclass(frozen=True)
+class Gains:
+    """RMS errors over the workspace, case by case, of the default; None where a method is not there."""
+
+    least_squares: Gain | None  #: Beside the best of least squares that knows no prior.
+    joints: Gain | None  #: Beside joints alone.
+
+
+@dataclass(frozen=True)
+class WorstArm:
+    """The true arm with which the default's median error is largest, and the others' there."""
+
+    truth: str
+    poses: int
+    default_mm: float
+    least_squares_mm: float
+    joints_mm: float
 
 
 @dataclass(frozen=True)
@@ -111,6 +133,7 @@ class Advice:
     best: MethodAt  #: Fixed, as all that follow.
     without_prior: MethodAt  #: Of those that know no prior.
     joints: MethodAt  #: The incumbent.
+    gains: Gains
 
 
 @dataclass(frozen=True)
@@ -144,10 +167,10 @@ class WhichModelReport:
     cells: list[MethodAt]  #: Every truth with every prior.
     #: Truths and priors with which the default loses to joints alone, worst first.
     losses: list[MethodAt]
+    worst_arm: WorstArm  #: At the least number of poses.
     worst: list[WorstAt]  #: The worst cases of the default, over joints alone.
     chosen: list[ChosenAt]
     cover: list[CoverAt]
     doubts: list[DoubtAt]
-    bars: list[Bar]
     truths: list[TruthAt]
     priors: Mapping[str, str]  #: What is wrong with each, in words.

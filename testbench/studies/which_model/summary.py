@@ -1,5 +1,6 @@
 """The report of all trials: every method over the family of truths and priors, beside joints alone."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,21 +12,23 @@ from testbench.bench.rows import UM
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
 from testbench.studies.study import Trials
-from testbench.studies.which_model.bars import bars
 from testbench.studies.which_model.coverage import coverage
 from testbench.studies.which_model.doubts import doubt_table
 from testbench.studies.which_model.methods import CHOSEN
 from testbench.studies.which_model.report import (
     Advice,
     ChosenAt,
+    Gains,
     MethodAt,
     TruthAt,
     WhichModelReport,
+    WorstArm,
     WorstAt,
 )
 from testbench.studies.which_model.rows import Case, FitRow
 from testbench.studies.which_model.trial import NAME, RUNS, Settings
 from testbench.studies.which_model.words import PRIOR_WORDS, TRUTH_WORDS
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import SAME, grouped, spread
 
 WORST = 10  #: How many of the worst cases are named.
@@ -52,7 +55,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[FitRow]) -> WhichModel
     known = [own for own in rows if own.row.filled or own.row.method == CHOSEN]
     every = [own.row for own in rows]
     cover, doubts = coverage(every), doubt_table(every)
-    advice = [_advice(own) for own in grouped(family, lambda m: m.poses).values()]
+    advice = [_advice(own, every) for own in grouped(family, lambda m: m.poses).values()]
+    by_truth = gathered(rows, lambda row: (row.case.truth, ""))
     return WhichModelReport(
         scenario=NAME,
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
@@ -66,15 +70,15 @@ def summary(asked: Settings, seeds: range, trials: Trials[FitRow]) -> WhichModel
         margin_percent=100 * MARGIN,
         advice=advice,
         family=family,
-        by_truth=gathered(rows, lambda row: (row.case.truth, "")),
+        by_truth=by_truth,
         by_prior=gathered(known, lambda row: ("", row.case.prior)),
         cells=cells,
         losses=losses(cells),
+        worst_arm=worst_arm(by_truth, advice[0]),
         worst=worst(rows),
         chosen=_chosen(every),
         cover=cover,
         doubts=doubts,
-        bars=bars(advice, cover, doubts),
         truths=_truths(every),
         priors=PRIOR_WORDS,
     )
@@ -140,7 +144,7 @@ def _least_median(errors: dict[str, list[float]]) -> str:
     return min(errors, key=lambda name: float(np.median(errors[name])))
 
 
-def _advice(family: Sequence[MethodAt]) -> Advice:
+def _advice(family: Sequence[MethodAt], rows: Sequence[FitRow]) -> Advice:
     def best(methods: Sequence[MethodAt]) -> MethodAt:
         return min(methods, key=lambda m: m.workspace_mm.median)
 
@@ -148,7 +152,31 @@ def _advice(family: Sequence[MethodAt]) -> Advice:
     [joints] = [m for m in fixed if m.method == JOINTS]
     [default] = [m for m in family if m.method == CHOSEN]
     plain = [m for m in fixed if not m.filled]
-    return Advice(family[0].poses, default, best(fixed), best(plain), joints)
+    errors = {
+        name: [row.workspace_mm for row in own]
+        for name, own in grouped([row for row in rows if row.poses == family[0].poses], _method).items()
+    }
+
+    def gain(theirs: str) -> Gain | None:
+        return gained(CHOSEN, theirs, errors[CHOSEN], errors[theirs]) if theirs in errors else None
+
+    gains = Gains(gain(least_squares(plain)), gain(JOINTS))
+    return Advice(family[0].poses, default, best(fixed), best(plain), joints, gains)
+
+
+def least_squares(methods: Sequence[MethodAt]) -> str:
+    """The best of least squares that knows no prior, joints alone left out; empty where there is none."""
+    own = [m for m in methods if m.constraint == "none" and not m.filled and m.method not in (JOINTS, CHOSEN)]
+    return min(own, key=lambda m: m.workspace_mm.median).method if own else ""
+
+
+def worst_arm(by_truth: Sequence[MethodAt], advice: Advice) -> WorstArm:
+    """The true arm of the default's largest median error at this number of poses."""
+    own = {(m.truth, m.method): m.workspace_mm.median for m in by_truth if m.poses == advice.poses}
+    truth = max((truth for truth, method in own if method == CHOSEN), key=lambda name: own[name, CHOSEN])
+    theirs = advice.gains.least_squares
+    other = own[truth, theirs.theirs] if theirs else math.nan
+    return WorstArm(truth, advice.poses, own[truth, CHOSEN], other, own[truth, JOINTS])
 
 
 def losses(cells: Sequence[MethodAt]) -> list[MethodAt]:

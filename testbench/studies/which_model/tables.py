@@ -2,14 +2,15 @@
 
 from dataclasses import replace
 
-from testbench.studies.bar import bar_table
+from testbench.bench.truths import CALLED
+from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.studies.which_model.methods import CHOSEN
 from testbench.studies.which_model.report import MethodAt, WhichModelReport
 from testbench.views.schema import Column, Table, pivot
 
 METHOD = Column("method", "method")
-TRUTH = Column("truth", "truth")
-PRIOR = Column("prior", "prior")
+TRUTH = Column("truth", "true arm", called=CALLED)
+PRIOR = Column("prior", "prior", called=PRIORS_CALLED)
 POSES = Column("poses", "poses", form="d")
 ACROSS = replace(POSES, unit="poses")
 ERROR = Column("workspace_mm", "RMS error", "mm", ".3f")
@@ -88,7 +89,6 @@ def tables(report: WhichModelReport) -> dict[str, Table]:
         "worst": Table(WORST, report.worst),
         "chosen": Table(CHOICES, report.chosen),
         "doubts": Table(DOUBTS, [own for own in report.doubts if own.poses is None]),
-        "bars": bar_table(report.bars, ".3f"),
         "cover": Table(COVER, [own for own in report.cover if own.method == CHOSEN]),
         "covered": pivot(
             Table((), report.cover), WHERE, METHOD, replace(COVERED, unit="", form=".3f", scale=1)
