@@ -19,7 +19,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.absolute.files import COMMAND, write
 from testbench.views.absolute.words import tables, words
-from testbench.views.terminal import grid, print_answer, print_statements
+from testbench.views.terminal import grid, looked_at, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def command(asked: Options) -> None:
         *(f"- {note}" for note in found.notes),
         f"model      {out / 'model.json'}; judge it with: testbench score {out} READINGS.csv",
         f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        *looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 

@@ -14,6 +14,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.checked.files import COMMAND, write
 from testbench.views.checked.words import confirm_lines, contents, sag_words
+from testbench.views.terminal import looked_at
 
 MOST = 12  #: Numbers to confirm that are listed.
 
@@ -23,7 +24,7 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    out: Annotated[Path | None, typer.Option(help="Folder for arm.png and recording.rrd.")] = None
+    out: Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")] = None
     force: Force = False
 
 
@@ -48,5 +49,5 @@ def command(asked: Options) -> None:
     console.print("\n".join(lines), soft_wrap=True, markup=False)
     if asked.out is not None:
         write(checked, find_arm(asked.arm), asked.out)
-        text = f"picture    {asked.out / 'arm.png'}\nrecording  {asked.out / 'recording.rrd'}"
-        console.print(f"{text}; open it with: testbench view {asked.out}", soft_wrap=True, markup=False)
+        lines = [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
+        console.print("\n".join(lines), soft_wrap=True, markup=False)

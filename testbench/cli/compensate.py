@@ -25,7 +25,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
 from testbench.views.compensate.words import tables, words
-from testbench.views.terminal import grid, print_answer, print_statements
+from testbench.views.terminal import grid, looked_at, print_answer, print_statements
 
 SIGNS = {"": 1.0, "-": -1.0}
 AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
@@ -93,7 +93,7 @@ def command(asked: Options) -> None:
     lines = [
         f"corrected  {to.program}",
         f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
-        f"recording  {to.report / 'recording.rrd'}; open it with: testbench view {to.report}",
+        *looked_at(to.report),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 

@@ -16,6 +16,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.data import words
 from testbench.views.data.files import COMMAND, write
+from testbench.views.terminal import looked_at
 
 group = typer.Typer(no_args_is_help=True)
 
@@ -30,7 +31,7 @@ class Options:
     sigma_um: SigmaUm = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
-    out: Annotated[Path | None, typer.Option(help="Folder for data.png and recording.rrd.")] = None
+    out: Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")] = None
     force: Force = False
 
 
@@ -67,5 +68,5 @@ def check(asked: Options) -> None:
     console.print("\n".join(f"- {line}" for line in said), soft_wrap=True, markup=False)
     if asked.out is not None:
         write(cell, asked.dataset.name, found, registered, asked.out)
-        text = f"picture    {asked.out / 'data.png'}\nrecording  {asked.out / 'recording.rrd'}"
-        console.print(f"{text}; open it with: testbench view {asked.out}", soft_wrap=True, markup=False)
+        lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
+        console.print("\n".join(lines), soft_wrap=True, markup=False)

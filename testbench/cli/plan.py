@@ -121,7 +121,7 @@ def _plan_deflections(asked: Options, task: Path) -> None:
         f"plan       {out / 'plan.csv'}; page {out / 'plan.md'}",
         f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
         f"figure     {out / 'plan.png'}",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        *terminal.looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 
@@ -144,7 +144,7 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
     lines = [
         f"plan       {out / 'plan.csv'}; page {out / 'plan.md'}; numbers {out / 'plan.json'}",
         f"figure     {out / 'plan.png'}",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        *terminal.looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 

@@ -23,7 +23,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.predicted.files import COMMAND, write
 from testbench.views.predicted.words import tables, words
-from testbench.views.terminal import grid, print_answer, print_statements
+from testbench.views.terminal import grid, looked_at, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def command(asked: Options) -> None:
         *([f"- {heavy}"] if heavy else []),
         f"poses      {out / 'predictions.csv'}",
         f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'predict.png'}",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        *looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True, markup=False)
 

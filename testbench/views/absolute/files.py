@@ -12,6 +12,7 @@ from testbench.bench.absolute_summary import Reported
 from testbench.bench.campaign import Cell
 from testbench.output.run import whole_folder
 from testbench.views.absolute.words import words
+from testbench.views.page.page import write_page
 
 COMMAND = "testbench calibrate"  #: As manifest.json names it.
 
@@ -23,7 +24,7 @@ def write(
     asked: Mapping[str, object],
     out: Path,
 ) -> None:
-    """The model, its report, figure, recording and manifest.json.
+    """The model, its report, figure, recording, page and manifest.json.
 
     Args:
         cell: The arm.
@@ -36,7 +37,8 @@ def write(
         InputError: When they cannot be written.
     """
     from testbench.views.absolute.figure import overview  # here: importing matplotlib and rerun takes two
-    from testbench.views.absolute.scene import scene  # thirds of a second
+    from testbench.views.absolute.page import seen  # thirds of a second
+    from testbench.views.absolute.scene import scene
     from testbench.views.recording.absolute import write_absolute
     from testbench.views.recording.stream import Header
 
@@ -45,10 +47,12 @@ def write(
     with whole_folder(out) as folder:
         write_model(reported.found.calibration, data, said, folder)
         files.write_json(asdict(report), folder / "report.json")
-        (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
+        text = words(report)
+        (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(reported).savefig(folder / "calibration.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         write_absolute(folder / "recording.rrd", header, scene(cell, reported))
+        write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, reported))
         files.write_manifest(
             folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[cell.arm.rigid.parent]
         )

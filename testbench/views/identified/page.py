@@ -24,6 +24,7 @@ from testbench.views.picked import of_all, picked
 from testbench.views.schema import Table, show
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
+LEFT_MM = "What is left in each run, at the target where it is worst (mm)"
 NOWHERE = "no bound"
 
 
@@ -39,9 +40,8 @@ def seen(cell: Cell, made: Explained, report: IdentifiedReport) -> Seen:
     if made.elsewhere is not None:
         groups.append(_places(cell, made.elsewhere))
     lines = [_line(m, MM * longest(made.left[m.name])[some]) for m in models]
-    said = of_all(len(some), data.runs, "runs")
-    what = f"What is left in each run, at the target where it is worst (mm){'; ' * bool(said)}{said}"
-    chart = RunChart(what, 0, [str(data.run[k]) for k in some], lines, report.noise_p95_mm)
+    labels, note = [str(data.run[k]) for k in some], of_all(len(some), data.runs, "runs")
+    chart = RunChart(LEFT_MM, 0, labels, lines, report.noise_p95_mm, note)
     return Seen(
         scene=Scene(cell, title, groups) if groups else None,
         map=None if made.elsewhere is None else _map(models[-1], made.elsewhere, len(groups) - 1),

@@ -171,6 +171,7 @@ function runChart(place, chart, names, choose) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": chart.title });
   const legend = make("div", { class: "bar" });
   for (const line of chart.lines) legend.append(swatch(line));
+  if (chart.limit !== null) legend.append(make("span", { class: "named" }, dashes(), "95 % of pure noise"));
   const sorted = make("button", { type: "button" }, "worst first");
   legend.append(sorted);
 
@@ -183,7 +184,6 @@ function runChart(place, chart, names, choose) {
     if (chart.limit !== null) {
       const level = y.place(chart.limit);
       svg.append(make("line", { x1: left, x2: width, y1: level, y2: level, stroke: SOFT, "stroke-dasharray": "5 4" }));
-      svg.append(make("text", { class: "soft", x: width - 4, y: level - 4, "text-anchor": "end" }, "95 % of pure noise"));
     }
     const radius = Math.max(2, Math.min(4.5, width / n / 3));
     order.forEach((k, i) => chart.lines.forEach((line) => {
@@ -218,6 +218,12 @@ function runChart(place, chart, names, choose) {
   });
   draw();
   place.append(legend, svg, tip);
+}
+
+/** The dashed line of a level. */
+function dashes() {
+  const line = make("line", { x1: 0, x2: 20, y1: 8, y2: 8, stroke: SOFT, "stroke-dasharray": "5 4" });
+  return make("svg", { viewBox: "0 0 20 16", style: "width:20px;height:16px" }, line);
 }
 
 /** Name of a line with its dot. */

@@ -29,6 +29,7 @@ class RunChart:
     labels: Sequence[str]  #: Of the poses, a few letters each.
     lines: Sequence[Line]
     limit: float | None = None  #: What noise alone stays below in 95 %, in the same unit.
+    note: str = ""  #: What else there is to say of them.
 
     def plain(self) -> Json:
         """As JSON data."""
@@ -38,6 +39,7 @@ class RunChart:
             "labels": list(self.labels),
             "lines": [_line(line) for line in self.lines],
             "limit": self.limit,
+            "note": self.note,
         }
 
 

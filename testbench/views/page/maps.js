@@ -7,7 +7,7 @@ class Maps {
     const every = data.lines.flatMap((line) => line.values).filter((x) => x !== null);
     [this.low, this.high] = [Math.min(...every), Math.max(...every)];
     this.log = this.low > 0 && this.high > 20 * this.low;
-    this.camera = Camera.around([[0, 0, 0], ...data.at]);
+    this.camera = Camera.around([0, 0, 0, ...data.at.flat()]);
     const panes = make("div", { class: "panes" });
     for (const line of data.lines) panes.append(this.pane(line));
     place.append(panes, this.key());
@@ -73,12 +73,13 @@ class Maps {
     pane.ratio = ratio;
   }
 
-  /** Where the arm stands: a cross of half a metre on the floor. */
+  /** Where the arm stands: a cross on the floor. */
   foot(pen, project, ratio) {
     const out = new Float32Array(6);
     pen.strokeStyle = getComputedStyle(document.body).getPropertyValue("--soft");
     pen.lineWidth = 3 * ratio;
-    for (const [a, b] of [[[-0.5, 0, 0], [0.5, 0, 0]], [[0, -0.5, 0], [0, 0.5, 0]], [[0, 0, 0], [0, 0, 0.8]]]) {
+    const s = this.camera.home.distance / 16;
+    for (const [a, b] of [[[-s, 0, 0], [s, 0, 0]], [[0, -s, 0], [0, s, 0]], [[0, 0, 0], [0, 0, 1.6 * s]]]) {
       project(...a, out, 0);
       project(...b, out, 3);
       pen.beginPath();
@@ -89,14 +90,13 @@ class Maps {
   }
 
   ring(pen, places, worst, ratio) {
-    const ink = getComputedStyle(document.body).getPropertyValue("--ink");
-    pen.strokeStyle = pen.fillStyle = ink;
+    const [x, y] = [places[3 * worst], places[3 * worst + 1]];
+    pen.strokeStyle = inks().ink;
     pen.lineWidth = 2 * ratio;
     pen.beginPath();
-    pen.arc(places[3 * worst], places[3 * worst + 1], 13 * ratio, 0, 7);
+    pen.arc(x, y, 13 * ratio, 0, 7);
     pen.stroke();
-    pen.font = `${12 * ratio}px system-ui, sans-serif`;
-    pen.fillText("worst", places[3 * worst] + 16 * ratio, places[3 * worst + 1] + 4 * ratio);
+    written(pen, "worst", x + 16 * ratio, y + 4 * ratio, ratio);
   }
 
   pick(pane, event) {

@@ -8,11 +8,19 @@ class Camera {
     Object.assign(this, { target, distance, yaw, pitch, home: { distance, yaw, pitch } });
   }
 
-  /** A camera that has all points in view. */
+  /** A camera that has all points in view, x, y, z one after the other. */
   static around(points) {
-    const middle = [0, 1, 2].map((k) => (Math.min(...points.map((p) => p[k])) + Math.max(...points.map((p) => p[k]))) / 2);
-    const radius = Math.max(...points.map((p) => Math.hypot(...p.map((x, k) => x - middle[k]))));
-    return new Camera(middle, FOCAL * 1.1 * radius);
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    points.forEach((x, k) => ((low[k % 3] = Math.min(low[k % 3], x)), (high[k % 3] = Math.max(high[k % 3], x))));
+    const camera = new Camera(low.map((x, k) => (x + high[k]) / 2), 1);
+    const [right, up, back] = camera.axes(), along = (axis, p) => axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2];
+    for (let k = 0; k < points.length; k += 3) {
+      const p = camera.target.map((x, i) => points[k + i] - x);
+      const needed = along(back, p) + 1.08 * FOCAL * Math.max(Math.abs(along(right, p)), Math.abs(along(up, p)));
+      camera.distance = Math.max(camera.distance, needed);
+    }
+    camera.home.distance = camera.distance;
+    return camera;
   }
 
   /** Unit vectors of the picture: to the right, up, and from the target to the eye. */

@@ -2,6 +2,7 @@
 
 const BENT = [213, 94, 0];
 const SHIFT = 40; // a body that bends by less than 4 mm is drawn once
+const CLEAR = 1.004; // what is nearer by less is as near: surfaces that nearly coincide would show as stripes
 
 /** The arm in its poses. */
 class Scene {
@@ -12,26 +13,24 @@ class Scene {
     this.rasters = [new Raster(), new Raster()];
     this.picture = document.createElement("canvas");
     this.hidden = new Set();
-    this.whole = this.framed();
-    this.camera = this.framed();
+    this.camera = this.framed(data.groups[0]);
     this.controls(place);
     turnable(this.canvas, this.camera, () => this.ask());
     new ResizeObserver(() => this.ask()).observe(this.canvas);
     this.show(0, data.groups[0].first);
   }
 
-  /** A camera that sees the arm in all poses that come first. */
-  framed() {
+  /** A camera that sees a group in all of its poses, or what it is to be near to. */
+  framed(own) {
+    if (own.near) return Camera.around(own.near.flat());
     const points = [];
-    const add = (list, step) => {
-      for (let k = 0; k + 2 < list.length; k += step) if (list[k] !== null) points.push(list.slice(k, k + 3).map((part) => part / 1e4));
-    };
-    for (const group of this.data.groups) {
-      const pose = group.first;
-      add(group.rigid[pose].slice(7), 7);
-      if (group.bent) add(group.bent[pose].slice(7), 7);
-      for (const layer of group.layers) add(ofPose(layer.at, pose), 3);
+    const add = (parts) => parts.forEach((part) => part !== null && points.push(part / 1e4));
+    for (const frames of [own.rigid, own.bent]) {
+      if (!frames) continue;
+      for (const solid of this.solids) for (const x of moved(solid.v, frames[own.first], 7 * solid.body)) points.push(x);
+      for (const bodies of frames) for (let k = 7; k < bodies.length; k += 7) add(bodies.slice(k, k + 3));
     }
+    for (const layer of own.layers) for (const rows of [layer.at, layer.to]) if (rows) rows.forEach(add);
     return Camera.around(points);
   }
 
@@ -57,8 +56,8 @@ class Scene {
       this.legend.replaceChildren(...own.layers.map((layer) => this.toggle(layer)));
       this.slider.max = own.names.length - 1;
       if (this.select) this.select.value = group;
-      const was = this.group === undefined ? null : this.data.groups[this.group].near;
-      if (own.near || was) Object.assign(this.camera, own.near ? Camera.around(own.near) : this.whole);
+      const { target, distance, home } = this.framed(own);
+      Object.assign(this.camera, { target, distance, home });
     }
     [this.group, this.pose] = [group, pose];
     this.slider.value = pose;
@@ -99,8 +98,7 @@ class Scene {
     this.floor(pen, project);
     this.arm(pen, project, width, height);
     const own = this.data.groups[this.group];
-    const ink = getComputedStyle(document.body).getPropertyValue("--ink");
-    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio, ink);
+    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio);
   }
 
   floor(pen, project) {
@@ -155,7 +153,7 @@ class Scene {
         pixels[k + 3] = 255;
       }
       if (bent && b.near[at] > 0) {
-        const share = !solid || b.near[at] > a.near[at] ? 0.62 : 0.2, light = b.shade[at] / 255;
+        const share = !solid || b.near[at] > CLEAR * a.near[at] ? 0.62 : 0.2, light = b.shade[at] / 255;
         for (let c = 0; c < 3; c++) pixels[k + c] = solid ? pixels[k + c] * (1 - share) + BENT[c] * light * share : BENT[c] * light;
         if (!solid) pixels[k + 3] = 255 * share;
       }
@@ -179,15 +177,15 @@ function ofPose(rows, pose) {
 const DOTS = { dots: 4.5, specks: 1.6 };
 
 /** Dots, arrows or lines of one pose, over everything else. */
-function drawLayer(pen, project, layer, pose, ratio, ink) {
+function drawLayer(pen, project, layer, pose, ratio) {
   const from = ofPose(layer.at, pose), to = layer.to && ofPose(layer.to, pose), out = new Float32Array(6);
-  pen.strokeStyle = pen.fillStyle = layer.colour;
-  pen.lineWidth = (layer.kind === "lines" ? 1.2 : 2.6) * ratio;
   for (let k = 0; k < from.length; k += 3) {
     if (from[k] === null || (to && to[k] === null)) continue;
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
+    if (layer.labels.length) written(pen, layer.labels[k / 3], out[0] + 7 * ratio, out[1] - 5 * ratio, ratio);
+    pen.strokeStyle = pen.fillStyle = layer.colour;
+    pen.lineWidth = (layer.kind === "lines" ? 1.2 : 2.6) * ratio;
     pen.beginPath();
-    if (layer.labels.length) label(pen, layer.labels[k / 3], out, ratio, ink);
     if (layer.kind in DOTS) {
       pen.arc(out[0], out[1], DOTS[layer.kind] * ratio, 0, 7);
       pen.fill();
@@ -201,12 +199,19 @@ function drawLayer(pen, project, layer, pose, ratio, ink) {
   }
 }
 
-function label(pen, text, [x, y], ratio, ink) {
-  const own = pen.fillStyle;
-  pen.fillStyle = ink;
+/** Colours of text and ground. */
+function inks() {
+  const style = getComputedStyle(document.body);
+  return { ink: style.getPropertyValue("--ink"), card: style.getPropertyValue("--card") };
+}
+
+/** Text that is read over anything. */
+function written(pen, text, x, y, ratio) {
+  const { ink, card } = inks();
   pen.font = `${12 * ratio}px system-ui, sans-serif`;
-  pen.fillText(text, x + 7 * ratio, y - 5 * ratio);
-  pen.fillStyle = own;
+  Object.assign(pen, { lineWidth: 3 * ratio, lineJoin: "round", strokeStyle: card, fillStyle: ink });
+  pen.strokeText(text, x, y);
+  pen.fillText(text, x, y);
 }
 
 function head(pen, [x0, y0, , x1, y1], ratio) {
