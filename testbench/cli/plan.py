@@ -118,7 +118,7 @@ def _plan_deflections(asked: Options, task: Path) -> None:
     terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]])
     out = asked.out
     lines = [
-        f"plan       {out / 'plan.csv'}; page {out / 'plan.md'}",
+        f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
         f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
         f"figure     {out / 'plan.png'}",
         *terminal.looked_at(out),
@@ -142,7 +142,7 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
     report, out = planned.report, asked.out
     terminal.print_words(console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]])
     lines = [
-        f"plan       {out / 'plan.csv'}; page {out / 'plan.md'}; numbers {out / 'plan.json'}",
+        f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}; numbers {out / 'plan.json'}",
         f"figure     {out / 'plan.png'}",
         *terminal.looked_at(out),
     ]

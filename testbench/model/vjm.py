@@ -128,6 +128,12 @@ def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
     return body_poses(vjm, q)[-1]
 
 
+def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
+    """Points of the tool's frame, (k, 3) [m], in the world, the arm rigid, (runs, k, 3) [m]."""
+    position, rotation = tool_pose(vjm, q)
+    return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
+
+
 def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
     """Poses of the links' bodies from the base on and of the tool, each as of `tool_pose`, theta zero."""
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")

@@ -14,6 +14,7 @@ from testbench.data.program_corrected import write_program
 from testbench.output.place import Kind
 from testbench.output.run import whole_folder
 from testbench.views.compensate.words import words
+from testbench.views.page.page import write_page
 
 COMMAND = "testbench compensate"  #: As manifest.json names it.
 WRITTEN = ("report.md", "report.json", "compensation.png")  #: For people.
@@ -44,7 +45,7 @@ def write(
     asked: Mapping[str, object],
     to: Places,
 ) -> None:
-    """The report with its figure, recording and manifest.json, and at last the corrected program.
+    """The report with its figure, recording, page and manifest.json, and at last the corrected program.
 
     Args:
         cell: The arm, of the model's folder.
@@ -57,16 +58,19 @@ def write(
         InputError: When they cannot be written.
     """
     from testbench.views.compensate.figure import overview  # here: importing matplotlib and rerun takes two
-    from testbench.views.compensate.scene import scene  # thirds of a second
+    from testbench.views.compensate.page import seen  # thirds of a second
+    from testbench.views.compensate.scene import scene
     from testbench.views.recording.compensated import write_compensated
     from testbench.views.recording.stream import Header
 
     with whole_folder(to.report) as folder:
         files.write_json(asdict(report), folder / "report.json")
-        (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
+        text = words(report)
+        (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(found, report).savefig(folder / "compensation.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         write_compensated(folder / "recording.rrd", header, scene(cell, found, report))
+        write_page(folder, f"{COMMAND}: {report.program}", text, seen(cell, found, report))
         files.write_manifest(
             folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[cell.arm.rigid.parent]
         )

@@ -6,16 +6,14 @@ from testbench.bench.campaign import Cell
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.weighed import marker_points
-from testbench.model.vjm import chain
+from testbench.model.vjm import tool_points
 
 SHARE = 0.15  #: Length of the longest drawn deflection over the extent of the readings, before rounding [1].
 
 
 def nominal_markers(cell: Cell, data: Dataset) -> Array:
     """Targets of the rigid arm, (runs, m, 3) [m]."""
-    where = chain(cell.vjm, data.q)
-    points = marker_points(cell.vjm, data.markers)
-    return np.asarray(where.position[:, None] + points @ where.rotation.transpose(0, 2, 1))
+    return tool_points(cell.vjm, data.q, marker_points(cell.vjm, data.markers))
 
 
 def magnification(data: Dataset, nominal: Array) -> float:

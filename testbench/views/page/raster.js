@@ -1,6 +1,7 @@
 "use strict";
 
 const FOCAL = 1.8; // distance of the eye over half the width that it sees
+const NEAR = 0.02; // what is nearer to the eye is not drawn [m]
 
 /** A camera that turns about a target, z up; angles in rad, lengths in m. */
 class Camera {
@@ -9,10 +10,10 @@ class Camera {
   }
 
   /** A camera that has all points in view, x, y, z one after the other. */
-  static around(points) {
+  static around(points, yaw, pitch) {
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     points.forEach((x, k) => ((low[k % 3] = Math.min(low[k % 3], x)), (high[k % 3] = Math.max(high[k % 3], x))));
-    const camera = new Camera(low.map((x, k) => (x + high[k]) / 2), 1);
+    const camera = new Camera(low.map((x, k) => (x + high[k]) / 2), NEAR, yaw, pitch);
     const [right, up, back] = camera.axes(), along = (axis, p) => axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2];
     for (let k = 0; k < points.length; k += 3) {
       const p = camera.target.map((x, i) => points[k + i] - x);
@@ -36,7 +37,7 @@ class Camera {
     const focal = FOCAL * Math.min(height, width) / 2;
     return (x, y, z, out, k) => {
       const [dx, dy, dz] = [x - tx, y - ty, z - tz];
-      const depth = Math.max(this.distance - (back[0] * dx + back[1] * dy + back[2] * dz), 0.01);
+      const depth = Math.max(this.distance - (back[0] * dx + back[1] * dy + back[2] * dz), NEAR / 2);
       out[k] = width / 2 + (focal * (right[0] * dx + right[1] * dy)) / depth;
       out[k + 1] = height / 2 - (focal * (up[0] * dx + up[1] * dy + up[2] * dz)) / depth;
       out[k + 2] = depth;
@@ -64,6 +65,7 @@ class Raster {
       const [ax, ay, bx, by, cx, cy] = [corners[a], corners[a + 1], corners[b], corners[b + 1], corners[c], corners[c + 1]];
       const area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
       if (area >= 0) continue; // seen from behind: y points down in a picture
+      if (Math.min(corners[a + 2], corners[b + 2], corners[c + 2]) < NEAR) continue;
       this.triangle([ax, ay, 1 / corners[a + 2]], [bx, by, 1 / corners[b + 2]], [cx, cy, 1 / corners[c + 2]], area, bright[f / 3]);
     }
   }

@@ -12,7 +12,7 @@ class Scene {
     this.solids = data.solids.map((own) => ({ ...own, v: Float32Array.from(own.v, (part) => part / 1e4) }));
     this.rasters = [new Raster(), new Raster()];
     this.picture = document.createElement("canvas");
-    this.hidden = new Set();
+    this.hidden = new Set(data.groups.flatMap((group) => group.layers.filter((layer) => !layer.shown).map((layer) => layer.name)));
     this.camera = this.framed(data.groups[0]);
     this.controls(place);
     turnable(this.canvas, this.camera, () => this.ask());
@@ -22,7 +22,7 @@ class Scene {
 
   /** A camera that sees a group in all of its poses, or what it is to be near to. */
   framed(own) {
-    if (own.near) return Camera.around(own.near.flat());
+    if (own.near) return Camera.around(own.near.at.flat(), own.near.yaw, own.near.pitch);
     const points = [];
     const add = (parts) => parts.forEach((part) => part !== null && points.push(part / 1e4));
     for (const frames of [own.rigid, own.bent]) {
@@ -57,7 +57,7 @@ class Scene {
       this.slider.max = own.names.length - 1;
       if (this.select) this.select.value = group;
       const { target, distance, home } = this.framed(own);
-      Object.assign(this.camera, { target, distance, home });
+      Object.assign(this.camera, { target, distance, home }, own.near ? home : {});
     }
     [this.group, this.pose] = [group, pose];
     this.slider.value = pose;
@@ -184,7 +184,7 @@ function drawLayer(pen, project, layer, pose, ratio) {
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
     if (layer.labels.length) written(pen, layer.labels[k / 3], out[0] + 7 * ratio, out[1] - 5 * ratio, ratio);
     pen.strokeStyle = pen.fillStyle = layer.colour;
-    pen.lineWidth = (layer.kind === "lines" ? 1.2 : 2.6) * ratio;
+    pen.lineWidth = (layer.kind === "lines" ? 1.5 : 2.6) * ratio;
     pen.beginPath();
     if (layer.kind in DOTS) {
       pen.arc(out[0], out[1], DOTS[layer.kind] * ratio, 0, 7);

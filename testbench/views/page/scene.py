@@ -28,6 +28,7 @@ class Layer:
     at: Array  #: Where they are or begin, (poses, k, 3), of what stands still (1, k, 3) [m]; NaN: none.
     to: Array | None = None  #: Where arrows and lines end, as many [m].
     labels: Sequence[str] = ()  #: What stands beside each, (k,); none if empty.
+    shown: bool = True  #: Whether it is visible at first.
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,9 @@ class Poses:
     bent: Frames | None  #: Under load, its deflection magnified.
     layers: Sequence[Layer] = ()
     first: int = 0  #: Index of the pose that is shown first.
-    near: Array | None = None  #: What the eye has in view, (n, 3) [m]; all that is drawn if not given.
+    near: Array | None = (
+        None  #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
+    )
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ def _group(own: Poses) -> Json:
         "names": list(own.names),
         "words": list(own.words),
         "first": own.first,
-        "near": None if own.near is None else own.near.round(3).tolist(),
+        "near": None if own.near is None else _near(own.near),
         "rigid": _frames(own.rigid),
         "bent": None if own.bent is None else _frames(own.bent),
         "layers": [
@@ -87,10 +90,21 @@ def _group(own: Poses) -> Json:
                 "at": [_whole(row) for row in layer.at],
                 "to": None if layer.to is None else [_whole(row) for row in layer.to],
                 "labels": list(layer.labels),
+                "shown": layer.shown,
             }
             for layer in own.layers
         ],
     }
+
+
+def _near(points: Array) -> Json:
+    """What is in view, and the angles of the eye across its two longest extents, from above or beyond."""
+    middle = points.mean(axis=0)
+    axis = np.linalg.svd(points - middle)[2][2]
+    beyond = middle + np.array([0, 0, np.abs(points).max()])
+    axis = axis if axis @ beyond > 0 else -axis
+    yaw, pitch = np.arctan2(axis[1], axis[0]), np.arcsin(np.clip(axis[2], -1, 1))
+    return {"at": points.round(3).tolist(), "yaw": round(float(yaw), 3), "pitch": round(float(pitch), 3)}
 
 
 def _frames(frames: Frames) -> list[list[int | None]]:

@@ -14,6 +14,7 @@ from testbench.bench.campaign import Cell
 from testbench.data.posefile import absolute_columns
 from testbench.model.vjm import chain
 from testbench.output.run import whole_folder
+from testbench.views.page.page import write_page
 from testbench.views.plan.absolute_figure import overview
 from testbench.views.plan.absolute_tables import words
 from testbench.views.plan.files import COMMAND, write_table
@@ -23,6 +24,7 @@ EXPECTED = [f"expected_{what}_mm" for what in ("sag", "error", "error_p05", "err
 
 def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
     """All files of a plan and its manifest.json; InputError when they cannot be written."""
+    from testbench.views.plan.absolute_page import seen
     from testbench.views.plan.absolute_scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.recording.plan import write_plan
     from testbench.views.recording.stream import Header
@@ -34,10 +36,12 @@ def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
     with whole_folder(out) as folder:
         write_poses(report, cell.arm.joints, folder / "plan.csv")
         files.write_json(asdict(report), folder / "plan.json")
-        (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
+        text = words(report)
+        (folder / "plan.md").write_text(text.whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
+        write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, planned, tools))
         seeds = range(report.seed, report.seed + 1)
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, arms=[arm])
 

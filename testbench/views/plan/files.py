@@ -17,6 +17,7 @@ from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
 from testbench.output.run import whole_folder
 from testbench.output.scratch import write_whole
+from testbench.views.page.page import write_page
 from testbench.views.plan.figure import overview
 from testbench.views.plan.tables import words
 
@@ -27,6 +28,7 @@ EXPECTED = [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05
 
 def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> None:
     """All files of a plan and its manifest.json; InputError when they cannot be written."""
+    from testbench.views.plan.page import seen
     from testbench.views.plan.scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.recording.plan import write_plan
     from testbench.views.recording.stream import Header
@@ -39,11 +41,13 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
         write_poses(report, cell.arm.joints, folder / "plan.csv")
         write_tasks(report, cell.arm.joints, folder / "tasks_expected.csv")
         files.write_json(asdict(report, dict_factory=_said), folder / "plan.json")
-        (folder / "plan.md").write_text(words(report).whole(), encoding="utf-8")
+        text = words(report)
+        (folder / "plan.md").write_text(text.whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png")
         seeds = range(report.seed, report.seed + 1)
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
+        write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, planned, tools))
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, arms=[arm])
 
 

@@ -9,6 +9,7 @@ from testbench import files
 from testbench.bench.prediction import Predicted
 from testbench.bench.prediction_report import PredictionReport
 from testbench.output.run import whole_folder
+from testbench.views.page.page import write_page
 from testbench.views.predicted.table import write_predictions
 from testbench.views.predicted.words import words
 
@@ -16,7 +17,7 @@ COMMAND = "testbench predict"  #: As manifest.json names it.
 
 
 def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object], out: Path) -> None:
-    """All poses, report, figure, recording and manifest.json.
+    """All poses, report, figure, recording, page and manifest.json.
 
     Args:
         made: The prediction.
@@ -28,16 +29,19 @@ def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object]
         InputError: When they cannot be written.
     """
     from testbench.views.predicted.figure import overview  # here: importing matplotlib and rerun takes two
-    from testbench.views.predicted.scene import scene  # thirds of a second
+    from testbench.views.predicted.page import seen  # thirds of a second
+    from testbench.views.predicted.scene import scene
     from testbench.views.recording.prediction import write_prediction
     from testbench.views.recording.stream import Header
 
     with whole_folder(out) as folder:
         write_predictions(made, folder / "predictions.csv")
         files.write_json(asdict(report), folder / "report.json")
-        (folder / "report.md").write_text(words(report).whole(), encoding="utf-8")
+        text = words(report)
+        (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(made).savefig(folder / "predict.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
         write_prediction(folder / "recording.rrd", header, scene(made, report))
+        write_page(folder, f"{COMMAND}: {report.file}", text, seen(made, report))
         model = [made.model.arm.rigid.parent]
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=model)
