@@ -88,7 +88,8 @@ def _write(study: Study[O, S, W, R], found: Run[S, R]) -> None:
         figure(found.report).savefig(found.folder / name)
     seen = study.write(found) or Seen()
     tables = [found.tables[name] for name in study.printed]
-    write_page(found.folder, study.name, found.words, replace(seen, tables=tables))
+    name = study.name.replace("_", " ").capitalize()
+    write_page(found.folder, name, found.words, replace(seen, tables=tables))
 
 
 def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:

@@ -35,6 +35,7 @@ from strangers import write_stl
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {"model.json", "posterior.npz", "rigid.xml", "elastic.toml", "report.json", "report.md"} | {
+    "report.html",
     "calibration.png",
     "recording.rrd",
     "manifest.json",

@@ -125,6 +125,7 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     assert {p.name for p in (out / "right_report").iterdir()} >= {
         "report.md",
         "compensation.png",
+        "report.html",
         "manifest.json",
     }
 

@@ -30,7 +30,9 @@ TASKS = ROOT / "docs" / "tasks.csv"
 POSES = 6
 FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 200]
 FLAGS += ["--tracker", "4.5,-2.5,1.6", "--seed", 3]
-FILES = "manifest.json plan.csv plan.json plan.md plan.png recording.rrd tasks_expected.csv".split()
+FILES = (
+    "manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html tasks_expected.csv".split()
+)
 
 
 def run(*args):

@@ -27,7 +27,9 @@ from testbench.model.weights import Weights
 
 ROOT = Path(__file__).resolve().parents[2]
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
-FILES = {"predictions.csv", "report.json", "report.md", "predict.png", "recording.rrd", "manifest.json"}
+FILES = {"predictions.csv", "report.json", "report.md", "report.html", "predict.png", "recording.rrd"} | {
+    "manifest.json"
+}
 
 
 def run(*args):

@@ -31,5 +31,5 @@ def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
     with whole_folder(out) as folder:
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
-        write_page(folder, "compare", text, Seen(tables=sortable(report)))
+        write_page(folder, "Compare", text, Seen(tables=sortable(report)))
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[])

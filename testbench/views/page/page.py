@@ -31,13 +31,13 @@ def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
 
     Args:
         folder: Of the run; all its other files are there but the manifest.
-        scenario: What was run, such as "gravity_calibration".
+        scenario: What was run, such as "Gravity calibration".
         words: Of its report.
         seen: What is drawn.
     """
     pictures = [{"name": png.name, "data": html.embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = html.fill(
-        scenario=scenario.replace("_", " ").capitalize(),
+        scenario=scenario,
         words={name: words.block(name) if words.has(name) else "" for name in BLOCKS},
         rest=words.rest(),
         drawn=_plain(seen),
