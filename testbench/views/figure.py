@@ -101,9 +101,11 @@ def dots(
         looks: One a row.
     """
     for y, (row, look) in enumerate(zip(rows, looks, strict=True)):
-        number, size = value.value(row), 13 if look.mark == "*" else 8
+        number = value.value(row)
         axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
-        axes.plot(middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=size)
+        axes.plot(
+            middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=look.size(8)
+        )
         known = value.known(row)
         if known:
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
@@ -145,7 +147,7 @@ def draw_line(axes: Axes, x: Column, y: Column, line: Line) -> None:
         color=look.hex,
         markerfacecolor=look.face,
         label=line.label,
-        markersize=5,
+        markersize=look.size(5),
     )
     if line.band:
         low, high = np.array([ends(y.value(row)) for row in own]).T

@@ -124,7 +124,7 @@ def test_tables_and_words_show_the_reports_numbers(report):
 
 
 def test_bars_of_the_figure_are_what_hides(report):
-    hidden = figure.curves(report).axes[1]
+    hidden = figure.curves(report).axes[2]
     heights = [bar.get_height() for bar in hidden.patches]
     models = (INCUMBENT, "joint springs, joint errors", "joint springs, links", ALL)
     rows = [report.hidden("ur10", true, model) for model in models for true in figure.HIDDEN]

@@ -33,7 +33,7 @@ from testbench.views.colours import (
     hexadecimal,
     look,
 )
-from testbench.views.figure import SOFT, Line, draw_line, log_ticks, quiet
+from testbench.views.figure import SMALL, SOFT, Line, body, draw_line, key, log_ticks, page, quiet, say
 
 LOOKS = {
     GEOMETRY: Look(GREY, 0, prior=False),
@@ -50,26 +50,38 @@ WIDTH = 0.16  #: Of a bar, over the distance of groups.
 
 
 def curves(report: AbsoluteCalibrationReport) -> Figure:
-    """A row an arm: error by poses, compliance of joint 2 by what is left out, error by campaign."""
+    """A column an arm: error by poses, compliance of joint 2 by what is left out, error by campaign."""
     count = len(report.arms)
-    figure = Figure(figsize=(16, 1.2 + 3.9 * count), layout="constrained")
-    for row, arm in zip(figure.subplots(count, 3, squeeze=False), report.arms, strict=True):
-        _by_poses(row[0], report, arm)
-        _hidden(row[1], report, arm)
-        _campaigns(row[2], report, arm)
-    left = figure.axes[0].get_legend_handles_labels()
-    more = figure.axes[1].get_legend_handles_labels()
+    figure = page(13.0)
+    part = body(figure)
+    rows = part.subplots(3, count, squeeze=False, height_ratios=[1.3, 1, 1])
+    for row, draw in zip(rows, (_by_poses, _hidden, _campaigns), strict=True):
+        for axes, arm in zip(row, report.arms, strict=True):
+            draw(axes, report, arm)
+    left, more = (row[0].get_legend_handles_labels() for row in rows[:2])
     known = dict(zip(left[1], left[0], strict=True)) | {
         label: handle for handle, label in zip(*more, strict=True) if label not in left[1]
     }
-    figure.legend(known.values(), known.keys(), frameon=False, loc="outside lower center", ncols=4)
-    seeds = report.trials
-    figure.suptitle(
-        f"{report.dataset.sigma_um:g} um a reading; median, bands 5 to 95 % of {seeds} trials of "
-        f"{count} arms",
-        fontsize="medium",
+    key(part, (list(known.values()), list(known)), columns=3)
+    say(
+        figure,
+        f"Error from {report.featured} poses where nothing was measured: {_answer(report)}",
+        f"RMS errors, {report.dataset.sigma_um:g} um a reading. Marks: medians; band and lines: 5 to 95 % of "
+        f"{report.trials} trials, {count} arms in turn. Bars: RMS in the middle row, medians below; dashes: "
+        "medians. Compliances: of joint 2, beside the true one.",
     )
     return figure
+
+
+def _answer(report: AbsoluteCalibrationReport) -> str:
+    """What cross-validation chooses beside the incumbent, arm by arm."""
+    found = []
+    for arm in report.arms:
+        ours, theirs = (
+            report.model(arm, report.featured, name).error_mm.median for name in (CHOSEN, INCUMBENT)
+        )
+        found.append(f"{arm} {ours:.3f} mm, by joint springs {theirs:.3f} mm")
+    return "; ".join(found)
 
 
 def _by_poses(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
@@ -99,8 +111,8 @@ def _hidden(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
         axes.plot(at, [100 * row.bias_2 for row in rows], "_", color="black", markersize=9)
     axes.axhline(0, color=SOFT, linewidth=0.8)
     axes.set_xticks(range(len(HIDDEN)), list(HIDDEN.values()))
-    axes.set(xlabel="what the true arm has", ylabel="compliance of joint 2, error [%]")
-    axes.set_title(f"{arm}: what hides in it; bar RMS, dash median", fontsize="medium")
+    axes.set(xlabel="what the true arm has", ylabel="compliance off [%]")
+    axes.set_title(f"{arm}: what hides in a compliance", fontsize="medium")
     quiet(axes)
 
 
@@ -112,18 +124,18 @@ def _bars(axes: Axes, at: Array, heights: Sequence[float], model: str) -> None:
 
 def _campaigns(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
     rows = [row for row in report.campaigns if (row.arm, row.model) == (arm, ALL)]
-    for offset, key, colour, hatch, label in (
+    for offset, quantity, colour, hatch, label in (
         (-0.18, "error_mm", GCO, "", "own weight"),
         (0.18, "loaded_mm", LOAD, "//", "payload"),
     ):
-        heights = [getattr(row, key).median for row in rows]
+        heights = [getattr(row, quantity).median for row in rows]
         at = np.arange(len(rows)) + offset
         axes.bar(at, heights, 0.34, color=hexadecimal(colour), hatch=hatch, edgecolor="white", label=label)
-        ends = [(getattr(row, key).p05, getattr(row, key).p95) for row in rows]
+        ends = [(getattr(row, quantity).p05, getattr(row, quantity).p95) for row in rows]
         axes.vlines(at, *np.transpose(ends), color=SOFT)
     axes.set_xticks(range(len(rows)), [f"{row.campaign}\n{row.poses} poses" for row in rows])
     axes.set(ylabel="RMS error [mm]")
     axes.set_title(f"{arm}: {report.featured} readings, all errors on", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small", loc="upper left")
-    axes.margins(y=0.2)
+    axes.legend(frameon=False, fontsize=SMALL, loc="upper left", ncols=2)
+    axes.margins(y=0.25)
     quiet(axes)

@@ -4,12 +4,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from testbench.studies.real_ur10.joints import FIRST
 from testbench.studies.real_ur10.ladder import TWO
 from testbench.studies.real_ur10.looks import LOOKS
 from testbench.studies.real_ur10.report import JointReport, RealReport
 from testbench.trials.spread import ends, middle
 from testbench.views.colours import MEASURED, hexadecimal
-from testbench.views.figure import SOFT, log_ticks, quiet
+from testbench.views.figure import SMALL, SOFT, body, key, log_ticks, page, quiet, say
 
 SPLITS = {"C to A": "<", "A to C": ">", "blocks": "o"}
 """Splits that are drawn, and their markers."""
@@ -20,12 +21,13 @@ WORDS = {
 }
 SERIES = {"A": (hexadecimal(MEASURED), "-"), "C": ("#333333", "--")}
 """Colour and line of a series."""
+MARKED = {"A": "o", "C": "x"}
 JUDGED = {"C": ("-", "other poses of C"), "A": ("--", "poses of A")}
 
 
 def real_ur10(report: RealReport) -> Figure:
     """Above: mean error by model and split, and by number of poses. Below: what every joint does."""
-    figure = Figure(figsize=(12, 9.2), layout="constrained")
+    figure = page(10.4)
     above, below = np.asarray(figure.subfigures(2, 1, height_ratios=[1.15, 1]))
     left, right = above.subplots(1, 2, width_ratios=[1.2, 1])
     _ladder(left, report)
@@ -37,11 +39,16 @@ def real_ur10(report: RealReport) -> Figure:
         ax.set_xlabel("joint angle [deg]")
     for ax in axes[:, 0]:
         ax.set_ylabel("its error [urad]")
-    axes[0, 1].legend(loc="upper right", edgecolor="none", fontsize="small")
+    key(below, axes[0, 1].get_legend_handles_labels(), columns=2)
+    below.suptitle("Error of every joint by either series alone, with its correlation where both were")
     words = [f"{one.name} ({one.poses} poses)" for one in report.dataset]
-    above.suptitle(f"Public readings of a UR10, series {' and '.join(words)}: positions that were not fitted")
-    below.suptitle(
-        "The error of every joint, found by either series alone (A July, C November 2020; orders from 3 on)"
+    springs, errors = (report.mean(model.name, "blocks") for model in TWO)
+    say(
+        figure,
+        f"Positions of a real UR10 that were not fitted: joint springs err {springs:.3f} mm in the mean, "
+        f"with joint errors {errors:.3f} mm",
+        f"Public readings, series {' and '.join(words)}, of July and November 2020. Bands: 5 to 95 % of the "
+        "draws. Numbers beside names: blocks of joint space held out. Below: orders from 3 on.",
     )
     return figure
 
@@ -63,7 +70,8 @@ def _ladder(axes: Axes, report: RealReport) -> None:
     axes.set_xlim(0, None)
     axes.set_xlabel("mean error [mm]")
     axes.grid(axis="x", color=SOFT, alpha=0.2)
-    axes.legend(loc="lower right", edgecolor="none", fontsize="small")
+    axes.set_title("models", fontsize="medium")
+    _below(axes)
     quiet(axes)
 
 
@@ -87,11 +95,19 @@ def _numbers(axes: Axes, report: RealReport) -> None:
     log_ticks(
         axes, "x", min(one.poses for one in report.by_number), max(one.poses for one in report.by_number)
     )
-    axes.set_xlabel("random poses of C that train (bands: 5 to 95 % of the draws)")
+    axes.set_xlabel("random poses of C that train")
     axes.set_ylabel("mean error [mm]")
     axes.grid(axis="y", color=SOFT, alpha=0.2)
-    axes.legend(loc="center right", bbox_to_anchor=(1, 0.4), edgecolor="none", fontsize="small")
+    axes.set_title("number of poses", fontsize="medium")
+    _below(axes)
     quiet(axes)
+
+
+def _below(axes: Axes) -> None:
+    """The legend of some axes, below them."""
+    axes.legend(
+        loc="upper center", bbox_to_anchor=(0.5, -0.14), edgecolor="none", fontsize=SMALL, handlelength=3.5
+    )
 
 
 def _curve(axes: Axes, joint: JointReport) -> None:
@@ -100,31 +116,48 @@ def _curve(axes: Axes, joint: JointReport) -> None:
         curve = joint.curve_A_urad if name == "A" else joint.curve_C_urad
         own = np.array([np.nan if y is None else y for y in curve])
         axes.plot(joint.angle_deg, own, style, color=colour, linewidth=1, label=f"by {name}")
-    alike = "no angles in common" if joint.alike is None else f"correlation {joint.alike:.2f} where both were"
-    axes.set_title(f"{joint.joint.removesuffix('_joint')}: {alike}", fontsize="medium")
+    alike = "nowhere both" if joint.alike is None else f"{joint.alike:.2f}"
+    axes.set_title(f"{_named_joint(joint)}: {alike}", fontsize="medium")
     axes.set_xlim(-180, 180)
     axes.set_xticks(range(-180, 181, 90))
     quiet(axes)
 
 
+def _named_joint(joint: JointReport) -> str:
+    return joint.joint.removesuffix("_joint").replace("_", " ")
+
+
 def spectra(report: RealReport) -> Figure:
     """Amplitude of every order of every joint, by either series alone and by both."""
-    figure = Figure(figsize=(12, 6), layout="constrained")
-    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    figure = page(7)
+    part = body(figure)
+    axes = part.subplots(2, 3, sharex=True, sharey=True)
     for ax, joint in zip(axes.flat, report.joints, strict=True):
         orders = np.arange(1, len(joint.amplitude_both_urad) + 1)
         ax.bar(orders, joint.amplitude_both_urad, color=SOFT, alpha=0.4, label="by both")
-        for name, (colour, style) in SERIES.items():
+        for name, (colour, _) in SERIES.items():
             own = joint.amplitude_A_urad if name == "A" else joint.amplitude_C_urad
+            mark = MARKED[name]
             ax.plot(
-                np.arange(1, len(own) + 1), own, style, color=colour, linewidth=1, label=f"by {name} alone"
+                np.arange(1, len(own) + 1), own, mark, color=colour, markersize=3, label=f"by {name} alone"
             )
-        ax.set_title(joint.joint.removesuffix("_joint"), fontsize="medium")
+        ax.set_title(_named_joint(joint), fontsize="medium")
         quiet(ax)
     for ax in axes[1]:
-        ax.set_xlabel("order [1/turn]")
+        ax.set_xlabel("order, periods a turn")
     for ax in axes[:, 0]:
         ax.set_ylabel("amplitude [urad]")
-    axes[0, 0].legend(loc="upper right", edgecolor="none", fontsize="small")
-    figure.suptitle("Periodic errors of the joints by order; orders 1 and 2 mix with geometry")
+    key(part, axes[0, 0].get_legend_handles_labels(), columns=3)
+    size, order, largest = max(
+        (amplitude, order, _named_joint(joint))
+        for joint in report.joints
+        for order, amplitude in enumerate(joint.amplitude_both_urad, start=1)
+        if order >= FIRST
+    )
+    say(
+        figure,
+        f"Joint errors of a real UR10: the largest is {size:.0f} urad, order {order} of {largest}",
+        "Amplitudes of periodic errors by order, from the readings of series A, of series C, and of both. "
+        f"Orders below {FIRST} mix with geometry and do not count in the title.",
+    )
     return figure

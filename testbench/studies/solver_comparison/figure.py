@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from testbench.studies.solver_comparison.looks import COLOURS, MARKS
 from testbench.studies.solver_comparison.report import SolverComparisonReport
 from testbench.views.colours import GCO, LEAST_SQUARES, hexadecimal
-from testbench.views.figure import SOFT, quiet
+from testbench.views.figure import SMALL, SOFT, body, key, log_ticks, page, quiet, say
 
 PERCENT = 0.01
 LEAST = 1e-10  #: Excess drawn for an F_M that is the least one itself.
@@ -16,18 +16,20 @@ SPREAD = 0.28
 
 def solver_comparison(report: SolverComparisonReport) -> Figure:
     """Gap to the certified lower bound against time, and excess of local solves by order m."""
-    figure = Figure(figsize=(12, 5.6), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    figure = page(6.6)
+    part = body(figure)
+    left, right = part.subplots(1, 2, width_ratios=(3, 2))
     _ways(left, report)
     _minima(right, report)
-    paper, local = (next(row.times for row in report.solvers if row.key == key) for key in ("a", "b"))
-    figure.suptitle(
-        f"Least F_M of {report.model}, {report.arm}, {len(report.seed)} seeds: within 1 % the paper's "
-        f"optimiser takes {paper} the time\nof the conic program with its proof; one local solve {local}, "
-        "without proof",
-        fontsize="medium",
+    paper, local = (next(row.times for row in report.solvers if row.key == own) for own in ("a", "b"))
+    key(part, left.get_legend_handles_labels(), columns=2)
+    say(
+        figure,
+        f"To within 1 % of the least F_M the paper's optimiser takes {paper} the time of the conic program "
+        f"with its proof; one local solve {local}, without proof",
+        f"{report.model}, {report.arm}. Left: ways down in seed {report.convergence.seed}, marks: ends in "
+        f"{len(report.seed)} seeds; times in the title: medians. Right: a dot a random start.",
     )
-    figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3)
     return figure
 
 
@@ -43,13 +45,13 @@ def _ways(axes: Axes, report: SolverComparisonReport) -> None:
         seconds, gap = np.array([*way, (ends[0][0], way[-1][1])]).T
         axes.step(seconds, gap, where="post", color=shade, linewidth=2 if row.key in "ad" else 1.4)
     axes.axhline(PERCENT, color=SOFT, linewidth=1, linestyle="--")
-    axes.loglog()
+    log_ticks(axes, "x", *axes.dataLim.intervalx)
+    log_ticks(axes, "y", *axes.dataLim.intervaly)
     at, edge = (1, PERCENT), ("axes fraction", "data")
     axes.annotate("1 % ", at, xycoords=edge, ha="right", va="bottom", color=SOFT)
     axes.set_xlabel("wall time [s]")
     axes.set_ylabel("F_M over its certified lower bound, minus 1")
-    seed = report.convergence.seed
-    axes.set_title(f"way down in seed {seed}; markers: end in every seed", fontsize="medium")
+    axes.set_title("how far from the least after how long", fontsize="medium")
     quiet(axes)
 
 
@@ -60,12 +62,14 @@ def _minima(axes: Axes, report: SolverComparisonReport) -> None:
         excess = np.maximum(row.excess, LEAST)
         x = k + SPREAD * np.linspace(-1, 1, len(excess))
         axes.plot(x, excess, ".", color=hexadecimal(LEAST_SQUARES if k else GCO), markersize=5)
-        axes.text(k, 3.0, f"{100 * row.share_close:.0f} % within 1e-5", ha="center", fontsize="small")
+        axes.text(
+            k, 20.0, f"{100 * row.share_close:.0f} % within\n0.001 %", ha="center", va="top", fontsize=SMALL
+        )
     axes.axhline(PERCENT, color=SOFT, linewidth=1, linestyle="--")
     axes.set_yscale("log")
-    axes.set_ylim(LEAST / 2, 10)
+    axes.set_ylim(LEAST / 2, 30)
     names = [f"m = {row.m}\nover {row.reference.replace(' of ', chr(10) + 'of ')}" for row in rows]
-    axes.set_xticks(range(len(rows)), names, fontsize="small")
+    axes.set_xticks(range(len(rows)), names, fontsize=SMALL)
     axes.set_ylabel("excess of F_M, relative")
-    axes.set_title(f"where local solves end, random starts: {rows[0].starts}", fontsize="medium")
+    axes.set_title("where local solves end", fontsize="medium")
     quiet(axes)
