@@ -22,11 +22,6 @@ class RunRow:
     answer: str  #: Its own, empty where its report has none that can be read.
 
     @property
-    def name(self) -> str:
-        """Name of its folder."""
-        return Path(self.folder).resolve().name
-
-    @property
     def made(self) -> str:
         """What made it, with its seeds."""
         if self.seeds == NONE:
@@ -121,6 +116,13 @@ class ComparedReport:
     runs: list[RunRow]
     inputs: list[InputRow]  #: What differs; none if nothing does.
     beside: list[Beside]  #: Every other run beside the first one.
+
+    @property
+    def names(self) -> list[str]:
+        """The runs by their letters and folders, of which no more is said than tells them apart."""
+        short = [Path(run.folder).resolve().name for run in self.runs]
+        shown = short if len(set(short)) == len(short) else [run.folder for run in self.runs]
+        return [f"{run.letter} is {name}" for run, name in zip(self.runs, shown, strict=True)]
 
     @property
     def same(self) -> bool:

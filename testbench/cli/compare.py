@@ -48,6 +48,6 @@ def command(asked: Options) -> None:
     lines = [
         *(f"{row.letter}          {row.folder}: {row.made}" for row in report.runs),
         f"numbers    {out / 'report.json'}, {out / 'report.md'}",
-        f"page       {out / 'report.html'}: opens in any browser",
+        *terminal.looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True)

@@ -7,7 +7,9 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+import read_back
 from made_up import fill, of_one_trial
+from read_back import chunks_of, document, views
 from run_here import here
 
 from testbench import files
@@ -245,6 +247,26 @@ def test_three_runs_stand_beside_the_first(one, many, tmp_path):
     text, report = said(tmp_path, one, one, many)
     assert text.startswith("B is the same as A. A and C err alike (ALL153 + prior).")
     assert [run["letter"] for run in report["runs"]] == ["A", "B", "C"]
+
+
+def test_the_recording_shows_both_runs_line_by_line_and_what_differs_most_first(many, folder, tmp_path):
+    other = calibration(folder / "second", range(1, 21), 1.3)
+    _, report = said(tmp_path, many, other)
+    file = tmp_path / "out" / "recording.rrd"
+    chunks = chunks_of(file)
+    names = read_back.columns(chunks, "/rms_error_mm/name")["Points2D:labels"][0]
+    numbers = read_back.columns(chunks, "/rms_error_mm/number")["Points2D:labels"][0]
+    shown = dict(zip(names, numbers, strict=True))
+    for own in report["beside"][0]["models"]:
+        if own["kind"] == "workspace":
+            assert shown[f"{own['name']}, A"] == f"{own['rms_mm']['a']['median']:.3f} mm"
+            assert shown[f"{own['name']}, B"] == f"{own['rms_mm']['b']['median']:.3f} mm, larger"
+    assert len(shown) == 2 * len(NAMES)
+    assert {name for chunk in chunks for name in chunk.timeline_names} == {"worst_first"}
+    assert len(read_back.columns(chunks, "/this_row")["TextDocument:text"]) == len(NAMES)
+    under = {f"/{origin}/" for origin, *_ in views(file)}
+    assert all(any(f"{chunk.entity_path}/".startswith(own) for chunk in chunks) for own in under)
+    assert "A errs 1.3 times less than B." in document(chunks, "/summary")
 
 
 def broken(text):

@@ -1,5 +1,6 @@
 """The folder of a comparison, all of it or nothing."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +15,7 @@ COMMAND = "testbench compare"  #: As manifest.json names it.
 
 
 def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
-    """Words, numbers, page and manifest.json.
+    """Words, numbers, page, recording and manifest.json.
 
     Args:
         runs: What was compared.
@@ -24,12 +25,17 @@ def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.page.page import Seen, write_page  # here: importing MuJoCo takes a while
+    from testbench.views.compared.scene import scene  # here: importing rerun takes a third of a second
+    from testbench.views.page.page import Seen, write_page
+    from testbench.views.recording.beside import write_beside
+    from testbench.views.recording.stream import Header
 
     text = words(report)
     asked = {row.letter: {row.folder: run.digest} for row, run in zip(report.runs, runs, strict=True)}
     with whole_folder(out) as folder:
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
+        header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
+        write_beside(folder / "recording.rrd", header, scene(report))
         write_page(folder, "Compare", text, Seen(tables=sortable(report)))
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[])
