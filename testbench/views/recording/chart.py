@@ -28,6 +28,7 @@ from testbench.views.schema import Table
 
 SHARE = 0.7  #: How much of a line its dots take up.
 DOT = (2.5, 4.5)  #: Radius of a dot, at least and at most.
+OUTLINE = 1.2  #: Radius of an outline over that of a dot.
 BETWEEN = 26.0  #: Between two entries of the legend.
 
 
@@ -39,6 +40,7 @@ class Dot:
     value: Number  #: Not negative.
     colour: Colour  #: Of its role.
     text: str  #: The value for people, unit included; on a shared line what the colour means.
+    corners: int = 0  #: Of its outline, many for a ring; filled and round if 0.
 
 
 def dots(table: Table, colours: Sequence[Colour]) -> list[Dot]:
@@ -135,15 +137,26 @@ class Chart:
         spread = np.stack([values[:, 1:], np.column_stack([y, y])], axis=2)
         pen.still(f"{self.path}/spread", rr.LineStrips2D([*spread], colors=colours, radii=-1.5))
         places = np.column_stack([values[:, 0], y])
-        pen.still(f"{self.path}/value", rr.Points2D(places, colors=colours, radii=-self._dot))
+        filled = [k for k, dot in enumerate(self.dots) if not dot.corners]
+        shades = [colours[k] for k in filled]
+        pen.still(f"{self.path}/value", rr.Points2D(places[filled], colors=shades, radii=-self._dot))
+        self._write_outlines(pen, places)
         self._write_words(pen, values.max(axis=1), y)
 
-    def write_cursor(self, pen: Pen, number: Array) -> None:
-        """Lines above and below what the time bar is at, its number from the top, (rows,) from 1."""
+    def _write_outlines(self, pen: Pen, places: Array) -> None:
+        """Polygons about the places of dots with corners, (dots, 2)."""
+        drawn = [k for k, dot in enumerate(self.dots) if dot.corners]
+        if drawn:
+            shapes = [places[k] + OUTLINE * self._dot * _polygon(self.dots[k].corners) for k in drawn]
+            colours = [self.dots[k].colour for k in drawn]
+            pen.still(f"{self.path}/outline", rr.LineStrips2D(shapes, colors=colours, radii=-1.0))
+
+    def write_cursor(self, pen: Pen, number: Array, lines: int = 1) -> None:
+        """Lines above and below what the time bar is at: so many lines from a number, (rows,) from 1."""
         pen.still(f"{self.path}/cursor", rr.LineStrips2D.from_fields(colors=NOISE, radii=-1.0))
         ends = (-self._left, self._values.length + self._right)
         each = self._bottom / len(self.names)
-        strips = [[(x, each * y) for x in ends] for k in number for y in (k - 1, k)]
+        strips = [[(x, each * y) for x in ends] for k in number for y in (k - 1, k - 1 + lines)]
         columns = rr.LineStrips2D.columns(strips=strips)
         pen.rows(f"{self.path}/cursor", columns.partition([2] * len(number)))
 
@@ -174,3 +187,9 @@ class Chart:
         names, each = [d.name for d in self.dots], self._bottom / len(self.names)
         within = [(names[:k].count(n) + 0.5) / names.count(n) - 0.5 for k, n in enumerate(names)]
         return each * (np.array([self.names.index(n) for n in names]) + 0.5 + SHARE * np.array(within))
+
+
+def _polygon(corners: int) -> Array:
+    """A closed polygon about the origin, one corner above, (corners + 1, 2)."""
+    turn = 2 * np.pi * np.arange(corners + 1) / corners
+    return np.column_stack([np.sin(turn), -np.cos(turn)])

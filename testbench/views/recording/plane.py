@@ -28,7 +28,8 @@ SMALLEST = 1e-9  #: Values below are drawn here where the axis is logarithmic.
 STEPS = (1, 2, 5)  #: Ticks, times powers of ten.
 LADDERS = ((range(1, 10), 1), (STEPS, 1), ((1,), 1), ((1,), 2), ((1,), 3), ((1,), 4))
 """The same on a logarithmic axis, from fine to coarse: digits, and of how many powers one has them."""
-FEW = 10  #: Ticks on an axis at most.
+FEW, TICK = 10, 30.0  #: Ticks on an axis at most, and their least distance.
+NARROWEST = 3  #: Steps on a logarithmic axis so short that round numbers of its powers do not fit.
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,17 @@ class Axis:
             powers = range(int(np.floor(np.log10(self.low))), int(np.ceil(np.log10(self.high))) + 1)
             every = ([k * 10.0**p for p in powers[::step] for k in digits] for digits, step in LADDERS)
             within = ([t for t in found if self.low <= t <= self.high] for found in every)
-            return next(found for found in within if len(found) <= FEW)
-        rough = (self.high - self.low) / FEW
+            clear = next((found for found in within if len(found) <= FEW and self._clear(found)), None)
+            if clear is not None:
+                return clear
+        rough = (self.high - self.low) / (NARROWEST if self.log else FEW)
         power = 10.0 ** np.floor(np.log10(rough))
         step = next(k * power for k in (*STEPS, 10) if k * power >= rough)
         return [float(t) for t in step * np.arange(np.ceil(self.low / step), self.high / step + 1e-9)]
+
+    def _clear(self, ticks: Sequence[float]) -> bool:
+        """Whether there are two ticks or more, and none stands nearer to the next than its text is wide."""
+        return len(ticks) > 1 and float(np.abs(np.diff(self.at(np.array(ticks)))).min()) >= TICK
 
     def _scaled(self, values: Array) -> Array:
         return np.log10(np.maximum(values, SMALLEST)) if self.log else np.asarray(values, dtype=float)
