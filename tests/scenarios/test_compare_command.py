@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 import read_back
-from made_up import fill, of_one_trial
+from made_up import of_one_trial
 from read_back import chunks_of, document, views
 from run_here import here
 
@@ -21,8 +21,9 @@ from testbench.bench.rows import ErrorRow
 from testbench.cli.program import program
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.trial import Measured, ModelRow, Settings
+from testbench.studies.loaded_stiffness.study import STUDY as LOADED
+from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
 from testbench.studies.run import to_json
-from testbench.studies.which_model.report import WhichModelReport
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, flatten
 from testbench.trials.spread import Spread
@@ -207,24 +208,25 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart(one, tmp_path):
     assert text.startswith("A and B are alike: no number differs.")
 
 
-def test_tables_of_a_study_without_models_show_the_number_that_differs(rng, tmp_path):
-    first = tmp_path / "first"
+def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path):
+    first, asked, seeds = tmp_path / "first", LoadedSettings(arm="kr500_l480", loads=2, poses=3), range(1, 2)
     first.mkdir()
-    report = fill(WhichModelReport, rng, scenario="which_model")
-    files.write_json(to_json(report), first / "report.json")
-    script = "scenarios/which_model.py"
-    files.write_manifest(first, command=script, scenario={}, seeds=range(1, 2), arms=[])
+    found = LOADED.summary(asked, seeds, zip(seeds, LOADED.trials(asked, seeds), strict=True))
+    files.write_json(to_json(found), first / "report.json")
+    files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, arms=[])
+    [column] = [c for c in LOADED.tables(found)["rows"].columns if c.key == "max_mm"]
 
-    def plant(found):
-        found["truths"][1]["cad_mm"] = {end: 3 * mm for end, mm in found["truths"][1]["cad_mm"].items()}
+    def plant(report):
+        report["rows"][1]["max_mm"] *= 3
 
-    text, found = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
-    assert re.match(
-        r"A and B differ in 1 of \d+ numbers by more than their spread\. Farthest apart: truth ", text
-    )
-    [number] = found["beside"][0]["numbers"]
-    assert number["row"] == report.truths[1].truth
+    text, report = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
+    told = rf"A and B differ in 1 of \d+ numbers by more than 2 %; .* Farthest apart: .*, {column.title}, "
+    assert re.match(told, text)
+    [number] = report["beside"][0]["numbers"]
+    assert number["quantity"] == column.title
     assert number["found"]["ratio"] == pytest.approx(3)
+    shown = read_back.columns(chunks_of(tmp_path / "out" / "recording.rrd"), "/ratio/number")
+    assert shown["Points2D:labels"] == [[f"{number['a']} and {number['b']}"]]
 
 
 def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):

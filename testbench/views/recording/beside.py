@@ -35,7 +35,7 @@ def write_beside(path: Path, header: Header, scene: BesideScene) -> None:
         row.texts("this_row", scene.rows)
         if scene.chart:
             scene.chart.write(pen)
-            scene.chart.write_cursor(row, 1.0 + scene.lines * places, scene.lines)
+            scene.chart.write_cursor(row, 1 + scene.lines * places.astype(np.float64), scene.lines)
 
 
 def _blueprint(scene: BesideScene) -> rrb.Blueprint:
