@@ -53,6 +53,13 @@ def plotted(chunks, path):
     return dict(zip(names, found.reshape(len(names), -1, 3), strict=True))
 
 
+def picture(chunks, path):
+    """Pixels of an image, (height, width, 3)."""
+    data = columns(chunks, path)
+    size = data["Image:format"][0][0]
+    return np.array(data["Image:buffer"][0][0], dtype=np.uint8).reshape(size["height"], size["width"], 3)
+
+
 def document(chunks, path):
     return columns(chunks, path)["TextDocument:text"][0][0]
 

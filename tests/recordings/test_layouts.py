@@ -11,7 +11,20 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from read_back import PLACED, chunks_of, columns, document, layout, on, panes, plotted, rerun, series, views
+from read_back import (
+    PLACED,
+    chunks_of,
+    columns,
+    document,
+    layout,
+    on,
+    panes,
+    picture,
+    plotted,
+    rerun,
+    series,
+    views,
+)
 from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario
@@ -33,6 +46,7 @@ from testbench.studies.study import Run
 from testbench.studies.wrong_inputs import trial as wrong_inputs
 from testbench.studies.wrong_inputs.study import STUDY as WRONG_INPUTS
 from testbench.views.colours import look
+from testbench.views.recording.compliance import colours
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep
 from testbench.views.recording.swept import Point, Sweep
@@ -40,8 +54,8 @@ from testbench.views.schema import Column
 
 BUDGET = 2 * 2**20
 TIMELINES = {
-    "gravity": {"worst_first", "pose", "load"},
-    "full_pose": {"worst_first", "pose", "load"},
+    "gravity": {"place", "worst_first", "run", "load"},
+    "full_pose": {"place", "worst_first", "run", "load"},
     "loaded": {"worst_first", "sweep"},
     "single_link": {"sweep"},
     "solver": {"iteration"},
@@ -166,14 +180,16 @@ def test_every_number_has_its_unit_in_its_path_and_its_view_in_its_title(file, c
         if {"Scalars:scalars", "BarChart:values"} & set(chunk.to_record_batch().schema.names):
             assert re.search(UNIT, chunk.entity_path), chunk.entity_path
     for origin, kind, name in views(file):
-        unit = r"\((%|m|mm|um|urad|s|1|.*log10 .+|signed log; 1 = true diagonal)\)"
+        unit = r"\((%|1|([^()]* )?(m|mm|um|urad|s)(, logarithmic)?|.*log10 .+|1 = true diagonal)\)"
         assert kind == "TextDocument" or re.search(unit, name), (origin, name)
 
 
-def test_every_line_of_a_plot_has_its_unit_in_its_name(chunks):
+def test_every_line_of_a_plot_has_a_name_and_a_unit_there_or_in_its_path(chunks):
     for chunk in chunks:
-        names = columns([chunk], chunk.entity_path).get("SeriesLines:names")
-        assert not names or re.search(r"\(.*(%|mm|um|log10).*\)", names[0][0]), chunk.entity_path
+        for [name] in columns([chunk], chunk.entity_path).get("SeriesLines:names", []):
+            assert name
+            unit = re.search(r"\(.*(%|mm|um|log10).*\)", name) or re.search(UNIT, chunk.entity_path)
+            assert unit, chunk.entity_path
 
 
 def test_entities_are_few_and_in_snake_case(chunks):
@@ -279,7 +295,7 @@ def test_full_pose_table_is_the_reports(made):
 
 
 def test_full_pose_loads_are_drawn_with_force_and_moment(made):
-    data = on(chunks_of(made("full_pose")[0]), "pose")
+    data = on(chunks_of(made("full_pose")[0]), "run")
     labels = columns(data, "/world/load/label")["Points3D:labels"]
     assert labels[0] == ["1000 N"]
     assert labels[3] == ["1000 N m"]
@@ -290,11 +306,10 @@ def test_full_pose_loads_are_drawn_with_force_and_moment(made):
 
 def test_errors_of_the_chart_are_those_of_the_report(made):
     file, found, _ = made("gravity")
-    labels = columns(chunks_of(file), "/error_mm/number")["Points2D:labels"][0]
-    names = columns(chunks_of(file), "/error_mm/name")["Points2D:labels"][0]
+    labels = columns(chunks_of(file), "/errors_by_model_mm/number")["Points2D:labels"][0]
+    names = columns(chunks_of(file), "/errors_by_model_mm/name")["Points2D:labels"][0]
     shown = dict(zip(names, labels, strict=True))
     for words, group in (
-        ("RMS check, readings", "check"),
         ("RMS check, true", "check_true"),
         ("RMS workspace, true", "workspace"),
     ):
@@ -376,9 +391,9 @@ def test_matrices_of_the_single_link_are_the_reports(made):
 
 
 def test_truth_of_the_single_link_has_ones_on_the_diagonal_of_its_heatmap(made):
-    tensor = columns(chunks_of(made("single_link")[0]), "/compliance/truth_eq_21")["Tensor:data"][0][0]
-    data = np.array(tensor["buffer"]).reshape([int(n) for n in tensor["shape"]])
-    assert np.diag(data[1:, 1:]) == pytest.approx(np.ones(6))
+    shown = picture(chunks_of(made("single_link")[0]), "/compliance/truth_eq_21/cells")
+    assert shown.shape == (6, 6, 3)
+    assert (shown[range(6), range(6)] == colours(np.ones(6))).all()
 
 
 def test_ways_of_the_solvers_are_the_reports(made):

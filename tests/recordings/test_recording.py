@@ -1,6 +1,5 @@
 """The recording of a calibration study, read back from its file."""
 
-import re
 import shutil
 import time
 import xml.etree.ElementTree as ET
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from read_back import chunks_of, columns, document, layout, on, rerun, series
+from read_back import chunks_of, columns, document, layout, on, picture, rerun, series
 from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario, build_cell, settle_both, simulate
@@ -25,8 +24,9 @@ from testbench.studies.study import Run
 from testbench.views.recording import calibration
 from testbench.views.recording.arm import reach
 from testbench.views.recording.calibration import write_calibration
-from testbench.views.recording.compliance import compress, scaled
+from testbench.views.recording.compliance import colours, compress, scaled
 from testbench.views.recording.drawing import build_drawing
+from testbench.views.recording.error_map import scale_of, shades
 
 BUDGET = 2 * 2**20
 SMALL = {
@@ -83,29 +83,82 @@ def chunks(file):
     return chunks_of(file)
 
 
-def test_timelines_are_the_place_by_residual_and_the_order_of_the_dataset_or_the_load(chunks):
+def test_timelines_are_places_runs_by_residual_or_as_measured_and_the_load(chunks):
     for chunk in chunks:
         names = set(chunk.timeline_names)
-        assert names in (set(), {"load"}, {"worst_first", "pose"})
+        assert names in (set(), {"load"}, {"place"}, {"worst_first", "run"})
         assert chunk.is_static == (not names)
-    residual = columns(chunks, "/residual_mm/mgco56")
-    assert residual["pose"] == list(range(21))
-    assert sorted(residual["worst_first"]) == list(range(21))
+    runs = columns(on(chunks, "run"), "/here")
+    assert runs["run"] == list(range(1, 22))
+    assert sorted(runs["worst_first"]) == list(range(21))
+    assert columns(on(chunks, "place"), "/here")["place"] == list(range(5))
 
 
-def test_the_reviewer_lands_on_the_worst_run(file, chunks, heavy):
+def test_whatever_moves_has_a_state_on_every_timeline_so_that_no_view_is_blank_or_collapses(chunks):
+    """A view shows entities of a timeline and static ones: what is on one alone vanishes on the others."""
+    moving = {}
+    for chunk in chunks:
+        if not chunk.is_static:
+            moving.setdefault(chunk.entity_path, set()).update(chunk.timeline_names)
+    every = {"place", "worst_first", "run", "load"}
+    apart = {path: every - own for path, own in moving.items() if own != every}
+    runs = {"/world/markers/measured", "/world/sight", "/error_mm/noise_p95"}
+    truth = {"/world/markers/true": {"worst_first", "run"}}
+    assert apart == {path: {"place", "load"} for path in runs} | truth
+
+
+def test_the_reviewer_lands_where_the_compared_models_differ_most(file, chunks, heavy):
     panel = layout(file)["/time_panel"]
-    assert panel["TimePanelBlueprint:timeline"] == [["worst_first"]]
+    assert panel["TimePanelBlueprint:timeline"] == [["place"]]
+    names = heavy[0].map.compared
+    first, *_, last = (np.array(series(chunks, f"/error_mm/{name.lower()}", "place")) for name in names)
+    apart = np.abs(first - last)
+    assert apart[0] == apart.max()
+    text = columns(on(chunks, "place"), "/here")["TextDocument:text"][0][0]
+    assert all(f"{name} {heavy[0].map.error_mm[name][0]:.3f}" in text for name in names)
+
+
+def test_errors_by_place_are_those_of_the_report_and_of_arrows_and_markers(chunks, heavy):
+    about, campaign = heavy[0], heavy[2]
+    order = [list(campaign.truth.run).index(run) for run in about.map.run]
+    true = np.array(columns(on(chunks, "place"), "/world/markers/true")["Points3D:positions"])
+    nominal = np.array(columns(on(chunks, "place"), "/world/markers/nominal")["Points3D:positions"])
+    assert true - nominal == pytest.approx(50 * campaign.truth.deflection[order], abs=2e-6)
+    scale = columns(chunks, "/__properties/study")["error_magnification"][0][0]
+    for k in about.shown:
+        name = about.models[k].name
+        mm = series(chunks, f"/error_mm/{name.lower()}", "place")
+        assert mm == pytest.approx(about.map.error_mm[name], rel=1e-3)  # kept to four digits
+        errors, predicted = (
+            columns(on(chunks, "place"), f"/world/markers/{what}_{name.lower()}")
+            for what in ("error", "predicted")
+        )
+        arrows, dots = np.array(errors["Arrows3D:vectors"]), np.array(predicted["Points3D:positions"])
+        rms = np.sqrt((arrows**2).sum(axis=-1).mean(axis=-1))
+        assert 1e3 * rms / scale == pytest.approx(mm, rel=1e-4)
+        assert dots - true == pytest.approx(50 / scale * arrows, abs=4e-6)
+
+
+def test_arrows_of_models_that_err_alike_lie_beside_each_other(chunks, heavy):
+    shown = [heavy[0].models[k].name.lower() for k in heavy[0].shown]
+    data = [columns(on(chunks, "place"), f"/world/markers/error_{name}") for name in shown]
+    starts = np.array([own["Arrows3D:origins"] for own in data])
+    radius = data[0]["Arrows3D:radii"][0][0]
+    apart = np.linalg.norm(starts[0] - starts[1], axis=-1)
+    assert (apart > radius).all()
+
+
+def test_the_first_of_worst_first_is_the_worst_run(chunks, heavy):
     row = min((m for m in heavy[0].models if m.conservative), key=lambda m: m.workspace.rms_mm)
-    residual = series(chunks, f"/residual_mm/{row.name.lower()}")
+    residual = series(chunks, f"/error_mm/{row.name.lower()}")
     assert residual == sorted(residual, reverse=True)
     largest = max(row.identification.max_mm, row.check.max_mm)
     assert residual[0] == pytest.approx(largest, rel=1e-12)
 
 
 def test_residuals_of_the_check_runs_reach_the_reports_maximum_and_are_marked(chunks, heavy):
-    for row in heavy[0].models:
-        data = columns(chunks, f"/residual_mm/{row.name.lower()}")
+    for row in (heavy[0].models[k] for k in heavy[0].shown):
+        data = columns(on(chunks, "run"), f"/error_mm/{row.name.lower()}")
         marked = np.array(data["SeriesPoints:marker_sizes"])[:, 0] > 0
         assert marked.sum() == heavy[2].check.runs
         values = np.array(data["Scalars:scalars"])[:, 0]
@@ -115,7 +168,9 @@ def test_residuals_of_the_check_runs_reach_the_reports_maximum_and_are_marked(ch
 def test_the_summary_is_answer_table_and_words_of_the_report(chunks, heavy):
     text = document(chunks, "/summary")
     assert text.startswith(heavy[0].summary)
-    assert re.search(r"`load` loads run \d+, (check|identification) pose \d+", text)
+    first, *_, last = heavy[0].map.compared
+    assert f"at 0 {first} and {last} differ most" in text
+    assert f"worst {first} {heavy[0].map.worst[first].place}, " in text
 
 
 def test_seed_scenario_versions_and_magnification_are_properties(chunks):
@@ -123,7 +178,8 @@ def test_seed_scenario_versions_and_magnification_are_properties(chunks):
     assert properties["seed"] == [[1]]
     assert properties["scenario"] == [["gravity_calibration"]]
     assert properties["deflection_magnification"] == [[50.0]]
-    assert properties["residual_magnification"] == [[1000.0]]
+    assert properties["residual_magnification"] == [[2000.0]]
+    assert properties["error_magnification"][0][0] > 0
     assert '"payload":460.3' in properties["parameters"][0][0]
     versions = columns(chunks, "/__properties/versions")
     assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
@@ -132,7 +188,7 @@ def test_seed_scenario_versions_and_magnification_are_properties(chunks):
 def test_measured_markers_are_drawn_at_the_magnified_deflection(chunks, heavy):
     campaign = heavy[2]
     nominal, measured = (
-        np.array(columns(on(chunks, "pose"), f"/world/markers/{name}")["Points3D:positions"])
+        np.array(columns(on(chunks, "run"), f"/world/markers/{name}")["Points3D:positions"])
         for name in ("nominal", "measured")
     )
     # single precision of a viewer: 1e-7 of a few metres
@@ -140,7 +196,7 @@ def test_measured_markers_are_drawn_at_the_magnified_deflection(chunks, heavy):
 
 
 def test_load_is_labelled_with_the_payload(chunks):
-    labels = columns(on(chunks, "pose"), "/world/load/label")["Points3D:labels"]
+    labels = columns(on(chunks, "run"), "/world/load/label")["Points3D:labels"]
     assert labels == [["460.3 kg"]] * 21
 
 
@@ -189,7 +245,7 @@ def test_two_hundred_runs_stay_within_budget(kr500, tmp_path):
 def test_noise_free_linear_truth_is_drawn_too(kr500, tmp_path):
     path = tmp_path / "quiet.rrd"
     write_calibration(path, *study(kr500, ("MLS56", "MGCO56"), truth="linear", noise=False))
-    assert max(series(chunks_of(path), "/residual_mm/mgco56")) < 1e-6
+    assert max(series(chunks_of(path), "/error_mm/mgco56")) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -210,40 +266,46 @@ def test_illustrative_arm_with_one_marker_is_drawn(arm_6r, tmp_path):
     assert "/world/arm_deflected/link_0" not in paths  # it never moves
 
 
-def test_loading_ends_where_the_loaded_arm_stands(heavy):
+def test_loading_ends_where_the_arm_stands_at_the_first_place(heavy):
     made = build_drawing(*heavy)
-    loading, worst = made.loading, made.worst
-    assert loading.run == worst
-    assert loading.share[[0, -1]].tolist() == [0, 1]
-    before, after = rests(heavy)
-    true = after.markers[worst] - before.markers[worst]
+    loading, places = made.loading, made.places
+    assert made.share[[0, -1]].tolist() == [0, 1]
     assert loading.deflection[0] == pytest.approx(0, abs=1e-12)
-    assert loading.deflection[-1] == pytest.approx(true, abs=1e-12)
-    assert loading.ghost.positions[-1] == pytest.approx(made.ghost.positions[worst], abs=1e-12)
-    assert loading.ghost.positions[0] == pytest.approx(made.rigid.positions[worst], abs=1e-12)
+    assert loading.deflection[-1] == pytest.approx(places.deflection[0], abs=1e-12)
+    assert loading.predicted[:, -1] == pytest.approx(places.predicted[:, 0], abs=1e-15)
+    assert loading.ghost.positions[-1] == pytest.approx(places.ghost.positions[0], abs=1e-12)
+    assert loading.ghost.positions[0] == pytest.approx(places.rigid.positions[0], abs=1e-12)
 
 
 def test_loading_is_an_equilibrium_of_its_share_of_the_load(kr500, heavy):
     made = build_drawing(*heavy)
-    data, k = made.data, made.worst
+    data, k = heavy[2].truth, list(heavy[2].truth.run).index(heavy[0].map.run[0])
     half = settle(kr500.plant, data.q[[k]], 0.5 * data.wrench[[k]], data.point[[k]])
     rest = settle(kr500.plant, data.q[[k]])
-    middle = np.flatnonzero(made.loading.share == 0.5)[0]
+    middle = np.flatnonzero(made.share == 0.5)[0]
     assert made.loading.deflection[middle] == pytest.approx((half.markers - rest.markers)[0], abs=1e-12)
     # not half of the whole: the truth is not linear
-    assert np.abs(made.loading.deflection[middle] - 0.5 * made.loading.deflection[-1]).max() > 1e-6
+    assert np.abs(made.loading.deflection[middle] - 0.5 * made.loading.deflection[-1]).max() > 1e-7
 
 
-def test_the_arm_sags_on_the_load_timeline(chunks, heavy):
-    data = columns(on(chunks, "load"), "/world/markers/true")
-    assert data["load"] == list(range(0, 101, 5))
-    nominal = np.array(columns(on(chunks, "load"), "/world/markers/nominal")["Points3D:positions"])
-    sag = np.linalg.norm(np.array(data["Points3D:positions"]) - nominal, axis=-1).max(axis=1)
+def test_the_arm_sags_on_the_load_timeline_below_an_empty_hook_on_a_sling_of_one_length(chunks):
+    data = on(chunks, "load")
+    true, nominal = (columns(data, f"/world/markers/{name}") for name in ("true", "nominal"))
+    assert true["load"] == list(range(0, 101, 5))
+    moved = np.array(true["Points3D:positions"]) - np.array(nominal["Points3D:positions"])
+    sag = np.sqrt((moved**2).sum(axis=-1).mean(axis=-1))
     assert (np.diff(sag) > 0).all()
-    plotted = series(chunks, "/sag_mm/true", "load")
-    assert sag == pytest.approx(50 * 1e-3 * np.array(plotted), abs=2e-6)
-    labels = columns(on(chunks, "load"), "/world/load/label")["Points3D:labels"]
+    plotted = np.array(series(chunks, "/deflection_mm/truth", "load"))
+    assert sag == pytest.approx(50e-3 * plotted, abs=2e-6)
+    labels = columns(data, "/world/load/label")["Points3D:labels"]
     assert (labels[0], labels[10], labels[20]) == (["0 kg"], ["230.2 kg"], ["460.3 kg"])
+    sling = np.array(columns(data, "/world/load/sling")["LineStrips3D:strips"])[:, 0]
+    length = np.linalg.norm(sling[:, 1] - sling[:, 0], axis=1)
+    assert length == pytest.approx(length[0], abs=1e-6)
+    cubes = columns(data, "/world/load/weight")["Boxes3D:half_sizes"]
+    assert not cubes[0]
+    hung = 7850 * np.prod(2 * np.array(cubes[1:])[:, 0], axis=1)
+    assert hung == pytest.approx(460.3 * np.linspace(0.05, 1, 20), rel=1e-6)
 
 
 def test_heatmaps_hold_truth_and_the_best_of_each_method(chunks, heavy, kr500):
@@ -251,30 +313,59 @@ def test_heatmaps_hold_truth_and_the_best_of_each_method(chunks, heavy, kr500):
     shown = about.shown
     assert {about.models[k].constraint for k in shown} == {"none", "psd"}
     true = kr500.arm.links[2].compliance
-    tensor = columns(chunks, "/compliance/link_2")["Tensor:data"][0][0]
-    picture = np.array(tensor["buffer"]).reshape([int(n) for n in tensor["shape"]])
-    assert picture.shape == (7, 21)
+    pixels = picture(chunks, "/compliance/links/cells")
+    assert pixels.shape == (7 * 7 - 1, 7 * (1 + len(shown)) - 1, 3)
     blocks = [true, *(results[k].estimate.C_theta[12:18, 12:18] for k in shown)]
-    for first, C in zip((1, 8, 15), blocks, strict=True):
-        assert picture[1:, first : first + 6] == pytest.approx(compress(scaled(C, true)))
+    for k, C in enumerate(blocks):
+        assert (pixels[14:20, 7 * k : 7 * k + 6] == colours(scaled(C, true))).all()
     assert compress(np.array([-11.0, -1, 0, 1, 11])) == pytest.approx([-2, -1, 0, 1, 2])
+    heads = columns(chunks, "/compliance/links/columns")["Points2D:labels"][0]
+    assert heads == ["truth", *(about.models[k].name for k in shown)]
     assert f"{true[1, 1]:.3e}" in document(chunks, "/compliance_table")
 
 
+def test_error_maps_of_all_models_have_one_scale_and_name_the_worst_place(chunks, heavy):
+    found = heavy[0].map
+    scale = scale_of(*(np.array(found.error_mm[name]) for name in found.compared))
+    for name in found.compared:
+        mm, worst = np.array(found.error_mm[name]), found.worst[name]
+        balls = columns(chunks, f"/world/error_map/{name.lower()}/field")
+        packed = np.array(balls["Points3D:colors"][0], dtype=np.uint32)
+        drawn = np.column_stack([packed >> shift & 255 for shift in (24, 16, 8)])
+        assert (drawn == shades(scale.shares(mm))).all()
+        label = columns(chunks, f"/world/error_map/{name.lower()}/worst")
+        assert label["Points3D:labels"] == [[f"worst: {mm.max():.3f} mm, place {worst.place}"]]
+        assert label["Points3D:positions"][0][0][:2] == pytest.approx(worst.position_m[:2], abs=1e-6)
+        assert worst.joints in document(chunks, "/error_words")
+
+
+def test_a_scale_is_logarithmic_where_one_model_errs_far_more_and_says_so():
+    good, bad = np.array([0.01, 0.02, 0.03]), np.array([0.5, 1.0, 2.0])
+    alike, apart = scale_of(good, 1.5 * good), scale_of(good, bad)
+    assert (alike.logarithmic, alike.words, alike.ends) == (False, "mm", (0.01, 0.045))
+    assert (apart.logarithmic, apart.words, apart.ends) == (True, "mm, logarithmic", (0.01, 2.0))
+    for scale in (alike, apart):
+        share = np.linspace(0, 1, 5)
+        assert scale.shares(scale.errors(share)) == pytest.approx(share, abs=1e-12)
+    assert apart.shares(np.array([0.1 * 2**0.5]))[0] == pytest.approx(0.5)
+    assert scale_of(np.array([0.0, 1e-9, 3.0])).ends == (0.003, 3.0)  # zero has no logarithm
+
+
 def test_models_of_one_method_have_shades_of_their_own(chunks, heavy):
-    colours = [
-        tuple(columns(chunks, f"/residual_mm/{m.name.lower()}")["SeriesLines:colors"][0])
-        for m in heavy[0].models
+    shades_of = [
+        tuple(columns(chunks, f"/error_mm/{heavy[0].models[k].name.lower()}")["SeriesLines:colors"][0])
+        for k in heavy[0].shown
     ]
-    assert len(set(colours)) == 5
+    assert len(set(shades_of)) == len(shades_of) > 1
 
 
 def test_only_the_worst_marker_of_a_run_is_labelled(chunks, heavy):
-    labels = columns(on(chunks, "pose"), "/world/markers/worst_label")["Points3D:labels"]
+    labels = columns(on(chunks, "run"), "/world/markers/worst_label")["Points3D:labels"]
     result = heavy[3][heavy[0].best]
     size = 1e3 * np.linalg.norm(result.residuals, axis=-1)
     names = np.array(heavy[1].arm.markers)[size.argmax(axis=1)]
-    assert labels == [[f"{name}: {mm:.3f} mm"] for name, mm in zip(names, size.max(axis=1), strict=True)]
+    worst = zip(names, size.max(axis=1), strict=True)
+    assert labels == [[f"{result.model.name} at {name}: {mm:.3f} mm"] for name, mm in worst]
 
 
 def test_without_noise_there_is_no_line_of_noise(kr500, tmp_path):
@@ -332,7 +423,7 @@ def test_elastic_frames_of_the_loaded_arm_hold_its_markers(kr500, heavy):
 def test_ghost_moves_by_the_magnified_deflection_to_first_order(heavy):
     small = build_drawing(replace(heavy[0], magnification=2.0), *heavy[1:])
     names = small.cell.arm.markers
-    shift = small.bodies(names, small.ghost) - small.bodies(names, small.rigid)
+    shift = small.bodies(names, small.runs.ghost) - small.bodies(names, small.runs.rigid)
     before, after = rests(heavy)
     sag = after.markers - before.markers
     # second order: rotations of 2 x 0.003 rad on 10 mm, and the sag of the unloaded arm
@@ -433,8 +524,8 @@ def test_of_several_seeds_the_words_are_the_medians_and_the_drawing_is_the_first
     path = tmp_path / "recording.rrd"
     write_calibration(path, *made)
     chunks = chunks_of(path)
-    check, area = (getattr(made[0].models[1], group).rms_mm for group in ("check", "workspace"))
+    area = made[0].models[1].workspace.rms_mm
     assert f"MGCO56 {area.median:.3f} mm, least squares" in document(chunks, "/summary")
     assert columns(chunks, "/__properties/study")["seed"] == [[1]]
-    labels = columns(chunks, "/error_mm/number")["Points2D:labels"][0]
-    assert f"{check.median:.3f} ({check.p05:.3f} to {check.p95:.3f}) mm, recommended" in labels
+    labels = columns(chunks, "/errors_by_model_mm/number")["Points2D:labels"][0]
+    assert f"{area.median:.3f} ({area.p05:.3f} to {area.p95:.3f}) mm, recommended" in labels

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import check_report, check_table, unit_in
 from made_up import around, fill, filled, single
-from read_back import PLACED, chunks_of, columns, document, plotted
+from read_back import PLACED, chunks_of, columns, document, picture, plotted
 
 from testbench.studies.single_link import figure, recording
 from testbench.studies.single_link.order import Order, which_m
@@ -20,6 +20,7 @@ from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle, triple
 from testbench.views.colours import GCO, LEAST_SQUARES, hexadecimal
 from testbench.views.markdown import grid
+from testbench.views.recording.compliance import colours
 from testbench.views.recording.pen import snake
 from testbench.views.recording.plane import SMALLEST
 from testbench.views.schema import best_of
@@ -366,7 +367,5 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
         expected = np.maximum([triple(v) for v in numbers], SMALLEST)
         np.testing.assert_allclose(plotted(chunks, f"/{root}")["MGCO21"], expected, rtol=PLACED)
     C, true = np.array(report.first_draw["MGCO21"].matrix), np.diag(report.truth_matrix)
-    tensor = columns(chunks, f"/compliance/{snake('MGCO21, first draw')}")["Tensor:data"][0][0]
-    shown = np.array(tensor["buffer"]).reshape([int(n) for n in tensor["shape"]])[1:, 1:]
-    x = C / np.sqrt(np.outer(true, true))
-    np.testing.assert_allclose(shown, np.sign(x) * np.log10(1 + 9 * np.abs(x)), rtol=1e-6)
+    shown = picture(chunks, f"/compliance/{snake('MGCO21, first draw')}/cells")
+    np.testing.assert_array_equal(shown, colours(C / np.sqrt(np.outer(true, true))))

@@ -32,12 +32,12 @@ def write(run: Run[Settings, GravityReport]) -> Seen:
 
 
 def about(run: Run[Settings, GravityReport]) -> Calibration:
-    """Words and models; runs are sorted by the recommended one, joints and the best without prior beside."""
+    """Words and models: what is compared, the recommended one, which sorts the runs, joints alone."""
     report = run.report
     models = distinct(report.models)
     names = [m.name for m in models]
     best = names.index(report.recommended) if report.recommended else 0
-    first = [JOINTS, *(w.names[0] for w in report.winners if not w.prior)]
+    shown = dict.fromkeys([*report.map.compared, names[best], JOINTS])
     return Calibration(
         header=Header(report.scenario, run.parameters, run.seeds[0]),
         summary=run.words.summary(run.tables["recorded"]),
@@ -45,6 +45,7 @@ def about(run: Run[Settings, GravityReport]) -> Calibration:
         errors=run.tables["errors"],
         models=models,
         best=best,
-        shown=tuple(dict.fromkeys([*(names.index(name) for name in first if name in names), best])),
+        shown=tuple(names.index(name) for name in shown if name in names),
+        map=report.map,
         magnification=run.settings.magnification,
     )

@@ -228,7 +228,7 @@ SHORT = (
     "identification.rms_mm", "check.rms_mm", "workspace.rms_mm", "times_less",
 )  # fmt: skip
 RECORDED = ("name", "conservative", "workspace.rms_mm", "times_less")
-DRAWN = ("name", "check.rms_mm", "check_true.rms_mm", "workspace.rms_mm")
+DRAWN = ("name", "workspace.rms_mm", "check_true.rms_mm")
 """What a terminal of 80 columns has room for, what a recording says first, and what it draws."""
 TRUE_ARM = Column("true_arm", "true arm", called=CALLED)
 BY_ARM = Column("workspace_mm", "RMS workspace, true", "mm", exact=True)
@@ -257,7 +257,7 @@ def tables(report: GravityReport) -> dict[str, Table]:
     recorded = tuple(replace(c, exact=True) for c in COLUMNS if c.key in RECORDED)
     short = tuple(replace(c, paper="") for c in COLUMNS if c.key in SHORT)
     told = distinct(report.models)
-    drawn = tuple(c for c in COLUMNS if c.key in DRAWN)
+    drawn = tuple(next(c for c in COLUMNS if c.key == key) for key in DRAWN)
     marked = report.take
     names = [m.name for m in told]
     arms = Table((), [row for row in report.by_arm if row.name in names], bold=marked)

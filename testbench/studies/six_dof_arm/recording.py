@@ -30,12 +30,11 @@ def write(run: Run[Settings, SixDofReport]) -> Seen:
 
 
 def about(run: Run[Settings, SixDofReport]) -> Calibration:
-    """Words and models; the runs are sorted by the best model, the best of the other method is shown too."""
+    """Words and models: the best of each method, the runs sorted by the best of all."""
     report, words = run.report, run.words
     names = [m.name for m in report.models]
     held = [name for name in report.best if report.models[names.index(name)].constraint == "psd"]
     best = names.index((held or report.best)[0])
-    rivals = [m for m in report.models if m.constraint != report.models[best].constraint]
     return Calibration(
         header=Header(report.scenario, run.parameters, run.seeds[0]),
         summary=words.summary(run.tables["short"], then=()),
@@ -43,6 +42,7 @@ def about(run: Run[Settings, SixDofReport]) -> Calibration:
         errors=run.tables["errors"],
         models=report.models,
         best=best,
-        shown=(best, *(names.index(m.name) for m in rivals[:1])),
+        shown=tuple(dict.fromkeys([*map(names.index, report.map.compared), best])),
+        map=report.map,
         magnification=run.settings.magnification,
     )

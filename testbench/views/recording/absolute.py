@@ -153,7 +153,7 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
                 run.line(line, MM * own.longest)
         if scene.error_map:
             write_error_map(pen, MAP, scene.error_map, 0.03 * reach(scene.frames))
-            write_key(pen, KEY, scene.error_map)
+            write_key(pen, KEY, scene.error_map.scale)
             pen.documents({"error_words": map_words(scene.error_map)})
         for row in scene.spectrum[:SPECTRA]:
             order, amplitude = np.array([(one.order, one.amplitude_urad) for one in row.orders]).T
@@ -203,7 +203,8 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
         rrb.Horizontal(text_view("tables", "Tables"), text_view("geometry", scene.beside), name="Tables"),
     ]
     if scene.error_map:
-        mapped = rrb.Vertical(_map_view(scene, scene.error_map), key_view(KEY), row_shares=[10, 1])
+        key = key_view(KEY, scene.error_map.scale)
+        mapped = rrb.Vertical(_map_view(scene, scene.error_map), key, row_shares=[10, 1])
         in_words = text_view("error_words", "Error map in words")
         tabs.append(rrb.Horizontal(mapped, in_words, column_shares=[3, 1], name="Error map"))
     if scene.spectrum:

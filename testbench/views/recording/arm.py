@@ -55,31 +55,36 @@ def write_places(
                 pen.rows(_path(entity, name), at)
 
 
-def write_weight(pen: Pen, hook: Array, payload: Array, share: Array, size: float) -> None:
-    """The hung weight, a cube of steel; its label stands below it; see `write_cube`."""
-    below = write_cube(pen, hook, payload, share, size)
-    pen.label(LABEL, below, [f"{kg:.4g} kg" for kg in share * payload], LOAD)
+def write_weight(pen: Pen, hook: Array, carried: Array, size: float) -> None:
+    """The hung weight on its sling; its label stands below it; see `write_hung`."""
+    below = write_hung(pen, hook, carried, np.full(len(hook), ARROW * size), size)
+    pen.label(LABEL, below, [f"{kg:.4g} kg" for kg in carried], LOAD)
 
 
-def write_cube(pen: Pen, hook: Array, payload: Array, share: Array, size: float) -> Array:
-    """The hung weight without its label.
+def write_hung(pen: Pen, hook: Array, carried: Array, sling: Array, size: float) -> Array:
+    """A sling with a hook, and on it a cube of steel: none where the hook is empty.
 
     Args:
         pen: On the times of the rows.
         hook: Load point, (rows, 3) [m].
-        payload: Mass of the weight, (rows,) [kg].
-        share: How much of it the arm carries, (rows,) [1].
+        carried: Mass that hangs, (rows,) [kg].
+        sling: Length of the sling, (rows,) [m].
         size: Reach of the arm, the scale of symbols [m].
 
     Returns:
-        Places below the weight, (rows, 3) [m].
+        Places below what hangs, (rows, 3) [m].
     """
-    half = np.cbrt(payload / STEEL) / 2
+    down, end = np.array([0.0, 0.0, -1.0]), hook - sling[:, None] * [0, 0, 1]
+    pen.still("world/load/sling", rr.LineStrips3D.from_fields(colors=LOAD, radii=0.004 * size))
+    pen.rows("world/load/sling", rr.LineStrips3D.columns(strips=np.stack([hook, end], axis=1)))
+    pen.still("world/load/hook", rr.Points3D.from_fields(colors=LOAD, radii=0.012 * size))
+    pen.points("world/load/hook", end[:, None])
+    half = np.cbrt(carried / STEEL) / 2
+    centre = end + np.outer(half, down)
     pen.still("world/load/weight", rr.Boxes3D.from_fields(colors=LOAD, fill_mode=FillMode.Solid))
-    down = np.array([0.0, 0.0, -1.0])
-    centre = hook + np.outer(ARROW * size * share + half, down)
-    cubes = rr.Boxes3D.columns(centers=centre, half_sizes=np.column_stack([half] * 3))
-    pen.rows("world/load/weight", cubes)
+    hung = np.asarray(carried > 0)
+    cubes = rr.Boxes3D.columns(centers=centre[hung], half_sizes=np.column_stack([half] * 3)[hung])
+    pen.rows("world/load/weight", cubes.partition(hung.astype(int)))
     return np.asarray(centre + np.outer(half + 0.04 * size, down))
 
 

@@ -85,7 +85,7 @@ def _write_tool(pen: Pen, checked: Checked, frames: Frames) -> None:
     pen.still("world/load/force", rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * size))
     pen.arrows("world/load/force", hook, np.broadcast_to([0, 0, -ARROW * size], hook.shape))
     if arm.payload is not None:
-        write_weight(pen, hook[:, 0], np.full(len(hook), arm.payload), np.ones(len(hook)), size)
+        write_weight(pen, hook[:, 0], np.full(len(hook), arm.payload), size)
 
 
 def _write_base(pen: Pen, checked: Checked) -> None:

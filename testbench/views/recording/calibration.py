@@ -1,4 +1,4 @@
-"""The recording of a calibration: verdict, arm, load, markers, residuals, compliances."""
+"""The recording of a calibration: verdict, arm, load, markers, errors by place and by run, compliances."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,23 +11,25 @@ import rerun.blueprint as rrb
 from testbench.bench.campaign import Campaign, Cell
 from testbench.bench.judged import Result
 from testbench.trials.spread import Spread
+from testbench.views.recording.arm import orbit
 from testbench.views.recording.chart import Chart, dots
-from testbench.views.recording.compliance import compliance_grid, write_compliances
+from testbench.views.recording.compliance import compliance_tab, write_compliances
 from testbench.views.recording.drawing import Calibration, Drawing, build_drawing
+from testbench.views.recording.error_maps import error_maps_tab, write_error_maps
 from testbench.views.recording.pen import Pen, text_view
 from testbench.views.recording.plots import (
-    histogram_views,
-    residual_view,
-    sag_views,
+    deflection_view,
+    error_view,
+    histogram_grid,
     write_histograms,
-    write_residuals,
-    write_sag,
+    write_plots,
 )
-from testbench.views.recording.run_text import run_lines, words
-from testbench.views.recording.scene import world_view, write_scene
+from testbench.views.recording.run_text import place_lines, run_lines, words
+from testbench.views.recording.scene import map_camera, world_view, write_scene
 from testbench.views.recording.stream import layout, recording
 
-TIMELINES = ("worst_first", "pose", "load")
+PLACE, WORST, RUN, LOAD = "place", "worst_first", "run", "load"
+"""Timelines: places of the workspace, runs by their residual, runs of the dataset from 1, load [%]."""
 
 
 def write_calibration(
@@ -40,26 +42,28 @@ def write_calibration(
     drawing = build_drawing(about, cell, campaign, results)
     scales = {
         "deflection_magnification": about.magnification,
-        "residual_magnification": drawing.residual_scale,
+        "error_magnification": drawing.places.scale,
+        "residual_magnification": drawing.runs.scale,
     }
-    places = (drawing.rank, np.arange(drawing.data.runs), np.rint(100 * drawing.loading.share).astype(int))
-    *runs, load = (rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, places, strict=True))
     chart = _errors(drawing)
     header = replace(about.header, scales=scales)
     with recording(path, "calibration", header, _blueprint(drawing, chart)) as pen:
-        on_runs, on_load = pen.on(*runs), pen.on(load)
-        _write_words(on_runs, on_load, drawing)
-        write_scene(on_runs, on_load, drawing)
-        write_residuals(on_runs, drawing)
-        write_sag(on_load, drawing)
+        order = np.arange(drawing.data.runs) + 1
+        runs = pen.on(rr.TimeColumn(WORST, sequence=drawing.rank), rr.TimeColumn(RUN, sequence=order))
+        places = pen.on(rr.TimeColumn(PLACE, sequence=np.arange(len(about.map.run))))
+        load = pen.on(rr.TimeColumn(LOAD, sequence=np.rint(100 * drawing.share).astype(int)))
+        _write_words(runs, places, load, drawing)
+        write_scene(runs, places, load, drawing)
+        write_plots(runs, places, load, drawing)
+        write_error_maps(pen, about.map, drawing.reach)
         write_histograms(pen, drawing)
         chart.write(pen)
         write_compliances(pen, drawing)
 
 
-def _write_words(on_runs: Pen, on_load: Pen, drawing: Drawing) -> None:
+def _write_words(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
     found = words(drawing)
-    on_runs.documents(
+    runs.documents(
         {
             "summary": f"{drawing.about.summary}\n\n{found.block('how_to_read')}",
             "table": found.block("every_run"),
@@ -68,9 +72,9 @@ def _write_words(on_runs: Pen, on_load: Pen, drawing: Drawing) -> None:
             "compliance_table": found.block("numbers"),
         }
     )
-    on_runs.texts("this_run", [found.block("run", run=run) for run in run_lines(drawing)])
-    steps = range(len(drawing.loading.share))
-    on_load.texts("this_run", [found.block("step", step=step) for step in steps])
+    runs.texts("here", [found.block("run", run=run) for run in run_lines(drawing)])
+    places.texts("here", [found.block("place", place=place) for place in place_lines(drawing)])
+    load.texts("here", [found.block("step", step=step) for step in range(len(drawing.share))])
 
 
 def _errors(drawing: Drawing) -> Chart:
@@ -79,23 +83,25 @@ def _errors(drawing: Drawing) -> Chart:
     spread = any(isinstance(c.value(row), Spread) for c in errors.columns for row in errors.rows)
     line = "; line: 5 to 95 % of the seeds" if spread else ""
     title = f"Errors by model (mm), logarithmic; dot: value{line}"
-    return Chart("error_mm", title, dots(errors, [look.colour for look in drawing.looks]))
+    return Chart("errors_by_model_mm", title, dots(errors, [look.colour for look in drawing.looks]))
 
 
 def _blueprint(drawing: Drawing, chart: Chart) -> rrb.Blueprint:
-    """Overview, errors, table, histograms, compliances and notes; the reviewer lands on the worst run."""
-    run = rrb.Vertical(world_view(drawing), text_view("this_run", "This run"), row_shares=[5, 1])
-    words = rrb.Vertical(text_view("summary", "Summary"), residual_view(drawing), row_shares=[16, 8])
-    step = rrb.Vertical(*sag_views(drawing), text_view("this_run", "This step"), row_shares=[3, 3, 1])
+    """Overview, error map, errors, loading and what else; the reviewer lands where models differ most."""
+    here = rrb.Vertical(world_view(drawing), text_view("here", "What is shown"), row_shares=[7, 2])
+    words = rrb.Vertical(text_view("summary", "Summary"), error_view(), row_shares=[2, 1])
+    plots = deflection_view(), error_view(rrb.Corner2D.LeftTop)
+    step = rrb.Vertical(*plots, text_view("here", "What is shown"), row_shares=[3, 3, 2])
     return layout(
-        rrb.Horizontal(run, words, column_shares=[11, 10], name="Overview"),
+        rrb.Horizontal(here, words, column_shares=[11, 10], name="Overview"),
+        error_maps_tab(drawing.about.map, orbit(*map_camera(drawing))),
         rrb.Vertical(chart.view(), name="Errors"),
-        rrb.Horizontal(*histogram_views(drawing), name="Histogram"),
         rrb.Horizontal(world_view(drawing), step, name="Loading"),
-        compliance_grid(drawing),
+        histogram_grid(drawing),
+        compliance_tab(drawing),
         text_view("compliance_table", "Numbers"),
         text_view("table", "Table"),
         text_view("log", "Notes"),
-        timeline=TIMELINES[0],
+        timeline=PLACE,
         places=drawing.data.runs,
     )

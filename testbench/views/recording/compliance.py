@@ -3,20 +3,26 @@
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.blueprint.components import ViewFit
-from rerun.components import Colormap, MagnificationFilter
 
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.errors import Array
 from testbench.views.recording.drawing import Drawing
 from testbench.views.recording.pen import Pen, text_view
+from testbench.views.recording.style import NOISE
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+LABELS = ("x", "y", "z", "φx", "φy", "φz")  #: The same where there is little room.
 RANGE = 2.0  #: Colours end here: about eleven times the true diagonal [1].
-FRAME = (1, 0), (1, 0)
-"""Empty rows above and columns on the left, where the viewer writes the names of the axes."""
+SHADES = np.array([(90, 205, 255), (45, 110, 185), (80, 80, 80), (160, 105, 25), (250, 215, 60)])
+"""From large and negative over zero, grey, to large and positive."""
+KEY = (-10.0, -1.0, 0.0, 1.0, 10.0)  #: Entries that the key shows, over the true diagonal.
+SIZE, GAP = 6, 1
+"""Cells of a matrix along an edge, and cells between two."""
+MARGIN = 3.0  #: Room for names on the left and above [cells].
+LINKS, ALONE = "compliance/links", "compliance/key"
 
 
 def scaled(C: Array, true: Array) -> Array:
@@ -35,19 +41,35 @@ def compress(x: Array) -> Array:
     return np.asarray(np.sign(x) * np.log10(1 + 9 * np.abs(x)))
 
 
-def write_heatmap(pen: Pen, path: str, matrices: Sequence[Array]) -> None:
-    """Matrices without unit as one picture of one range of colours, an empty column left of each."""
-    data = np.hstack([np.pad(compress(C), FRAME) for C in matrices])
-    pen.still(path, rr.Tensor(data, dim_names=("row", "column"), value_range=(-RANGE, RANGE)))
+def colours(x: Array) -> npt.NDArray[np.uint8]:
+    """Entries without unit, (...), as red, green and blue, (..., 3)."""
+    at, values = np.linspace(-RANGE, RANGE, len(SHADES)), compress(x)
+    parts = [np.rint(np.interp(values, at, part)) for part in SHADES.T]
+    return np.stack(parts, axis=-1).astype(np.uint8)
 
 
-def heatmap_view(path: str, name: str) -> rrb.TensorView:
-    """The view of a heatmap; grey is zero, the brighter the larger."""
-    name += " (signed log; 1 = true diagonal)"
-    mapping = rrb.TensorScalarMapping(colormap=Colormap.CyanToYellow, mag_filter=MagnificationFilter.Nearest)
-    return rrb.TensorView(
-        origin=path, name=name, scalar_mapping=mapping, view_fit=ViewFit.FillKeepAspectRatio
-    )
+def picture(rows: Sequence[Sequence[Array]]) -> npt.NDArray[np.uint8]:
+    """Rows of matrices without unit, each (6, 6), with light cells between them, (height, width, 3)."""
+    step = SIZE + GAP
+    found = np.full((step * len(rows) - GAP, step * len(rows[0]) - GAP, 3), NOISE, dtype=np.uint8)
+    for i, row in enumerate(rows):
+        for k, C in enumerate(row):
+            found[step * i : step * i + SIZE, step * k : step * k + SIZE] = colours(C)
+    return found
+
+
+def write_heatmap(pen: Pen, path: str, C: Array) -> None:
+    """One matrix without unit, its axes named; see `heatmap_view`."""
+    pen.still(f"{path}/cells", rr.Image(picture([[C]])))
+    middle = np.arange(SIZE) + 0.2  # a label hangs below its point
+    pen.names(f"{path}/rows", np.column_stack([np.full(SIZE, -0.7), middle]), LABELS, NOISE)
+    pen.names(f"{path}/columns", np.column_stack([middle + 0.3, np.full(SIZE, -0.8)]), LABELS, NOISE)
+
+
+def heatmap_view(path: str, name: str) -> rrb.Spatial2DView:
+    """The view of one matrix."""
+    bounds = rrb.VisualBounds2D(x_range=(-MARGIN, SIZE + 1.0), y_range=(-MARGIN / 2, SIZE + 0.5))
+    return rrb.Spatial2DView(origin=path, name=f"{name} (1 = true diagonal)", visual_bounds=bounds)
 
 
 def link_matrices(drawing: Drawing) -> dict[str, list[Array]]:
@@ -61,14 +83,43 @@ def link_matrices(drawing: Drawing) -> dict[str, list[Array]]:
 
 
 def write_compliances(pen: Pen, drawing: Drawing) -> None:
-    """One heatmap a link."""
-    for link, matrices in link_matrices(drawing).items():
-        write_heatmap(pen, f"compliance/{link}", [scaled(C, matrices[0]) for C in matrices])
+    """All links as one picture, a row a link and a column a model, and one matrix large to name the axes."""
+    found = link_matrices(drawing)
+    rows = [[scaled(C, matrices[0]) for C in matrices] for matrices in found.values()]
+    pen.still(f"{LINKS}/cells", rr.Image(picture(rows)))
+    step, heads = SIZE + GAP, drawing.heads
+    down = step * np.arange(len(found)) + SIZE / 2 - 1.0
+    across = step * np.arange(len(heads)) + SIZE / 2
+    left = np.column_stack([np.full(len(down), -MARGIN), down])
+    pen.names(f"{LINKS}/rows", left, list(found), NOISE)
+    pen.names(f"{LINKS}/columns", np.column_stack([across, np.full(len(heads), -2.0)]), heads, NOISE)
+    write_heatmap(pen, ALONE, rows[0][0])
+    _write_key(pen)
 
 
-def compliance_grid(drawing: Drawing) -> rrb.Grid:
-    """All links on one screen."""
-    heads = " | ".join(drawing.heads)
-    views = [heatmap_view(f"compliance/{link}", f"{link}: {heads}") for link in link_matrices(drawing)]
-    beside = text_view("compliance_legend", "How to read it")
-    return rrb.Grid(*views, beside, grid_columns=2, name="Compliance")
+def _write_key(pen: Pen) -> None:
+    """What colours mean, below the matrix whose axes are named."""
+    entries = np.array([KEY, KEY])
+    pen.still(f"{ALONE}/scale", rr.Transform3D(translation=[0.5, SIZE + 0.8, 0.0]))
+    pen.still(f"{ALONE}/scale/cells", rr.Image(colours(entries)))
+    at = np.column_stack([np.arange(len(KEY)) + 0.5, np.full(len(KEY), 1.9)])
+    pen.names(f"{ALONE}/scale/numbers", at, [f"{x:g}" for x in KEY], NOISE)
+
+
+def compliance_tab(drawing: Drawing) -> rrb.Container:
+    """All links on one screen; beside them how to read it."""
+    step = SIZE + GAP
+    wide, high = step * len(drawing.heads), step * len(link_matrices(drawing))
+    links = rrb.Spatial2DView(
+        origin=LINKS,
+        name="Compliance of each link (1 = true diagonal), signed log",
+        visual_bounds=rrb.VisualBounds2D(x_range=(-2.2 * MARGIN, wide), y_range=(-MARGIN, high)),
+    )
+    first = next(iter(link_matrices(drawing)))
+    key = rrb.Spatial2DView(
+        origin=ALONE,
+        name=f"{first}, truth, axes and colours (1 = true diagonal)",
+        visual_bounds=rrb.VisualBounds2D(x_range=(-MARGIN, SIZE + 1.0), y_range=(-MARGIN / 2, SIZE + 4.0)),
+    )
+    beside = rrb.Vertical(key, text_view("compliance_legend", "How to read it"), row_shares=[3, 2])
+    return rrb.Horizontal(links, beside, column_shares=[5, 3], name="Compliance")

@@ -19,8 +19,48 @@ from testbench.views.schema import Column, Table, show
 SMALLEST = 0.4  #: Size of the point of least error over that of the greatest [1]: colour is never alone.
 KEYS, STEP, KEY = 5, 180.0, 20.0
 """Points of the key, their distance and the radius of the largest, in the key's own units."""
+FAR = 10.0  #: Times the median of the best map beyond which an error makes the scale logarithmic [1].
+DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
 STATISTICS = {"least": 0, "median": 0.5, "95 %": 0.95, "greatest": 1}
 """Columns of the map's table: quantile by heading."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What colours and sizes mean, the same in all maps that stand side by side."""
+
+    ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
+    logarithmic: bool
+
+    def shares(self, mm: Array) -> Array:
+        """Places of errors [mm] on the scale, 0 to 1."""
+        if not self.logarithmic:
+            return shares(mm, self.ends)
+        low, high = np.log10(self.ends)
+        return shares(np.log10(np.maximum(mm, self.ends[0])), (low, high))
+
+    def errors(self, share: Array) -> Array:
+        """Errors [mm] at places on the scale, 0 to 1."""
+        low, high = np.log10(self.ends) if self.logarithmic else self.ends
+        found = low + share * (high - low)
+        return np.asarray(10**found if self.logarithmic else found)
+
+    @property
+    def words(self) -> str:
+        """The unit, and the scale where it is not linear."""
+        return "mm, logarithmic" if self.logarithmic else "mm"
+
+
+def scale_of(*errors_mm: Array) -> Scale:
+    """The scale of several maps: logarithmic where an error is far above the median of the best map.
+
+    Args:
+        errors_mm: Of each map, (n,) [mm].
+    """
+    every = np.concatenate(errors_mm)
+    low, high = float(every.min()), float(every.max())
+    far = high > FAR * min(float(np.median(mm)) for mm in errors_mm)
+    return Scale((max(low, DEEP * high) if far else low, high), far)
 
 
 @dataclass(frozen=True)
@@ -34,10 +74,14 @@ class ErrorMap:
     tasks_mm: Array  #: Error at each, (t,) [mm].
 
     @property
+    def scale(self) -> Scale:
+        """Of the whole map."""
+        return scale_of(np.concatenate([self.field_mm, self.tasks_mm]))
+
+    @property
     def ends(self) -> tuple[float, float]:
-        """Least and greatest error of all, the ends of the scale [mm]."""
-        every = np.concatenate([self.field_mm, self.tasks_mm])
-        return float(every.min()), float(every.max())
+        """The ends of its scale [mm]."""
+        return self.scale.ends
 
     @property
     def table(self) -> Table:
@@ -79,9 +123,9 @@ def write_error_map(pen: Pen, path: str, error_map: ErrorMap, radius: float) -> 
 
     `path` is the root of its entities, `radius` that of the largest ball [m].
     """
-    field, tasks = (shares(mm, error_map.ends) for mm in (error_map.field_mm, error_map.tasks_mm))
-    balls = rr.Points3D(error_map.field, colors=shades(field), radii=radius * sizes(field))
-    pen.still(f"{path}/field", balls)
+    scale = error_map.scale
+    tasks = scale.shares(error_map.tasks_mm)
+    write_balls(pen, f"{path}/field", error_map.field, scale.shares(error_map.field_mm), radius)
     named = [
         (error_map.field, error_map.field_mm, error_map.field_mm.argmin(), "least"),
         (error_map.field, error_map.field_mm, error_map.field_mm.argmax(), "greatest"),
@@ -93,6 +137,11 @@ def write_error_map(pen: Pen, path: str, error_map: ErrorMap, radius: float) -> 
     pen.names(f"{path}/label", at, [f"{name} {show(mm[k])} mm" for _, mm, k, name in named], NOISE)
 
 
+def write_balls(pen: Pen, path: str, centres: Array, share: Array, radius: float) -> None:
+    """Balls at centres (n, 3) [m] by their places on the scale, (n,); `radius` of the largest [m]."""
+    pen.still(path, rr.Points3D(centres, colors=shades(share), radii=radius * sizes(share)))
+
+
 def write_cubes(
     pen: Pen, path: str, centres: Array, half: Array, colours: Colour | npt.NDArray[np.uint8]
 ) -> None:
@@ -102,14 +151,13 @@ def write_cubes(
     pen.still(path, rr.Boxes3D(centers=centres, half_sizes=sides, colors=colours, fill_mode=solid))
 
 
-def write_key(pen: Pen, path: str, error_map: ErrorMap) -> None:
-    """Colours and sizes of the map with their errors, in a row; the path must name the unit, mm."""
+def write_key(pen: Pen, path: str, scale: Scale) -> None:
+    """Colours and sizes of a scale with their errors, in a row; the path must name the unit, mm."""
     share = np.linspace(0, 1, KEYS)
-    low, high = error_map.ends
     places = np.column_stack([STEP * np.arange(KEYS), np.zeros(KEYS)])
     pen.still(f"{path}/dot", rr.Points2D(places, colors=shades(share), radii=KEY * sizes(share)))
-    beside = places + np.array([0.35 * STEP, -0.75 * KEY])  # a label hangs below its point
-    pen.names(f"{path}/number", beside, [f"{show(mm)} mm" for mm in low + share * (high - low)], NOISE)
+    beside = places + np.array([0.45 * STEP, -0.75 * KEY])  # a label hangs below its point
+    pen.names(f"{path}/number", beside, [f"{show(mm)} mm" for mm in scale.errors(share)], NOISE)
 
 
 def map_words(error_map: ErrorMap) -> str:
@@ -117,8 +165,8 @@ def map_words(error_map: ErrorMap) -> str:
     return Words(Path(__file__).parent, {"map": error_map}, "error_map.md.j2").block("error_map")
 
 
-def key_view(path: str) -> rrb.Spatial2DView:
+def key_view(path: str, scale: Scale) -> rrb.Spatial2DView:
     """The view of a key."""
-    bounds = rrb.VisualBounds2D(x_range=(-0.3 * STEP, (KEYS - 0.2) * STEP), y_range=(-1.6 * KEY, 1.6 * KEY))
-    name = "Colour and size of balls and cubes (mm)"
+    bounds = rrb.VisualBounds2D(x_range=(-0.3 * STEP, KEYS * STEP), y_range=(-1.6 * KEY, 1.6 * KEY))
+    name = f"Colour and size of an error ({scale.words})"
     return rrb.Spatial2DView(origin=path, name=name, visual_bounds=bounds)

@@ -76,13 +76,21 @@ class Pen:
         self.rows(path, columns.partition([origins.shape[1]] * len(origins)))
 
     def line(self, line: Line, values: Array, sizes: Array | None = None) -> None:
-        """A line of a plot: a value a time, (times,), and where it is not everywhere the same a size."""
+        """A line of a plot: its looks, and its values on these times."""
+        self.looks(line)
+        self.values(line, values, sizes)
+
+    def looks(self, line: Line) -> None:
+        """How a line of a plot is drawn."""
         self.still(line.path, rr.SeriesLines(colors=line.colour, widths=line.width, names=line.name))
         if line.shape is not None:
             dots = rr.SeriesPoints(
                 colors=line.colour, markers=line.shape, names=line.name, marker_sizes=line.size
             )
             self.still(line.path, dots)
+
+    def values(self, line: Line, values: Array, sizes: Array | None = None) -> None:
+        """A value a time, (times,), and where it is not everywhere the same a size."""
         columns = [*rr.Scalars.columns(scalars=values)]
         if sizes is not None:  # in one chunk: of two the viewer pairs rows wrongly on an unsorted timeline
             columns += rr.SeriesPoints.columns(marker_sizes=sizes)

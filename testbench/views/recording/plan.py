@@ -38,7 +38,7 @@ def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
             }
         )
         run.texts("this_step", scene.pose_words)
-        write_key(pen, KEY, scene.error_map)
+        write_key(pen, KEY, scene.error_map.scale)
         values = (scene.deflection_mm, scene.error_mm)
         for (name, (title, colour)), mm in zip(EXPECTED.items(), values, strict=True):
             run.line(Line(name, title.lower(), colour, 2.0, MarkerShape.Circle), mm)
@@ -63,7 +63,7 @@ def _blueprint(scene: PlanScene, plot: Chart | Curves | None) -> rrb.Blueprint:
     ]
     words = [text_view("summary", "Summary"), text_view("this_step", "This step")]
     beside = rrb.Vertical(*words, rrb.Horizontal(*expected), row_shares=[9, 4, 4])
-    mapped = rrb.Vertical(map_view(scene), key_view(KEY), row_shares=[10, 1])
+    mapped = rrb.Vertical(map_view(scene), key_view(KEY, scene.error_map.scale), row_shares=[10, 1])
     in_words = text_view("error_words", "Error map in words")
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Horizontal(plan_view(scene), beside, column_shares=[12, 9], name="Overview"),

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.components import FillMode
 
 from testbench.bench.campaign import Cell
 from testbench.bench.plan_settings import pull_words
@@ -20,7 +19,7 @@ from testbench.views.recording.arm import (
     orbit,
     origins,
     reach,
-    write_cube,
+    write_hung,
     write_places,
     write_shapes,
     write_weight,
@@ -28,11 +27,11 @@ from testbench.views.recording.arm import (
 from testbench.views.recording.error_map import ErrorMap, write_cubes, write_error_map
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.scene import MARKERS, frame
-from testbench.views.recording.style import LOAD, MEASURED, NOISE, NOMINAL, TASK
+from testbench.views.recording.style import LOAD, NOISE, NOMINAL, TASK
 from testbench.views.recording.swept import Sweep
+from testbench.views.recording.tracker import HEAD, feet, write_sights, write_tracker
 
 MOST_CANDIDATES = 2000  #: Candidates drawn at most, evenly picked.
-HEAD = 0.12  #: Radius of the tracker's head [m]; its feet stand three times as far from its axis.
 BESIDE = (0.45, 0.9, 0.4)  #: Where the eye is: beyond the arm on the way to the tracker, beside, above [1].
 LONGER = 2.0  #: Arrow of a pull over that of a weight, which has its cube too [1].
 NARROW, WIDE = 0.9, 1.4  #: Width over height of the panes of the plan and of the error map [1].
@@ -90,49 +89,27 @@ def write_world(pen: Pen, scene: PlanScene) -> None:
     pen.still(f"{MARKERS}/nominal", rr.Points3D.from_fields(colors=NOMINAL, radii=0.012 * size))
     pen.points(f"{MARKERS}/nominal", markers)
     if scene.station is not None:
-        _write_tracker(pen, np.array(scene.station), markers)
+        write_tracker(pen, np.array(scene.station))
+        write_sights(pen, np.array(scene.station), markers)
     _write_places(pen, scene, size)
     write_error_map(pen, "world/error_map", scene.error_map, 0.03 * size)
 
 
 def _write_load(pen: Pen, scene: PlanScene, size: float) -> None:
     """What hangs or pulls in every pose."""
-    hook = scene.bodies(scene.cell.arm.load)
-    pen.still("world/load/force", rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * size))
-    along = np.tile([0.0, 0.0, -1.0], (scene.poses, 1))
+    hook = scene.bodies(scene.cell.arm.load)[:, 0]
     if scene.pull is None:
-        pen.arrows("world/load/force", hook, ARROW * size * along[:, None])
-        write_weight(pen, hook[:, 0], scene.payload, np.ones(scene.poses), size)
+        write_weight(pen, hook, scene.payload, size)
         return
     pulled: Mask = np.asarray(scene.pull.any(axis=1))
-    along[pulled] = LONGER * scene.pull[pulled] / np.linalg.norm(scene.pull[pulled], axis=1, keepdims=True)
-    pen.arrows("world/load/force", hook, ARROW * size * along[:, None])
+    length = np.linalg.norm(scene.pull, axis=1, keepdims=True)
+    along = np.divide(LONGER * ARROW * size * scene.pull, length, out=np.zeros_like(hook), where=length > 0)
+    pen.still("world/load/force", rr.Arrows3D.from_fields(colors=LOAD, radii=0.01 * size))
+    pen.arrows("world/load/force", hook[:, None], along[:, None])
     loads = zip(scene.payload, scene.pull, pulled, strict=True)
     texts = [pull_words(force) if pulls else f"{kg:.4g} kg" for kg, force, pulls in loads]
-    below = write_cube(pen, hook[:, 0], scene.payload, np.where(pulled, 0.5, 1.0), size)
+    below = write_hung(pen, hook, scene.payload, np.where(pulled, 0.0, ARROW * size), size)
     pen.label(LABEL, below, texts, LOAD)
-
-
-def _write_tracker(pen: Pen, station: Array, markers: Array) -> None:
-    """A head on three legs, and a line to every marker: markers (poses, m, 3) [m]."""
-    head = rr.Ellipsoids3D(
-        centers=[station], half_sizes=[[HEAD] * 3], colors=MEASURED, fill_mode=FillMode.Solid
-    )
-    pen.still("world/tracker/head", head)
-    legs = rr.LineStrips3D([[station, foot] for foot in _feet(station)], colors=MEASURED, radii=0.18 * HEAD)
-    pen.still("world/tracker/stand", legs)
-    pen.names("world/tracker/label", station[None] + np.array([0, 0, 4 * HEAD]), ["tracker"], MEASURED)
-    pen.still("world/sight", rr.LineStrips3D.from_fields(colors=MEASURED, radii=-0.6))
-    lines = np.stack([np.broadcast_to(station, markers.shape), markers], axis=2).reshape(-1, 2, 3)
-    columns = rr.LineStrips3D.columns(strips=lines).partition([markers.shape[1]] * len(markers))
-    pen.rows("world/sight", columns)
-
-
-def _feet(station: Array) -> Array:
-    """Where the tracker's legs stand, (3, 3) [m]."""
-    angle = 2 * np.pi * np.arange(3) / 3
-    away = 3 * HEAD * np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.column_stack([station[:2] + away, np.zeros(3)])
 
 
 def _write_places(pen: Pen, scene: PlanScene, size: float) -> None:
@@ -173,6 +150,6 @@ def _eye(scene: PlanScene, further: Array, aspect: float) -> rrb.EyeControls3D:
     """From beside the line from arm to tracker: poses, tasks and further points (k, 3) [m] in view."""
     tools = scene.bodies(scene.cell.arm.tool)[:, 0]
     toward = tools.mean(axis=0) if scene.station is None else np.array(scene.station)
-    feet = tools if scene.station is None else _feet(toward)
-    points = np.vstack([scene.frames.positions.reshape(-1, 3), scene.error_map.tasks, further, toward, feet])
+    legs = tools if scene.station is None else feet(toward)
+    points = np.vstack([scene.frames.positions.reshape(-1, 3), scene.error_map.tasks, further, toward, legs])
     return orbit(*frame(points, np.full(len(points), 2 * HEAD), toward[:2], BESIDE, aspect))

@@ -1,4 +1,6 @@
-"""Residuals run by run, their histogram, and the sag while the load grows."""
+"""Errors and deflections by place, by run and over the load, and histograms of residuals."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
@@ -7,104 +9,109 @@ import rerun.blueprint as rrb
 from testbench.bench.rows import MM, UM
 from testbench.errors import Array
 from testbench.identify.evaluate import noise_limit, normal_density
-from testbench.views.recording.drawing import Drawing
+from testbench.views.recording.drawing import Drawing, States, over_markers
 from testbench.views.recording.pen import Line, Pen
 from testbench.views.recording.style import MEASURED, NOISE, Colour
 
+ERROR, DEFLECTION = "error_mm", "deflection_mm"
 SETS = ("identification", "check")
+MOST = 4  #: Models of which there is a histogram.
 BINS = 17
-LEAST_TOP_MM = 0.01  #: Where the axis of residuals ends at least: below is rounding of exact data.
-LEAST_EDGE_UM = 0.1  #: The same of histograms without noise.
+LEAST_EDGE_UM = 0.1  #: Where histograms without noise end at least: below is rounding of exact data.
 MANY = 60  #: Runs beyond which dots are small.
-ALIKE = 0.02  #: Models whose residuals differ by less than this share lie on each other in the plot.
 
 
-def write_residuals(pen: Pen, drawing: Drawing) -> None:
-    """Worst marker residual of every run and model, and what noise alone stays below in 95 % of runs."""
-    size = 5.0 if drawing.data.runs <= MANY else 2.5
-    sizes = np.where(drawing.checked, size, 0.0)
-    for k, look in enumerate(drawing.looks):
-        path, name = f"residual_mm/{drawing.paths[k]}", f"{drawing.names[k]} (mm)"
+def write_plots(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
+    """What is plotted over runs, places and load: every plot has something on each timeline."""
+    for k in drawing.about.shown:
+        path, name, look = f"{ERROR}/{drawing.paths[k]}", drawing.names[k], drawing.looks[k]
         line = Line(path, name, look.colour, look.width, look.shape, None)
-        pen.line(line, MM * drawing.residual[k], sizes)
+        small = 5.0 if drawing.data.runs <= MANY else 2.5
+        runs.looks(line)
+        runs.values(line, MM * drawing.residual[k], np.where(drawing.checked, small, 0.0))
+        for pen, states in ((places, drawing.places), (load, drawing.loading)):
+            rms = MM * states.rms[k]
+            pen.values(line, rms, np.zeros_like(rms))
     if drawing.noise:
-        line = Line("residual_mm/noise_p95", "95 % of pure noise (mm)", NOISE, 1.5)
-        pen.line(line, np.full(drawing.data.runs, MM * noise_limit(drawing.data)))
+        line = Line(f"{ERROR}/noise_p95", "95 % of pure noise", NOISE, 1.5)
+        runs.line(line, np.full(drawing.data.runs, MM * noise_limit(drawing.data)))
+    _write_deflection(drawing, ((runs, drawing.runs), (places, drawing.places), (load, drawing.loading)))
 
 
-def residual_view(drawing: Drawing) -> rrb.TimeSeriesView:
-    """Zoomed on the best model of each method; the title says how far the others go."""
-    top = max(LEAST_TOP_MM, MM * 2 * drawing.residual[list(drawing.about.shown)].max())
-    if drawing.noise:
-        top = max(top, 1.2 * MM * noise_limit(drawing.data))
-    largest = MM * drawing.residual.max(axis=1)
-    best, first = drawing.names[drawing.about.best], drawing.residual[drawing.about.best]
-    off = np.abs(drawing.residual - first).max(axis=1)
-    same = [n for n, x in zip(drawing.names, off, strict=True) if x < ALIKE * first.max() and n != best]
-    twins = f"; {', '.join(same)} as {best}" if same else ""
-    names = [name for name, mm in zip(drawing.names, largest, strict=True) if mm > top]
-    beyond = f"; {', '.join(names)} beyond, up to {largest.max():.3g} mm" if names else ""
+def _write_deflection(drawing: Drawing, on: Sequence[tuple[Pen, States]]) -> None:
+    """True or measured, and by the shown models."""
+    lines = {
+        k: Line(f"{DEFLECTION}/{drawing.paths[k]}", drawing.names[k], drawing.looks[k].colour, 2.0)
+        for k in drawing.about.shown
+    }
+    truth = Line(f"{DEFLECTION}/truth", "truth", MEASURED, 4.0)
+    for line in (truth, *lines.values()):
+        on[0][0].looks(line)
+    for pen, states in on:
+        pen.values(truth, MM * over_markers(states.deflection))
+        for k, line in lines.items():
+            pen.values(line, MM * over_markers(states.predicted[k]))
+
+
+def error_view(legend: rrb.Corner2D = rrb.Corner2D.RightTop) -> rrb.TimeSeriesView:
+    """Errors of the shown models by place, by run or over the load, whichever timeline is chosen."""
     return rrb.TimeSeriesView(
-        origin="residual_mm",
-        contents=[*(f"$origin/{drawing.paths[k]}" for k in drawing.about.shown), "$origin/noise_p95"],
-        name=f"Worst marker residual of each run (mm), dots: check runs{beyond}{twins}",
-        axis_y=rrb.ScalarAxis(range=(0.0, float(top))),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+        origin=ERROR,
+        name="Error (mm): RMS over markers by place; worst marker by run, dots: check",
+        plot_legend=rrb.PlotLegend(legend),
     )
 
 
-def write_sag(pen: Pen, drawing: Drawing) -> None:
-    """Deflection of the marker that moves most while the load grows, and what the shown models miss of it."""
-    loading, (true, *models) = drawing.loading, drawing.sag
-    pen.line(Line("sag_mm/true", "true (mm)", MEASURED, 4.0), MM * true)
-    missed = np.linalg.norm(loading.predicted - loading.deflection, axis=-1)[:, :, drawing.lowest]
-    for k in drawing.about.shown:
-        for root, unit, values in (("sag_mm", "mm", MM * models[k]), ("sag_error_um", "um", UM * missed[k])):
-            path, look = f"{root}/{drawing.paths[k]}", drawing.looks[k]
-            pen.line(Line(path, f"{drawing.names[k]} ({unit})", look.colour, look.width), values)
-
-
-def sag_views(drawing: Drawing) -> list[rrb.TimeSeriesView]:
-    """Blank on the other timelines: a title says which one they need."""
-    run = drawing.data.run[drawing.loading.run]
-    titles = {
-        "sag_mm": f"Deflection of run {run} (mm) over its load (%): choose timeline load below",
-        "sag_error_um": "Model against truth (um), noise-free, over the load (%)",
-    }
-    legend = rrb.PlotLegend(rrb.Corner2D.LeftTop)
-    return [rrb.TimeSeriesView(origin=k, name=name, plot_legend=legend) for k, name in titles.items()]
+def deflection_view() -> rrb.TimeSeriesView:
+    """The same of the deflection, true (of runs measured) and predicted."""
+    return rrb.TimeSeriesView(
+        origin=DEFLECTION,
+        name="Deflection (mm), RMS over markers: over load (%), place or run",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+    )
 
 
 def write_histograms(pen: Pen, drawing: Drawing) -> None:
-    """Residual components of the shown models before the normal curve of noise, by set of runs."""
-    pooled = UM * drawing.errors[list(drawing.about.shown)]
-    largest = float(np.abs(pooled).max())
-    unit = 50.0 if drawing.noise else max(largest, LEAST_EDGE_UM)
-    edge = unit * max(1.0, float(np.ceil(largest / unit)))
+    """Residual components of some shown models before the normal curve of noise, by set of runs."""
+    pooled, edge = UM * drawing.runs.errors[_pooled(drawing)], _edge(drawing)
     edges, fine = np.linspace(-edge, edge, BINS + 1), np.linspace(-edge, edge, 8 * BINS + 1)
-    wide, count = 2 * edge / BINS, len(pooled)
-    slot, middle = 0.8 * wide / count, (edges[:-1] + edges[1:]) / 2
+    wide, middle = 2 * edge / BINS, (edges[:-1] + edges[1:]) / 2
     for group, runs in zip(SETS, (~drawing.checked, drawing.checked), strict=True):
-        path, components = f"histogram_um/{group}", pooled[:, runs].reshape(count, -1)
-        for i, k in enumerate(drawing.about.shown):
-            counts = np.histogram(components[i], edges)[0].astype(float)
-            at = middle + slot * (i - (count - 1) / 2)
-            bars = _bars(at, counts, slot, drawing.looks[k].colour)
-            pen.still(f"{path}/{drawing.paths[k]}", bars)
-        if drawing.noise:
-            density = normal_density(fine, 0.0, UM * drawing.data.sigma * np.sqrt(2))
-            curve = wide * components.shape[1] * density
-            pen.still(f"{path}/expected_noise", _bars(fine, curve, fine[1] - fine[0], (*NOISE, 90)))
+        for own, k in zip(pooled[:, runs], _pooled(drawing), strict=True):
+            path = f"histogram_um/{drawing.paths[k]}/{group}"
+            counts = np.histogram(own, edges)[0].astype(float)
+            pen.still(f"{path}/residuals", _bars(middle, counts, 0.9 * wide, drawing.looks[k].colour))
+            if drawing.noise:
+                density = normal_density(fine, 0.0, UM * drawing.data.sigma * np.sqrt(2))
+                curve = wide * own.size * density
+                pen.still(f"{path}/noise", _bars(fine, curve, fine[1] - fine[0], (*NOISE, 90)))
+
+
+def _pooled(drawing: Drawing) -> list[int]:
+    """The models of the histograms."""
+    return list(drawing.about.shown[:MOST])
+
+
+def _edge(drawing: Drawing) -> float:
+    """Where their axis ends [um]."""
+    largest = UM * float(np.abs(drawing.runs.errors[_pooled(drawing)]).max())
+    unit = 50.0 if drawing.noise else max(largest, LEAST_EDGE_UM)
+    return unit * max(1.0, float(np.ceil(largest / unit)))
 
 
 def _bars(at: Array, counts: Array, width: float, colour: Colour) -> rr.BarChart:
     return rr.BarChart(counts, color=colour, abscissa=at, widths=np.full(len(at), width))
 
 
-def histogram_views(drawing: Drawing) -> list[rrb.BarChartView]:
-    """One view a set of runs."""
-    what = "residual components (um)" + ("; grey: noise alone" if drawing.noise else "")
-    return [
-        rrb.BarChartView(origin=f"histogram_um/{group}", name=f"{group.capitalize()} runs, {what}")
+def histogram_grid(drawing: Drawing) -> rrb.Grid:
+    """A pane a model and set of runs: a legend would show paths."""
+    views = [
+        rrb.BarChartView(
+            origin=f"histogram_um/{drawing.paths[k]}/{group}",
+            name=f"{drawing.names[k]}, {group} (+-{_edge(drawing):.3g} um)",
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
         for group in SETS
+        for k in _pooled(drawing)
     ]
+    return rrb.Grid(*views, grid_columns=len(_pooled(drawing)), name="Histogram")

@@ -100,7 +100,7 @@ def write_prediction(path: Path, header: Header, scene: PredictionScene) -> None
         run.arrows("world/deflection", scene.start, scene.scale * scene.deflection)
         _write_ellipsoids(run, scene)
         write_error_map(run, "world/map", scene.map, 0.03 * size)
-        write_key(run, "map_key_mm", scene.map)
+        write_key(run, "map_key_mm", scene.map.scale)
         _write_plot(run, scene)
 
 
@@ -138,7 +138,8 @@ def _blueprint(scene: PredictionScene) -> rrb.Blueprint:
     )
     words = [text_view("summary", "Summary"), text_view("this_pose", "This pose")]
     beside = rrb.Vertical(*words, plot, row_shares=[18, 5, 8])
-    field = rrb.Vertical(_map_view(scene), key_view("map_key_mm"), row_shares=[10, 1])
+    key = key_view("map_key_mm", scene.map.scale)
+    field = rrb.Vertical(_map_view(scene), key, row_shares=[10, 1])
     overview = rrb.Horizontal(_arm_view(scene), field, beside, column_shares=[8, 8, 7], name="Overview")
     return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0], places=len(scene.q))
 

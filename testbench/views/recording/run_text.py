@@ -1,4 +1,4 @@
-"""The words of a calibration's recording: what `calibration.md.j2` says of runs, models and links."""
+"""The words of a calibration's recording: what `calibration.md.j2` says of places, runs, models and links."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 from testbench.bench.rows import MM
 from testbench.views.markdown import Words
 from testbench.views.recording.compliance import AXES, link_matrices, scaled
-from testbench.views.recording.drawing import Drawing
+from testbench.views.recording.drawing import Drawing, over_markers
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,18 @@ class RunLine:
         return f"run {self.run}, {self.group} pose {self.pose}"
 
 
+@dataclass(frozen=True)
+class PlaceLine:
+    """What is said of one place of the workspace."""
+
+    place: int  #: Its place on the timeline.
+    position_m: tuple[float, ...]  #: x, y and z of the tool.
+    joints: str  #: Joint angles for people.
+    sag_mm: float  #: True deflection, RMS over the markers.
+    error_mm: list[float]  #: By shown model.
+    worst_of: list[str]  #: Shown models that err most here.
+
+
 def run_lines(drawing: Drawing) -> list[RunLine]:
     """One line a run, in dataset order."""
     sag = MM * np.linalg.norm(drawing.data.deflection, axis=-1).max(axis=1)
@@ -36,14 +48,28 @@ def run_lines(drawing: Drawing) -> list[RunLine]:
     return [RunLine(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
 
 
+def place_lines(drawing: Drawing) -> list[PlaceLine]:
+    """One line a place, where the compared models differ most first."""
+    found, names = drawing.about.map, drawing.heads[1:]
+    worst = {name: found.worst[name].place for name in names}
+    errors = zip(*(found.error_mm[name] for name in names), strict=True)
+    columns = (found.position_m, found.joints, found.deflection_mm, errors)
+    return [
+        PlaceLine(k, position, joints, sag, list(mm), [name for name in names if worst[name] == k])
+        for k, (position, joints, sag, mm) in enumerate(zip(*columns, strict=True))
+    ]
+
+
 def words(drawing: Drawing) -> Words:
-    """The documents; of the block `run` one a RunLine, of the block `step` one a step of loading."""
+    """The documents; of `run`, `place` and `step` one a RunLine, a PlaceLine and a step of loading."""
     links = link_matrices(drawing)
     in_units = {link: np.array([scaled(C, found[0]) for C in found]) for link, found in links.items()}
+    loading, shown = drawing.loading, list(drawing.about.shown)
     values = {
         "drawing": drawing,
+        "map": drawing.about.map,
         "runs": run_lines(drawing),
-        "sag_mm": MM * drawing.sag[[0, *(1 + k for k in drawing.about.shown)]],
+        "sag_mm": MM * over_markers(np.stack([loading.deflection, *loading.predicted[shown]])),
         "heads": drawing.heads,
         "axes": AXES,
         "links": links,

@@ -1,4 +1,6 @@
-"""The arm with its load and its markers, on the timelines of the runs and on that of the load."""
+"""The arm with its load and its markers: in the runs, at the places of the workspace, while it is loaded."""
+
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
@@ -6,121 +8,167 @@ import rerun.blueprint as rrb
 
 from testbench.bench.rows import MM
 from testbench.errors import Array
-from testbench.plant.shapes import visual_shapes
-from testbench.views.recording.arm import ARROW, LABEL, orbit, write_places, write_shapes, write_weight
-from testbench.views.recording.drawing import Drawing
+from testbench.views.recording.arm import (
+    ARROW,
+    LABEL,
+    orbit,
+    write_places,
+    write_shapes,
+    write_weight,
+)
+from testbench.views.recording.drawing import Drawing, States
+from testbench.views.recording.error_maps import ROOT as ERROR_MAP
+from testbench.views.recording.error_maps import write_here
 from testbench.views.recording.pen import Pen
-from testbench.views.recording.style import LOAD, MEASURED, NOMINAL
+from testbench.views.recording.style import LOAD, MEASURED, NOISE, NOMINAL
+from testbench.views.recording.tracker import HEAD, feet, write_sights, write_tracker
 
 HALF_VIEW = np.tan(np.deg2rad(27.5))  #: Tangent of half the viewer's vertical angle of view.
-ASPECT = 0.8  #: Width over height of the narrowest pane that shows the arm [1].
+ASPECT = 1.25  #: Width over height of the narrowest pane that shows the arm [1].
 SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
-CLOSER = 0.6  #: The eye is at least at this share of the distance from which all runs are in view [1].
 MARKERS = "world/markers"
+APART = 2.5  #: Distance of arrows at one marker over their radius: none hides another [1].
+LEADER = 0.25  #: Length of the line to the label of the worst marker over the reach [1].
+STATION = (1.4, 0.4)
+"""Where the tracker is drawn: how far ahead of the measured markers and how high, over the reach [1]."""
 
 
-def write_scene(runs: Pen, load: Pen, drawing: Drawing) -> None:
+@dataclass(frozen=True)
+class Shown:
+    """States and what they are drawn on."""
+
+    pen: Pen  #: On their timelines.
+    states: States
+    what: str  #: Entity of the deflected markers: measured or true.
+    toward: Array  #: From the arm to the opening camera, (3,) [m].
+
+
+def write_scene(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
     """Everything under `world`.
 
     Args:
         runs: On the timelines of the runs, in the order of the dataset.
+        places: On that of the places, where the compared models differ most first.
         load: On the timeline of loading.
         drawing: What to draw.
     """
-    moving, loading, wrench = drawing.moving(), drawing.loading, drawing.data.wrench
+    moving, (eye, target) = drawing.moving(), camera(drawing)
     write_shapes(runs, drawing.cell, moving)
     _write_styles(runs, drawing)
-    _write_markers(runs, drawing)
-    _write_loading(load, drawing)
-    whole = np.tile(wrench[loading.run], (len(loading.share), 1))
-    for pen, frames, most, acting in (
-        (runs, drawing, wrench, wrench),
-        (load, loading, whole, loading.share[:, None] * whole),
+    for shown in (
+        Shown(runs, drawing.runs, "measured", eye - target),
+        Shown(places, drawing.places, "true", eye - target),
+        Shown(load, drawing.loading, "true", eye - target),
     ):
-        write_places(pen, drawing.cell, frames.rigid, frames.ghost, moving)
-        _write_load(pen, drawing, drawing.bodies([drawing.cell.arm.load], frames.ghost)[:, 0], most, acting)
+        pen, states = shown.pen, shown.states
+        write_places(pen, drawing.cell, states.rigid, states.ghost, moving)
+        _write_markers(shown, drawing)
+        _write_load(pen, drawing, states)
+        write_here(pen, drawing.bodies([drawing.cell.arm.tool], states.rigid)[:, 0], drawing.reach)
+    measured = _deflected(drawing, drawing.runs)
+    write_tracker(runs, station(drawing))
+    write_sights(runs, station(drawing), measured)
+
+
+def station(drawing: Drawing) -> Array:
+    """Where a tracker would see the runs: ahead of the markers, (3,) [m]; the campaign has none."""
+    foot = drawing.runs.rigid.positions[0, 1]
+    ahead = drawing.bodies(drawing.data.markers, drawing.runs.rigid).mean(axis=(0, 1)) - foot
+    ahead[2] = 0
+    size = np.linalg.norm(ahead)
+    toward = ahead / size if size > 0 else np.array([1.0, 0.0, 0.0])
+    far, high = STATION
+    return np.asarray(foot + drawing.reach * (far * toward + np.array([0, 0, high])))
 
 
 def _write_styles(pen: Pen, drawing: Drawing) -> None:
     """What does not change: colours and sizes."""
-    radius, best = 0.012 * drawing.reach, drawing.looks[drawing.about.best].colour
+    radius = 0.012 * drawing.reach
     for name, colour in (("nominal", NOMINAL), ("measured", MEASURED), ("true", MEASURED)):
-        pen.still(f"{MARKERS}/{name}", rr.Points3D.from_fields(colors=colour, radii=radius))
-    for k, (path, look) in enumerate(zip(drawing.paths, drawing.looks, strict=True)):
-        dots = rr.Points3D.from_fields(colors=look.colour, radii=0.8 * radius)
+        pen.still(f"{MARKERS}/{name}", rr.Points3D.from_fields(colors=colour, radii=0.8 * radius))
+    for k in drawing.about.shown:
+        path, shade = drawing.paths[k], drawing.looks[k].colour
+        dots = rr.Points3D.from_fields(colors=shade, radii=0.7 * radius)
         pen.still(f"{MARKERS}/predicted_{path}", dots)
-        slim = (0.5 if k == drawing.about.best else 0.8) * radius  # so that arrows on one line are both seen
-        arrows = rr.Arrows3D.from_fields(colors=look.colour, radii=slim)
-        pen.still(f"{MARKERS}/residual_{path}", arrows)
-    thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.5 * radius)
+        arrows = rr.Arrows3D.from_fields(colors=shade, radii=_slim(drawing))
+        pen.still(f"{MARKERS}/error_{path}", arrows)
+    thin = rr.Arrows3D.from_fields(colors=MEASURED, radii=0.4 * radius)
     pen.still(f"{MARKERS}/deflection", thin)
-    leader = rr.LineStrips3D.from_fields(colors=best, radii=0.1 * radius)
+    leader = rr.LineStrips3D.from_fields(colors=NOISE, radii=0.1 * radius)
     pen.still(f"{MARKERS}/worst_leader", leader)
 
 
-def _write_markers(pen: Pen, drawing: Drawing) -> None:
-    """Markers without load, as measured and as predicted; arrows from measured to predicted."""
-    data, M, scale = drawing.data, drawing.about.magnification, drawing.residual_scale
-    nominal = drawing.bodies(data.markers, drawing.rigid)
-    measured = nominal + M * data.deflection
+def _slim(drawing: Drawing) -> float:
+    """Radius of an error's arrow [m]."""
+    return 0.005 * drawing.reach
+
+
+def _deflected(drawing: Drawing, states: States) -> Array:
+    """Markers of the arm under load, the deflection magnified, (rows, m, 3) [m]."""
+    nominal = drawing.bodies(drawing.data.markers, states.rigid)
+    return np.asarray(nominal + drawing.about.magnification * states.deflection)
+
+
+def _write_markers(shown: Shown, drawing: Drawing) -> None:
+    """Markers without load, deflected and as predicted; arrows from deflected to predicted."""
+    pen, states, M = shown.pen, shown.states, drawing.about.magnification
+    nominal, deflected = drawing.bodies(drawing.data.markers, states.rigid), _deflected(drawing, states)
     pen.points(f"{MARKERS}/nominal", nominal)
-    pen.points(f"{MARKERS}/measured", measured)
-    pen.arrows(f"{MARKERS}/deflection", nominal, M * data.deflection)
-    for path, errors in zip(drawing.paths, drawing.errors, strict=True):
-        pen.points(f"{MARKERS}/predicted_{path}", measured - M * errors)
-        pen.arrows(f"{MARKERS}/residual_{path}", measured, -scale * errors)
-    _write_worst(pen, drawing, measured)
+    pen.points(f"{MARKERS}/{shown.what}", deflected)
+    pen.arrows(f"{MARKERS}/deflection", nominal, M * states.deflection)
+    middle = (len(drawing.about.shown) - 1) / 2
+    for place, k in enumerate(drawing.about.shown):
+        path, errors = drawing.paths[k], states.errors[k]
+        pen.points(f"{MARKERS}/predicted_{path}", deflected - M * errors)
+        arrows, aside = -states.scale * errors, APART * _slim(drawing) * (place - middle)
+        pen.arrows(f"{MARKERS}/error_{path}", deflected + aside * _across(arrows, shown.toward), arrows)
+    _write_worst(shown, drawing, deflected)
 
 
-def _write_worst(pen: Pen, drawing: Drawing, measured: Array) -> None:
-    """One label a run, off its marker: labels at every marker would cover each other."""
-    length = MM * np.linalg.norm(drawing.errors[drawing.about.best], axis=-1)
-    worst, runs = length.argmax(axis=1), np.arange(len(length))
-    away = measured[runs, worst] - drawing.bodies([drawing.cell.arm.tool], drawing.ghost)[:, 0]
+def _across(arrows: Array, toward: Array) -> Array:
+    """Unit vectors across arrows as a camera that way sees them, (rows, m, 3); 0 for no arrow."""
+    found = np.cross(arrows, toward)
+    size = np.linalg.norm(found, axis=-1, keepdims=True)
+    return np.asarray(np.divide(found, size, out=np.zeros_like(found), where=size > 0))
+
+
+def _write_worst(shown: Shown, drawing: Drawing, deflected: Array) -> None:
+    """One label a row, off its marker: labels at every marker would cover each other."""
+    first = drawing.about.best if shown.what == "measured" else drawing.about.shown[0]
+    length = MM * np.linalg.norm(shown.states.errors[first], axis=-1)
+    worst, rows = length.argmax(axis=1), np.arange(len(length))
+    tool = drawing.bodies([drawing.cell.arm.tool], shown.states.ghost)[:, 0]
+    away = deflected[rows, worst] - tool
     size = np.linalg.norm(away, axis=1, keepdims=True)
     away = np.divide(away, size, out=np.zeros_like(away), where=size > 0.02 * drawing.reach)
     away[:, 2] += 0.5
-    at = measured[runs, worst] + 0.16 * drawing.reach * away
+    at = deflected[rows, worst] + LEADER * drawing.reach * away
     names = [drawing.data.markers[k] for k in worst]
-    texts = [f"{name}: {mm:.3f} mm" for name, mm in zip(names, length[runs, worst], strict=True)]
-    pen.label(f"{MARKERS}/worst_label", at, texts, drawing.looks[drawing.about.best].colour)
-    leaders = np.stack([measured[runs, worst], at], axis=1)
-    pen.rows(f"{MARKERS}/worst_leader", rr.LineStrips3D.columns(strips=leaders))
+    model = drawing.names[first]
+    texts = [f"{model} at {name}: {mm:.3f} mm" for name, mm in zip(names, length[rows, worst], strict=True)]
+    shade = drawing.looks[first].colour
+    shown.pen.still(f"{MARKERS}/worst_label", rr.Points3D.from_fields(radii=0.0, show_labels=True))
+    labels = rr.Points3D.columns(positions=at, labels=texts, colors=[shade] * len(at))
+    shown.pen.rows(f"{MARKERS}/worst_label", labels)
+    leaders = np.stack([deflected[rows, worst], at], axis=1)
+    shown.pen.rows(f"{MARKERS}/worst_leader", rr.LineStrips3D.columns(strips=leaders))
 
 
-def _write_loading(pen: Pen, drawing: Drawing) -> None:
-    """The same markers while the load grows: true instead of measured, predicted by the shown models."""
-    loading, M = drawing.loading, drawing.about.magnification
-    nominal = drawing.bodies(drawing.data.markers, loading.rigid)
-    pen.points(f"{MARKERS}/nominal", nominal)
-    pen.points(f"{MARKERS}/true", nominal + M * loading.deflection)
-    pen.arrows(f"{MARKERS}/deflection", nominal, M * loading.deflection)
-    for k in drawing.about.shown:
-        pen.points(f"{MARKERS}/predicted_{drawing.paths[k]}", nominal + M * loading.predicted[k])
-
-
-def _write_load(pen: Pen, drawing: Drawing, hook: Array, whole: Array, wrench: Array) -> None:
-    """Force and moment as arrows at the load point of the ghost, a hung weight as a cube of steel below.
-
-    Args:
-        pen: On the times of the rows.
-        drawing: What to draw.
-        hook: Load point of the ghost, (rows, 3) [m].
-        whole: The whole load, which sets the length of the arrows, (rows, 6) [N, N m].
-        wrench: What acts of it, (rows, 6) [N, N m].
-    """
+def _write_load(pen: Pen, drawing: Drawing, states: States) -> None:
+    """A hung weight on its sling below the load point of the ghost; other loads as arrows."""
+    hook = drawing.bodies([drawing.cell.arm.load], states.ghost)[:, 0]
+    if drawing.payload is not None:
+        share = np.linalg.norm(states.wrench[:, :3], axis=1) / np.linalg.norm(states.whole[:, :3], axis=1)
+        write_weight(pen, hook, share * drawing.payload, drawing.reach)
+        return
     for entity, part, thick in (("force", slice(0, 3), 0.01), ("moment", slice(3, 6), 0.005)):
-        size = np.linalg.norm(whole[:, part], axis=1, keepdims=True)
+        size = np.linalg.norm(states.whole[:, part], axis=1, keepdims=True)
         if size.any():
             look = rr.Arrows3D.from_fields(colors=LOAD, radii=thick * drawing.reach)
             pen.still(f"world/load/{entity}", look)
-            vectors = np.divide(wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
+            vectors = np.divide(states.wrench[:, part], size, out=np.zeros_like(hook), where=size > 0)
             pen.arrows(f"world/load/{entity}", hook[:, None], ARROW * drawing.reach * vectors[:, None])
-    if drawing.payload is not None:
-        share = np.linalg.norm(wrench[:, :3], axis=1) / np.linalg.norm(whole[:, :3], axis=1)
-        write_weight(pen, hook, np.full(len(hook), drawing.payload), share, drawing.reach)
-        return
-    sizes = np.linalg.norm(wrench.reshape(-1, 2, 3), axis=-1)
+    sizes = np.linalg.norm(states.wrench.reshape(-1, 2, 3), axis=-1)
     texts = [
         " and ".join(f"{x:.0f} {u}" for x, u in zip(row, ("N", "N m"), strict=True) if x) for row in sizes
     ]
@@ -129,49 +177,31 @@ def _write_load(pen: Pen, drawing: Drawing, hook: Array, whole: Array, wrench: A
 
 
 def world_view(drawing: Drawing) -> rrb.Spatial3DView:
-    """The arm; of the markers, only the best model of each method is visible at first."""
-    hidden: dict[str | rr.datatypes.EntityPath, rrb.EntityBehavior] = {
-        f"/{MARKERS}/{what}_{name}": rrb.EntityBehavior(visible=False)
-        for k, name in enumerate(drawing.paths)
-        if k not in drawing.about.shown
-        for what in ("predicted", "residual")
-    }
-    M, scale = drawing.about.magnification, drawing.residual_scale
+    """The arm under its load, with its markers and what the shown models predict of them."""
+    M, place, run = drawing.about.magnification, drawing.places.scale, drawing.runs.scale
     return rrb.Spatial3DView(
         origin="world",
-        name=f"Arm (m): deflection x {M:g}, residual arrows x {scale:g}",
-        eye_controls=orbit(*_camera(drawing)),
-        overrides=hidden,
+        contents=["+ $origin/**", f"- {ERROR_MAP}/**"],
+        name=f"Arm (m): deflection x {M:g}; arrows of errors x {place:g}, of runs x {run:g}",
+        eye_controls=orbit(*camera(drawing)),
     )
 
 
-def _camera(drawing: Drawing) -> tuple[Array, Array]:
-    """Eye and target, each (3,) [m]: the worst run in view, and the others not much beyond it."""
-    hooks = drawing.bodies([drawing.cell.arm.load], drawing.ghost) - [0, 0, 0.3 * drawing.reach]
-    points = np.hstack([drawing.rigid.positions, drawing.ghost.positions, hooks])
-    tool = drawing.bodies([drawing.cell.arm.tool], drawing.rigid)[drawing.worst, 0, :2]
-    centres, radii = _spheres(drawing)
-    worst = np.vstack([points[drawing.worst], centres])
-    eye, target = frame(worst, np.append(np.zeros(points.shape[1]), radii), tool)
-    every = points.reshape(-1, 3)
-    far, middle = frame(every, np.zeros(len(every)), tool)
-    closer = CLOSER * np.linalg.norm(far - middle) / np.linalg.norm(eye - target)
-    return target + max(1.0, float(closer)) * (eye - target), target
+def camera(drawing: Drawing) -> tuple[Array, Array]:
+    """Eye and target, each (3,) [m]: every place, every run and the tracker in view, the first from aside."""
+    points = [np.vstack([station(drawing), feet(station(drawing))])]
+    for states in (drawing.places, drawing.runs):
+        points += [frames.positions[:, 1:].reshape(-1, 3) for frames in (states.rigid, states.ghost)]
+    tool = drawing.bodies([drawing.cell.arm.tool], drawing.places.rigid)[0, 0, :2]
+    found = np.vstack(points)
+    return frame(found, np.full(len(found), HEAD), tool)
 
 
-def _spheres(drawing: Drawing) -> tuple[Array, Array]:
-    """Spheres around every shape of the worst run, rigid and deflected: centres (n, 3), radii (n,) [m]."""
-    shapes = visual_shapes(drawing.cell.room)
-    bodies = [shape.body for shape in shapes]
-    at = np.array([shape.position for shape in shapes])
-    centres = [
-        frames.positions[drawing.worst, bodies]
-        + np.einsum("kxy,ky->kx", frames.rotations[drawing.worst, bodies], at)
-        for frames in (drawing.rigid, drawing.ghost)
-    ]
-    corners = [s.size if s.mesh is None else s.mesh.vertices for s in shapes]
-    radii = np.array([np.linalg.norm(x, axis=-1).max() for x in corners])
-    return np.concatenate(centres), np.tile(radii, 2)
+def map_camera(drawing: Drawing) -> tuple[Array, Array]:
+    """The same for the error maps: every place of the tool and the arm of the first."""
+    tools = drawing.bodies([drawing.cell.arm.tool], drawing.places.rigid)[:, 0]
+    points = np.vstack([tools, drawing.places.rigid.positions[0, 1:]])
+    return frame(points, np.full(len(points), HEAD), tools[0, :2])
 
 
 def frame(

@@ -37,7 +37,7 @@ def write_single_link(path: Path, header: Header, shown: Matrices) -> None:
     with recording(path, "single_link", header, _blueprint(shown, plots)) as pen:
         pen.documents(shown.documents)
         for title, C in shown.matrices.items():
-            write_heatmap(pen, f"compliance/{snake(title)}", [scaled(C, true)])
+            write_heatmap(pen, f"compliance/{snake(title)}", scaled(C, true))
         for chart in shown.errors:
             chart.write(pen)
         for sweep, plot in zip(shown.orders, plots, strict=True):
