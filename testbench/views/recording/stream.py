@@ -44,8 +44,12 @@ def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -
     digest = hashlib.sha256(words.encode()).hexdigest()[:16]
     try:
         with whole_file(path) as part:
-            # The stream's own properties would hold the time of writing: equal seeds would differ.
-            stream = rr.RecordingStream(application, recording_id=digest, send_properties=False)
+            # The stream's own properties hold the time of writing, and its chunks end by the clock: with
+            # either equal seeds would differ.
+            batches = rr.ChunkBatcherConfig.NEVER()
+            stream = rr.RecordingStream(
+                application, recording_id=digest, send_properties=False, batcher_config=batches
+            )
             try:
                 stream.set_log_time_enabled(False)
                 stream.set_log_tick_enabled(False)
