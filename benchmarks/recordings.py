@@ -1,4 +1,4 @@
-"""Recordings: time and size of a calibration of two hundred poses."""
+"""Recordings: time and size of a calibration of two hundred runs and two hundred places."""
 
 import tempfile
 import time
@@ -8,6 +8,7 @@ import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
 from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.bench.error_places import error_places, kept_mm, places_of
 from testbench.bench.judged import Result, identify
 from testbench.bench.models import named_models
 from testbench.bench.rows import FitRow, fit_row
@@ -17,7 +18,7 @@ from testbench.views.recording.drawing import Calibration
 from testbench.views.recording.stream import Header
 from testbench.views.schema import Column, Table
 
-POSES, CHECK_POSES = 140, 60
+POSES, CHECK_POSES, PLACES = 140, 60, 200
 REPEATS = 5
 MEBIBYTE = 2**20
 ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -28,7 +29,7 @@ def _row(result: Result) -> FitRow:
 
 
 def logging_two_hundred_poses() -> list[Row]:
-    """Seconds and bytes of one recording: five models, three markers, every pose measured once."""
+    """Seconds and bytes of one recording: five models, three markers, every run in a pose of its own."""
     cell = build_cell(MODELS / "kr500_l480")
     scenario = Scenario(
         arm="kr500_l480",
@@ -37,10 +38,11 @@ def logging_two_hundred_poses() -> list[Row]:
         check_poses=CHECK_POSES,
         identification_runs=POSES,
         check_runs=CHECK_POSES,
-        workspace_poses=1,
+        workspace_poses=PLACES,
     )
     campaign = simulate(cell, scenario, 1)
     results = identify(cell, campaign, named_models(cell), time.perf_counter)
+    errors = {result.model.name: kept_mm(result.places) for result in results}
     about = Calibration(
         header=Header("recordings", scenario.model_dump_json(), 1),
         summary="",
@@ -49,13 +51,16 @@ def logging_two_hundred_poses() -> list[Row]:
         models=rows,
         best=3,
         shown=(0, 3),
+        map=error_places(places_of(cell, campaign.truth), errors, ("MLS32", "MGCO56")),
         magnification=50,
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "recording.rrd"
         [times] = interleave(REPEATS, lambda: write_calibration(path, about, cell, campaign, results))
         size = path.stat().st_size / MEBIBYTE
-    what = f"{POSES + CHECK_POSES} poses, {len(results)} models, {len(cell.arm.markers)} markers"
+    what = (
+        f"{POSES + CHECK_POSES} runs, {PLACES} places, {len(results)} models, {len(cell.arm.markers)} markers"
+    )
     return [
         at_most(
             "(e) logging a calibration", np.median(times), "s", 1, f"{spread(times, digits=2)} s: {what}"
