@@ -11,6 +11,7 @@ from checks import (
     check_spread,
     check_summary,
     check_table,
+    check_words,
     curves,
     looks_differ,
     summaries,
@@ -19,7 +20,7 @@ from checks import (
 from made_up import of_one_trial
 from read_back import PLACED, chunks_of, plotted
 
-from testbench.bench.truths import TRUTHS, member
+from testbench.bench.truths import CALLED, TRUTHS, member
 from testbench.studies.noise_sensitivity import figure, recording
 from testbench.studies.noise_sensitivity.study import STUDY
 from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
@@ -162,6 +163,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
     means = {"truth": "truth", "instrument": "model", "distance, m": "x"}
     check_table(tables["instruments"], report.instruments, {**means, "RMS over the workspace, um": "rms_um"})
     text = check_report(STUDY, report)
+    check_words(STUDY.words(report))
     for part, words in WORDS.items():  # each table below its own heading
         section = text.split(f"## {words}: RMS error, um")[1].split("##")[0]
         assert grid(tables[f"{part}_rms"]) in section
@@ -171,20 +173,26 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
 
 @pytest.mark.parametrize("part", WORDS)
 @pytest.mark.parametrize("best", MODELS)
-def test_the_answer_names_the_best_and_joints_alone_at_the_noise_of_the_papers_tracker(rng, part, best):
+def test_the_gain_and_the_best_are_those_at_the_noise_of_the_papers_tracker(rng, part, best):
     sigma = {"six_dof": 25e-6, "gravity": 50e-6}[part]
     errors = {name: 1000.0 + 100 * k for k, name in enumerate(MODELS)} | {best: 10.0}
 
     def fixed(row):
         return {"rms_um": errors[row.model]} if (row.part, row.x) == (part, sigma) else {}
 
-    said = STUDY.words(summed(changed(trials(rng), fixed))).block("answer").split(WORDS[part])[1]
+    words = STUDY.words(summed(changed(trials(rng), fixed)))
     plain = min((n for n in PLAIN if n != "Joints"), key=errors.get)
-    default = "" if best == DEFAULT else f"the default, {DEFAULT}, {errors[DEFAULT]:.0f} um; "
-    assert said.startswith(
-        f", {1e6 * sigma:g} um of noise: {best} 10 um; {default}joints alone (what most calibrations use) "
-        f"{errors['Joints']:.0f} um; best without a prior {plain} {errors[plain]:.0f} um."
-    )
+    said = f"{WORDS[part]}, {1e6 * sigma:g} um of noise: least error {best} 10 um, without a prior {plain} "
+    assert f"{said}{errors[plain]:.0f} um." in words.block("more")
+    size = errors["MLS56"] / errors[DEFAULT]
+    ratio = f"{size:.0f} times less" if size > 1 else f"{1 / size:.{0 if size < 0.1 else 1}f} times as much"
+    both = f"{DEFAULT} {errors[DEFAULT]:.0f} um, least squares {errors['MLS56']:.0f} um"
+    if part == "gravity":
+        assert words.block("answer").startswith(f"{WORDS[part]}, 50 um of noise: {both}; {ratio}. ")
+        assert f"Joints alone {errors['Joints']:.0f} um, " in words.block("answer")
+    else:
+        said = f"- Section 5.2, 25 um of noise: {both}, {ratio}; joints alone {errors['Joints']:.0f} um."
+        assert said in words.block("statements")
 
 
 @pytest.mark.parametrize("part", WORDS)
@@ -192,7 +200,7 @@ def test_the_answer_names_the_best_and_joints_alone_at_the_noise_of_the_papers_t
 def test_the_models_to_which_noise_costs_least_and_most_are_named(rng, part, best):
     cost = {(part, name): 1000.0 + 100 * k for k, name in enumerate(MODELS)}
     cost[part, best] = 10.0
-    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    text = STUDY.words(summed(trials(rng, cost))).block("more")
     groups = [{n: cost[part, n] for n in MODELS if MODELS[n][2] == prior} for prior in (False, True)]
     (least, most), (filled, _) = [(min(g, key=g.get), max(g, key=g.get)) for g in groups]
     assert (
@@ -203,7 +211,7 @@ def test_the_models_to_which_noise_costs_least_and_most_are_named(rng, part, bes
 
 def test_models_to_which_noise_costs_the_same_are_alike(rng):
     cost = {("gravity", name): 500.0 for name in MODELS} | {("gravity", "MGCO69"): 900.0}
-    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    text = STUDY.words(summed(trials(rng, cost))).block("more")
     assert "2.50 um of error with Joints, MLS56 and MGCO56 (alike), 4.50 um with MGCO69, and 2.50" in text
     assert "with MLS56 + prior, MGCO56 + prior, MGCO69 + prior and ALL153 + prior (alike)." in text
 
@@ -212,13 +220,13 @@ def test_a_prior_is_said_to_lower_the_errors_that_it_lowers(rng):
     cost = {("gravity", "MGCO56"): 90.0, ("gravity", "MGCO56 + prior"): 80.0}
     cost |= {("gravity", "MGCO69"): 30.0, ("gravity", "MGCO69 + prior"): 40.0}
     cost |= {("gravity", "MLS56"): 40.0, ("gravity", "MLS56 + prior"): 40.0}
-    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    text = STUDY.words(summed(trials(rng, cost))).block("more")
     assert "KR 500, 8 poses: at the largest noise the prior lowers the cost of noise to MGCO56;" in text
 
 
 def test_shares_of_least_squares_and_gco_are_not_exchanged(rng):
     found = changed(trials(rng), lambda row: {"conservative": row.constraint == "psd"})
-    text = STUDY.words(summed(found)).block("statements")
+    text = STUDY.words(summed(found)).block("more")
     for words in (
         "joints alone in 0 %,",
         " least squares in 0 %,",
@@ -233,7 +241,7 @@ def test_shares_of_least_squares_and_gco_are_not_exchanged(rng):
 def test_a_model_is_better_in_the_trials_in_which_it_is(rng, pair, share):
     errors = dict(zip(pair, (10.0, 12.0) if share else (12.0, 10.0), strict=True))
     found = changed(trials(rng), lambda row: {"rms_um": errors.get(row.model, row.rms_um)})
-    text = STUDY.words(summed(found)).block("statements")
+    text = STUDY.words(summed(found)).block("more")
     for words in WORDS.values():
         said = f"{words}, the same readings, 25, 50, 200 um of noise: {pair[0]} is better than {pair[1]} in"
         assert f"{said} {share} % of the trials." in text
@@ -241,7 +249,7 @@ def test_a_model_is_better_in_the_trials_in_which_it_is(rng, pair, share):
 
 def test_the_cone_does_nothing_where_two_methods_err_alike_in_all_trials(rng):
     found = changed(trials(rng), lambda row: {"rms_um": 7.0 if row.prior else row.rms_um})
-    text = STUDY.words(summed(found)).block("statements")
+    text = STUDY.words(summed(found)).block("more")
     assert "MGCO56 + prior and MLS56 + prior err alike in all trials: there the cone does nothing." in text
     assert text.count("the cone does nothing") == len(WORDS)
 
@@ -257,7 +265,7 @@ def test_the_cone_does_nothing_where_two_methods_err_alike_in_all_trials(rng):
 )
 def test_the_better_weights_are_called_better(rng, full, flat, said, kind):
     cost = {(f"{kind}_nonlinear", "weighted"): full, (f"{kind}_nonlinear", "flat weights"): flat}
-    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    text = STUDY.words(summed(trials(rng, cost))).block("more")
     below = "below 1 in 100 %" if full < flat else "below 1 in 0 %"
     ratio = f"error with full covariances over error with flat weights {said[1]} in 5 trials, {below}."
     assert f"Laser tracker at 4 m, nonlinear truth, {WEIGHED_BY[kind]}: {said[0]}; {ratio}" in text
@@ -267,7 +275,7 @@ def test_the_better_weights_are_called_better(rng, full, flat, said, kind):
 def test_the_best_and_the_worst_instrument_are_named(rng, best):
     cost = {("instrument_linear", name): 60.0 + 10 * k for k, name in enumerate((*INSTRUMENTS, "flat 50 um"))}
     cost["instrument_linear", best] = 17.0
-    text = STUDY.words(summed(trials(rng, cost))).block("statements")
+    text = STUDY.words(summed(trials(rng, cost))).block("more")
     assert (
         f'linear truth, MGCO56 + prior: least error 17 um ("{best}"), largest 100 um ("flat 50 um").' in text
     )
@@ -298,8 +306,18 @@ def test_a_headline_that_differs_by_true_arm_has_a_table_and_no_other_has(rng):
     assert {b.headline for b in report.weighted_by_arm} == {f"nonlinear, {DEFAULT}"}
     check_spread(report.weighted_by_arm[1].value, [2, 2.05])
     tables = STUDY.tables(report)
-    check_pivot(tables["gravity_by_arm"], report.by_arm["gravity"], ("headline", "true_arm", "value"))
-    check_pivot(tables["weighted_by_arm"], report.weighted_by_arm, ("headline", "true_arm", "value"))
+    check_pivot(
+        tables["gravity_by_arm"],
+        report.by_arm["gravity"],
+        ("headline", "true_arm", "value"),
+        called=({}, CALLED),
+    )
+    check_pivot(
+        tables["weighted_by_arm"],
+        report.weighted_by_arm,
+        ("headline", "true_arm", "value"),
+        called=({}, CALLED),
+    )
     text = STUDY.words(report).whole()
     assert grid(tables["gravity_by_arm"]) in text.split("KR 500, 8 poses: RMS error, um, by true arm")[1]
     assert "section 5.2: RMS error, um, by true arm" not in text
@@ -310,10 +328,10 @@ def test_a_headline_that_differs_by_true_arm_has_a_table_and_no_other_has(rng):
 
 def test_the_title_counts_the_trials_of_every_true_arm(report):
     counts = [[member("family", seed) for seed in SEEDS].count(arm) for arm in TRUTHS]
-    said = ", ".join(f"{arm} ({n})" for arm, n in zip(TRUTHS, counts, strict=True) if n)
+    said = ", ".join(f"{CALLED[arm]} ({n})" for arm, n in zip(TRUTHS, counts, strict=True) if n)
     assert f"True arms in turn: {said}." in STUDY.words(report).block("title")
     one = STUDY.summary(replace(SETTINGS, true_arm="cast"), SEEDS, trials(np.random.default_rng(1)))
-    assert "True arm: cast." in STUDY.words(one).block("title")
+    assert "True arm: cast links." in STUDY.words(one).block("title")
 
 
 def test_the_figure_draws_the_reports_numbers(report):

@@ -9,6 +9,7 @@ from testbench.identify import Constraint
 from testbench.studies.noise_sensitivity.by_arm import ByArm
 from testbench.studies.noise_sensitivity.fits import FitRow
 from testbench.studies.noise_sensitivity.trial import Part
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Number, Share, Spread
 
 
@@ -67,6 +68,24 @@ class Leaders:
     plain: tuple[str, ...]  #: Of those without a prior, joints alone left out.
     plain_um: Number
     joints_um: Number  #: Of joints alone.
+
+
+@dataclass(frozen=True)
+class Gains:
+    """The default at the noise of the paper's tracker, trial by trial."""
+
+    least_squares: Gain  #: Beside the best of least squares without a prior.
+    joints: Gain  #: Beside joints alone.
+
+
+@dataclass(frozen=True)
+class Worst:
+    """RMS errors at the largest noise."""
+
+    noise_um: float
+    default_um: Number
+    least_squares_um: Number  #: Of the best of least squares without a prior at the noise of the tracker.
+    joints_um: Number
 
 
 @dataclass(frozen=True)
@@ -160,6 +179,8 @@ class NoiseReport:
     near: Extremes  #: Errors of instruments there, linear truth [um].
     weighted_over_flat: Mapping[Truth, list[Weighted]]
     leaders: Mapping[Part, Leaders]
+    gains: Mapping[Part, Gains]
+    worst: Mapping[Part, Worst]
     by_arm: Mapping[Part, list[ByArm]]  #: Of the leaders, those whose errors differ by true arm [um].
     weighted_by_arm: list[ByArm]  #: Ratios at `near_m` that do.
     paired: list[Paired]

@@ -25,6 +25,7 @@ from testbench.studies.noise_sensitivity.verdict import (
     costs,
     errors_by_arm,
     extremes,
+    gains,
     leaders,
     nearest,
     paired,
@@ -32,6 +33,7 @@ from testbench.studies.noise_sensitivity.verdict import (
     slopes,
     weighted,
     weighted_by_arm,
+    worst,
 )
 from testbench.studies.study import Trials
 from testbench.trials.spread import Number, Spread, ends, grouped, middle
@@ -54,6 +56,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseRep
     cost = {part: slopes(groups, part) for part in PARTS}
     pairs = {part: paired(groups, part) for part in PARTS}
     led = {part: leaders(part, levels) for part, levels in sweeps.items()}
+    gain = {part: gains(groups, part, own) for part, own in sweeps.items()}
     noisy = [level for levels in sweeps.values() for level in levels if level.x > 0]
     near = {
         name: own
@@ -79,6 +82,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseRep
         near=extremes({name: summed(own).rms_um for name, own in near.items()}),
         weighted_over_flat=grouped(weighted(groups), lambda row: row.truth),
         leaders=led,
+        gains=gain,
+        worst={part: worst(own, gain[part].least_squares.theirs) for part, own in sweeps.items()},
         by_arm={part: errors_by_arm(groups, part, own) for part, own in led.items()},
         weighted_by_arm=weighted_by_arm(groups, NEAR),
         paired=[row for own in pairs.values() for row in own],

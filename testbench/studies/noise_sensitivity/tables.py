@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from testbench.bench.truths import CALLED
 from testbench.studies.noise_sensitivity.by_arm import ByArm
 from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
@@ -33,7 +34,7 @@ WEIGHTED = (
     Column("ratio", "full over flat", form=".2f"),
     Column("better_in", "full better", form="yes"),
 )
-TRUE_ARM, HEADLINE = Column("true_arm", "true arm"), Column("headline", "model")
+TRUE_ARM, HEADLINE = Column("true_arm", "true arm", called=CALLED), Column("headline", "model")
 INSTRUMENTS = (
     Column("truth", "truth"),
     Column("model", "instrument"),

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.bench.baselines import JOINTS
+from testbench.bench.baselines import JOINTS, is_least_squares
 from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
 from testbench.errors import Array
@@ -14,14 +14,17 @@ from testbench.studies.noise_sensitivity.report import (
     Compared,
     Costs,
     Extremes,
+    Gains,
     Leaders,
     Level,
     Paired,
     Shares,
     Slope,
     Weighted,
+    Worst,
 )
 from testbench.studies.noise_sensitivity.trial import DEFAULT_PARTS, INSTRUMENT, TRUTHS, NoiseRow, Part
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import Number, Spread, grouped, middle, spread, triple, wins
 from testbench.views.schema import ALIKE, best_of
 
@@ -107,6 +110,25 @@ def leaders(part: Part, levels: Sequence[Level]) -> Leaders:
         plain_um=plain[first[0]],
         joints_um=own[JOINTS].rms_um,
     )
+
+
+def gains(groups: Groups, part: Part, levels: Sequence[Level]) -> Gains:
+    """The default beside the best of least squares without a prior and beside joints alone."""
+    own = nearest(part, levels)
+    plain = {n.model: n.rms_um for n in own if is_least_squares(n.structure, n.constraint, prior=n.prior)}
+
+    def gain(theirs: str) -> Gain:
+        a, b = (_um(groups, part, name, own[0].x) / 1e3 for name in (DEFAULT, theirs))
+        return gained(DEFAULT, theirs, a.tolist(), b.tolist())
+
+    return Gains(gain(best_of(plain).names[0]), gain(JOINTS))
+
+
+def worst(levels: Sequence[Level], least_squares: str) -> Worst:
+    """Errors at the largest noise."""
+    top = max(level.x for level in levels)
+    own = {level.model: level.rms_um for level in levels if level.x == top}
+    return Worst(UM * top, *(own[name] for name in (DEFAULT, least_squares, JOINTS)))
 
 
 def errors_by_arm(groups: Groups, part: Part, led: Leaders) -> list[ByArm]:
