@@ -9,6 +9,7 @@ from checks import (
     check_report,
     check_spread,
     check_table,
+    check_words,
     curves,
     key_of,
     looks_differ,
@@ -19,12 +20,13 @@ from checks import (
 from made_up import of_one_trial
 from read_back import chunks_of, columns, document
 
-from testbench.bench.truths import member
+from testbench.bench.truths import CALLED, member
 from testbench.studies.model_error import figure, recording
 from testbench.studies.model_error.cases import ALL, NONE, STIFF, cases
 from testbench.studies.model_error.study import STUDY
 from testbench.studies.model_error.trial import CaseRow, Settings
 from testbench.studies.study import Run
+from testbench.views.gains import ratio as ratio_of
 from testbench.views.markdown import grid
 
 SEEDS = range(2, 7)
@@ -133,6 +135,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
             [cell] = [c for c in report.cells if (c.case, c.model, c.noise_um) == key]
             assert shown == cell.rms_um
     text = check_report(STUDY, report)
+    check_words(STUDY.words(report))
     assert grid(tables["calm"]) in text.split("## RMS error, um, without noise")[1].split("##")[0]
     assert grid(tables["noisy"]) in text.split("## RMS error, um, with noise of 40 um")[1].split("##")[0]
     assert tables["calm_short"].title.endswith("um, without noise")
@@ -140,39 +143,45 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
 
 
 @pytest.mark.parametrize("best", MODELS)
-def test_the_answer_names_the_best_model_with_all_disturbances(rng, best):
+def test_the_gain_and_the_best_model_are_those_with_all_disturbances(rng, best):
     errors = {(ALL, name, 40.0): 60.0 + 10 * k for k, name in enumerate(MODELS)} | {(ALL, best, 40.0): 31.0}
-    answer = STUDY.words(summed(trials(rng, errors))).block("answer")
-    default = "" if best == FEATURED else f"; the default, {FEATURED}, {errors[ALL, FEATURED, 40.0]:.0f} um"
-    joints = f"; joints alone (what most calibrations use) {errors[ALL, 'Joints', 40.0]:.0f} um."
-    said = default + ("." if best == "Joints" else joints)
-    assert answer.endswith(f"With noise and all together the best model is {best}: 31 um{said}")
+    words = STUDY.words(summed(trials(rng, errors)))
+    own = {name: errors[ALL, name, 40.0] for name in MODELS}
+    assert f"with noise, the least error is that of {best}: 31 um." in words.block("statements")
+    size = own["MLS56"] / own[FEATURED]
+    ratio = f"{ratio_of(size)} times less" if size > 1 else f"{ratio_of(1 / size)} times as much"
+    assert words.block("answer").startswith(
+        f"Disturbed in every way, 40 um of noise: {FEATURED} {own[FEATURED]:.0f} um, "
+        f"least squares {own['MLS56']:.0f} um; {ratio}. Joints alone {own['Joints']:.0f} um, "
+    )
 
 
 def test_models_that_bear_disturbances_as_well_are_alike(rng):
     errors = {(ALL, name, 40.0): 50.0 for name in MODELS} | {(ALL, "MGCO56", 40.0): 70.0}
-    answer = STUDY.words(summed(trials(rng, errors))).block("answer")
-    assert "MLS56 + prior, MGCO56 + prior, MGCO68 + prior and ALL153 + prior (alike): 50 um" in answer
+    words = STUDY.words(summed(trials(rng, errors)))
+    said = "MLS56 + prior, MGCO56 + prior, MGCO68 + prior and ALL153 + prior (alike): 50 um"
+    assert said in words.block("statements")
+    assert "least squares 50 um; alike. Joints alone 50 um, alike." in words.block("answer")
 
 
 @pytest.mark.parametrize("worst", [c for c in CASES if c not in (NONE, ALL)])
-def test_the_answer_names_the_costliest_disturbance_whichever_it_is(rng, worst):
+def test_the_costliest_disturbance_is_named_whichever_it_is(rng, worst):
     errors = {(case, FEATURED, 0.0): 20.0 + k for k, case in enumerate(CASES)}
     errors |= {(NONE, FEATURED, 0.0): 20.0, (NONE, FEATURED, 40.0): 45.0, (worst, FEATURED, 0.0): 90.0}
     words = STUDY.words(summed(trials(rng, errors)))
-    answer, others = words.block("answer"), words.block("statements")
-    assert answer.startswith(f'Without noise "{worst}" adds most to the error of {FEATURED}: 70 um; then')
-    rest = sorted((c for c in CASES if c not in (NONE, ALL, worst)), key=CASES.index, reverse=True)[:3]
-    assert "; then come " + ", ".join(f'"{c}" +{CASES.index(c)} um' for c in rest) + "." in answer
-    assert f"Noise of 40 um adds 25 um to the error of {FEATURED} on the undisturbed arm." in others
-    assert f'Without noise, more than that is added by "{worst}".' in others
+    said, others = words.block("worst"), words.block("statements")
+    assert said.startswith(f'Worst without noise: "{worst}" adds 70 um to the error of {FEATURED}; then come')
+    rest = sorted((c for c in CASES if c not in (NONE, ALL, worst)), key=CASES.index, reverse=True)[:2]
+    assert "; then come " + ", ".join(f'"{c}" +{CASES.index(c)} um' for c in rest) + "." in said
+    assert f"Noise of 40 um adds 25 um to the error of {FEATURED} on the undisturbed arm. 1 of" in others
+    assert f'Without noise "{worst}" adds more than noise does.' in words.block("more")
 
 
 def test_the_claim_holds_for_the_models_for_which_it_does(rng):
     errors = {(case, m, 40.0): 50.0 for case in (NONE, "gravity compensator", STIFF) for m in MODELS}
     errors |= {("gravity compensator", "MLS56", 40.0): 500.0}
     errors |= {(STIFF, m, 40.0): 500.0 for m in MODELS}
-    text = STUDY.words(summed(trials(rng, errors))).block("statements")
+    text = STUDY.words(summed(trials(rng, errors))).block("more")
     held = "Joints, MGCO56, MLS56 + prior, MGCO56 + prior, MGCO68 + prior and ALL153 + prior"
     assert (
         f'"gravity compensator": within 4.8 % in at least 95 % of the trials are {held} against the' in text
@@ -187,7 +196,7 @@ def test_the_true_change_by_the_compensator_stands_before_the_one_that_noise_hid
     errors = {(NONE, m, 40.0): 50.0 for m in MODELS} | {
         ("gravity compensator", m, 40.0): 60.0 for m in MODELS
     }
-    words = STUDY.words(summed(trials(rng, errors))).block("statements")
+    words = STUDY.words(summed(trials(rng, errors))).block("more")
     [said] = [line for line in words.split("\n") if '"gravity compensator" changes the true error' in line]
     assert f"of {FEATURED} by +20.0 (+20.0 to +20.0) %. Against readings" in said
     assert "noise adds in quadrature to both errors, it looks like +4.4 (+4.4 to +4.4) %" in said
@@ -201,7 +210,7 @@ def test_trials_are_counted_in_which_a_model_beats_another(rng):
     assert found["MGCO56", "Joints"] == (0, 0, False)
     assert found["MGCO56 + prior", "Joints"] == (5, 0, False)
     assert found["MGCO56 + prior", "MLS56 + prior"] == (0, 5, True)
-    text = STUDY.words(made).block("statements")
+    text = STUDY.words(made).block("more")
     assert "MGCO56 beats Joints in 0 of 5 trials, 1.50 times its error." in text
     assert "MGCO56 + prior and MLS56 + prior err alike in all 5 trials: there the cone does nothing." in text
 
@@ -222,7 +231,8 @@ def test_errors_and_changes_that_differ_by_true_arm_have_tables(rng):
     assert {b.headline for b in report.claim_by_arm} == {STIFF}
     check_spread(report.claim_by_arm[1].value, [40 / 60 - 1, 41 / 62 - 1])
     tables, text = STUDY.tables(report), STUDY.words(report).whole()
-    check_pivot(tables["together_by_arm"], report.together_by_arm, ("headline", "true_arm", "value"))
+    by_arm = ("headline", "true_arm", "value")
+    check_pivot(tables["together_by_arm"], report.together_by_arm, by_arm, called=({}, CALLED))
     assert grid(tables["together_by_arm"]) in text.split("By true arm, RMS error, um:")[1]
     assert grid(tables["claim_by_arm"]) in text.split("against the truth, by true arm, %:")[1]
     assert "-33.6" in grid(tables["claim_by_arm"])

@@ -7,6 +7,7 @@ from testbench.bench.rows import DatasetRow
 from testbench.studies.noise_sensitivity.by_arm import ByArm
 from testbench.studies.noise_sensitivity.fits import FitRow
 from testbench.studies.noise_sensitivity.report import ModelAt
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Number, Spread
 
 
@@ -64,6 +65,14 @@ class Together:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """The featured model with noise and all disturbances together, trial by trial."""
+
+    least_squares: Gain  #: Beside the best of least squares without a prior.
+    joints: Gain  #: Beside joints alone.
+
+
+@dataclass(frozen=True)
 class ModelErrorReport:
     """report.json."""
 
@@ -90,6 +99,7 @@ class ModelErrorReport:
     together: list[Together]
     best_together: tuple[str, ...]  #: Several where they are alike.
     joints_together_um: Number  #: Of joints alone.
+    gains: Gains
     beats: list[Beats]
     together_by_arm: list[ByArm]  #: Errors with all together that differ by true arm [um].
     claim_by_arm: list[ByArm]  #: True changes of the featured model that do [1].

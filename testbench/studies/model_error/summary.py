@@ -5,10 +5,18 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
+from testbench.bench.baselines import JOINTS, is_least_squares
 from testbench.bench.rows import UM
 from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, sizes
-from testbench.studies.model_error.report import Beats, CaseErrors, Claim, Held, ModelErrorReport, Together
+from testbench.studies.model_error.report import (
+    Beats,
+    CaseErrors,
+    Claim,
+    Gains,
+    Held,
+    ModelErrorReport,
+    Together,
+)
 from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
 from testbench.studies.noise_sensitivity.by_arm import ByArm, by_arm, true_arms
 from testbench.studies.noise_sensitivity.fits import summed
@@ -16,6 +24,7 @@ from testbench.studies.noise_sensitivity.summary import model_at
 from testbench.studies.noise_sensitivity.verdict import BY_CONE, PAIRS
 from testbench.studies.paper import MOST
 from testbench.studies.study import Trials
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, middle, spread, wins
 from testbench.views.schema import best_of
 
@@ -60,6 +69,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
         together=pairs,
         best_together=best,
         joints_together_um=next(p.all_um for p in pairs if p.model == JOINTS),
+        gains=gains(groups, distinct(noisy), UM * asked.sigma),
         beats=[_beats(groups, *names, UM * asked.sigma) for names in PAIRS],
         together_by_arm=together_by_arm(groups, (*best, FEATURED, JOINTS), UM * asked.sigma),
         claim_by_arm=claim_by_arm(groups, UM * asked.sigma),
@@ -71,6 +81,23 @@ def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErro
         ],
         dataset=next(row.measured for row in rows if row.measured is not None),
     )
+
+
+def gains(groups: Groups, noisy: Sequence[CaseErrors], noise_um: float) -> Gains:
+    """The featured model beside the best of least squares without a prior and beside joints alone."""
+    plain = {
+        cell.model: cell.rms_um
+        for cell in noisy
+        if cell.case == ALL and is_least_squares(cell.structure, cell.constraint, prior=cell.prior)
+    }
+
+    def gain(theirs: str) -> Gain:
+        a, b = (
+            [middle(row.rms_um) / 1e3 for row in groups[ALL, name, noise_um]] for name in (FEATURED, theirs)
+        )
+        return gained(FEATURED, theirs, a, b)
+
+    return Gains(gain(best_of(plain).names[0]), gain(JOINTS))
 
 
 def _errors(rows: Sequence[CaseRow], groups: Groups) -> CaseErrors:
