@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_spread, check_summary, check_table, summaries
+from checks import check_pivot, check_report, check_spread, check_summary, check_table, check_words, summaries
 from made_up import fill, of_one_trial, single
 from matplotlib.colors import to_rgba
 from read_back import PLACED, chunks_of, plotted
@@ -148,17 +148,22 @@ def test_the_answer_counts_what_the_cone_does_by_itself(rng):
     assert (g.cone_pays, g.pay, g.pay_and_beat_joints, g.cost, g.cost_with_free) == (0, 4, 2, 4, 2)
     assert (f.cone_pays, f.cone_pays_and_beats_joints, f.cost) == (4, 2, 0)
     words = STUDY.words(found)
-    assert "the cone by itself pays in 0 of 8 cells, and in 0 of these GCO" in words.block("answer")
-    assert "read in full pose, in 4 of 8, and in 2 of these." in words.block("answer")
-    assert "joints alone are better" not in words.block("statements")
-    assert "At worst, MGCO56 with 12 poses and 15 um: 3.00." in words.block("statements")
+    text = words.block("statements")
+    assert "markers: the cone by itself pays in 0 of 8 cells; in 0 of these GCO beats" in text
+    assert "full pose: the cone by itself pays in 4 of 8 cells; in 2 of these GCO beats" in text
+    assert "joints alone are better" not in text
+    assert "Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times" in words.block("worst")
+    assert "GCO (MGCO56) 50 um, least squares 100 um; 2.0 times less." in words.block("answer")
+    assert "Joints alone 60 um, 1.2 times as much." in words.block("answer")
 
 
 def test_it_is_said_where_the_cone_pays_and_joints_alone_are_better(rng):
     found = summed(trials(rng, lambda row: {**gaining(row), "joints_um": 40.0}))
-    said = STUDY.words(found).block("statements")
+    words = STUDY.words(found)
+    said = words.block("more")
     assert "Six wrenches, full pose: the cone by itself pays against least squares" in said
     assert "A weight, three markers: the cone by itself pays against" not in said
+    assert "pays in 4 of 8 cells; in all of these joints alone are better." in words.block("statements")
 
 
 def test_a_gain_that_is_small_or_not_in_nearly_all_arms_does_not_count(report):
@@ -186,6 +191,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
         check_table(tables[f"{kind}_truths"], report.truths[kind], {"true arm": "name", **LEVELS})
         check_table(tables[f"{kind}_priors"], report.priors_by_noise[kind], PRIOR)
     text = check_report(STUDY, report)
+    check_words(STUDY.words(report))
     for kind, words in (("gravity", "A weight, three markers"), ("full_pose", "Six wrenches, full pose")):
         part = text.split(f"## {words}: GCO over least squares with the same free directions")[1]
         assert grid(tables[f"{kind}_over_lent"]) in part.split("##")[0]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from testbench.bench.rows import DatasetRow
 from testbench.identify import Constraint
 from testbench.studies.regimes.campaigns import Kind
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Share, Spread
 
 MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to count.
@@ -148,6 +149,15 @@ class FeaturedModel:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """The structure of least GCO error in the featured cell, fit by fit."""
+
+    structure: str
+    least_squares: Gain  #: GCO beside least squares of the same structure.
+    joints: Gain  #: GCO beside joints alone.
+
+
+@dataclass(frozen=True)
 class RegimesReport:
     """report.json."""
 
@@ -168,5 +178,7 @@ class RegimesReport:
     explained: Mapping[Kind, Explained]
     worst: Mapping[Kind, MapCell]  #: Where GCO costs most.
     featured_poses: int
+    featured_um: float  #: Noise of a reading.
+    gains: Gains
     models: list[FeaturedModel]
     dataset: DatasetRow

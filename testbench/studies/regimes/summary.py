@@ -14,6 +14,7 @@ from testbench.studies.regimes.report import (
     Counts,
     Explained,
     FeaturedModel,
+    Gains,
     Level,
     MapCell,
     Ratios,
@@ -31,6 +32,7 @@ from testbench.studies.regimes.trial import (
     Settings,
 )
 from testbench.studies.study import Trials
+from testbench.trials.gain import gained
 from testbench.trials.spread import SAME, Spread, grouped, spread
 
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, np.inf)
@@ -62,6 +64,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[CellRow]) -> RegimesRe
         explained={kind: explained(own, cells[kind]) for kind, own in plain.items()},
         worst={kind: max(own, key=lambda cell: cell.gco_over_ls.median) for kind, own in cells.items()},
         featured_poses=FEATURED_POSES,
+        featured_um=UM * FEATURED_SIGMA,
+        gains=gains(plain["gravity"]),
         models=featured(cells["gravity"]),
         dataset=next(row.measured for row in rows if row.measured is not None),
     )
@@ -219,6 +223,17 @@ def featured(cells: Sequence[MapCell]) -> list[FeaturedModel]:
             replace(_model(f"{cell.structure}, GCO", "psd", 1.0, cell.gco_um), solved=cell.solved_in),
         ]
     return [*found, _model("Joints", "none", None, own[0].joints_um)]
+
+
+def gains(rows: Sequence[CellRow]) -> Gains:
+    """The structure of least median GCO error in the featured cell."""
+    own = [row for row in rows if row.poses == FEATURED_POSES and row.noise_um == UM * FEATURED_SIGMA]
+    by_structure = grouped(own, lambda row: row.structure)
+    name = min(by_structure, key=lambda n: float(np.median(_column(by_structure[n], "gco_um"))))
+    ours, ls, joints = (
+        (_column(by_structure[name], key) / 1e3).tolist() for key in ("gco_um", "ls_um", "joints_um")
+    )
+    return Gains(name, gained("GCO", "least squares", ours, ls), gained("GCO", "joints alone", ours, joints))
 
 
 def _model(name: str, constraint: Constraint, conservative: float | None, error_um: Spread) -> FeaturedModel:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from testbench.bench.truths import CALLED
 from testbench.studies.regimes.campaigns import Kind
 from testbench.studies.regimes.report import RegimesReport
 from testbench.views.schema import Column, Table, pivot
@@ -20,7 +21,7 @@ BEATS = Column("beats_joints_in", "beats joints", form="yes")
 BINDS = Column("binds_in", "cone binds", form="yes")
 SHARE = Column("share", "of the fits", form="yes")
 LEVELS = (Column("name", "expected error"), SHARE, OVER_LS, OVER_LENT, BETTER, OVER_JOINTS, BEATS)
-TRUTHS = (Column("name", "true arm"), *LEVELS[1:])
+TRUTHS = (Column("name", "true arm", called=CALLED), *LEVELS[1:])
 PRIORS = (
     Column("prior", "uncertainty"),
     NOISE,
