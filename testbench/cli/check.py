@@ -13,10 +13,8 @@ from testbench.cli.arguments import ArmName
 from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.checked.files import COMMAND, write
-from testbench.views.checked.words import confirm_lines, contents, sag_words
+from testbench.views.checked.words import MOST, confirm_lines, contents, sag_words
 from testbench.views.terminal import looked_at
-
-MOST = 12  #: Numbers to confirm that are listed.
 
 
 @dataclass(frozen=True)

@@ -56,17 +56,9 @@ def check(asked: Options) -> None:
     filed = cell
     cell, registered = register(cell, export, asked)  # after the table, which helps where no frame is found
     looks = look_at(filed, export, registered, asked)
-    doubts = [f"Doubt: {doubt.sentence}" for doubt in looks.doubts]
-    factor = (
-        f"as a whole the deflections are {looks.scale:.3g} times what the arm's folder says of these loads"
-    )
-    said = [
-        *registered.notes,
-        *[factor] * (looks.scale is not None),
-        *(doubts or ["no doubts about the runs"]),
-    ]
-    console.print("\n".join(f"- {line}" for line in said), soft_wrap=True, markup=False)
+    runs = words.CheckedRuns(asked.dataset.name, found, registered, looks)
+    console.print("\n".join(f"- {line}" for line in runs.said), soft_wrap=True, markup=False)
     if asked.out is not None:
-        write(cell, asked.dataset.name, found, registered, asked.out)
+        write(cell, runs, asked.out)
         lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
         console.print("\n".join(lines), soft_wrap=True, markup=False)

@@ -91,7 +91,8 @@ class Words:
     def rest(self) -> str:
         """What of report.md stands below the statements."""
         if self.has("body"):
-            return self.block("body")
+            more = self.block("more") if self.has("more") else ""
+            return f"{self.block('body')}\n\n{'## More' if more else ''}\n\n{more}".strip()
         _, mark, below = self.whole().partition("\n## ")
         return mark.lstrip() + below
 

@@ -22,7 +22,12 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
-    assert sorted(file.name for file in folder.iterdir()) == ["arm.png", "manifest.json", "recording.rrd"]
+    assert sorted(file.name for file in folder.iterdir()) == [
+        "arm.png",
+        "manifest.json",
+        "recording.rrd",
+        "report.html",
+    ]
     assert "1 file verified without error" in rerun("verify", folder / "recording.rrd")[1]
     assert (folder / "recording.rrd").stat().st_size < BUDGET
     picture = matplotlib.image.imread(folder / "arm.png")[..., :3]

@@ -41,6 +41,7 @@ def test_a_spreadsheet_is_understood_and_shown(tmp_path):
         "data.png",
         "manifest.json",
         "recording.rrd",
+        "report.html",
     ]
 
 

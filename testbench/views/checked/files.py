@@ -1,20 +1,24 @@
-"""The folder of a check: picture and recording, all of it or nothing."""
+"""The folder of a check: picture, recording and page, all of it or nothing."""
 
 from pathlib import Path
 
 from testbench import files
 from testbench.bench.checked import Checked
 from testbench.output.run import whole_folder
+from testbench.views.checked.words import words
+from testbench.views.page.page import write_page
 
 COMMAND = "testbench check"  #: As manifest.json names it.
 
 
 def write(checked: Checked, arm: Path, out: Path) -> None:
-    """arm.png, recording.rrd and manifest.json; InputError when they cannot be written."""
+    """arm.png, recording.rrd, report.html and manifest.json; InputError when they cannot be written."""
     from testbench.views.checked.figure import picture  # importing matplotlib and rerun takes two thirds
-    from testbench.views.recording.arm_check import write_arm  # of a second
+    from testbench.views.checked.page import seen  # of a second
+    from testbench.views.recording.arm_check import write_arm
 
     with whole_folder(out) as folder:
         picture(checked).savefig(folder / "arm.png")
         write_arm(folder / "recording.rrd", checked)
+        write_page(folder, f"{COMMAND}: {checked.cell.arm.name}", words(checked), seen(checked))
         files.write_manifest(folder, command=COMMAND, scenario={}, seeds=range(0), arms=[arm])

@@ -1,5 +1,7 @@
 """What was understood of an arm, what must be confirmed, what may be wrong, a line each."""
 
+from pathlib import Path
+
 import numpy as np
 
 from testbench.arm.elastic import JointEntry, LinkEntry
@@ -7,8 +9,34 @@ from testbench.arm.folder import Joint
 from testbench.bench.checked import Checked
 from testbench.bench.confirm import Item
 from testbench.errors import Array
+from testbench.views.markdown import Words
+from testbench.views.schema import Column, Table
 
+MOST = 12  #: Numbers to confirm that are listed.
 SHOWN = 0.01  #: Least share of the sag of what is listed [1].
+
+
+def words(checked: Checked) -> Words:
+    """The words of page and recording."""
+    values = {
+        "checked": checked,
+        "sag": sag_words(checked),
+        "items": listed(checked, MOST),
+        "contents": contents(checked),
+    }
+    return Words(Path(__file__).parent, values, "checked.md.j2")
+
+
+def tables(checked: Checked) -> list[Table]:
+    """What must be confirmed, and what each link and joint does of the sag."""
+    arm, share = checked.cell.arm, Column("share", "share of the sag that hangs on it", "%", ".0f", scale=100)
+    names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
+    parts = [{"name": name, "share": x} for name, x in zip(names, checked.sag.shares.tolist(), strict=True)]
+    of_part = Column("share", "its share of the sag", "%", ".1f", scale=100)
+    return [
+        Table((Column("words", "number"), share), listed(checked, len(checked.items)), "To confirm"),
+        Table((Column("name", "link or joint"), of_part), parts, "What sags"),
+    ]
 
 
 def contents(checked: Checked) -> list[str]:

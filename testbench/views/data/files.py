@@ -1,23 +1,25 @@
-"""The folder of a check of data: picture and recording, all of it or nothing."""
+"""The folder of a check of data: picture, recording and page, all of it or nothing."""
 
 from pathlib import Path
 
 from testbench import files
 from testbench.bench.campaign import Cell
-from testbench.bench.understood import Understood
-from testbench.identify.registered import Registered
 from testbench.output.run import whole_folder
+from testbench.views.data.words import CheckedRuns, words
+from testbench.views.page.page import write_page
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 
 
-def write(cell: Cell, name: str, found: Understood, registered: Registered, out: Path) -> None:
-    """data.png, recording.rrd and manifest.json of a file; InputError when they cannot be written."""
+def write(cell: Cell, runs: CheckedRuns, out: Path) -> None:
+    """data.png, recording.rrd, report.html and manifest.json; InputError when they cannot be written."""
     from testbench.views.data.figure import picture  # importing matplotlib and rerun takes two thirds
-    from testbench.views.recording.data import write_data  # of a second
+    from testbench.views.data.page import seen  # of a second
+    from testbench.views.recording.data import write_data
 
     with whole_folder(out) as folder:
-        picture(cell, name, found, registered.data).savefig(folder / "data.png")
-        write_data(folder / "recording.rrd", cell, name, found, registered)
+        picture(cell, runs.name, runs.found, runs.registered.data).savefig(folder / "data.png")
+        write_data(folder / "recording.rrd", cell, runs)
+        write_page(folder, f"{COMMAND}: {runs.name}", words(runs), seen(cell, runs))
         arms = [cell.arm.rigid.parent]
-        files.write_manifest(folder, command=COMMAND, scenario={"data": name}, seeds=range(0), arms=arms)
+        files.write_manifest(folder, command=COMMAND, scenario={"data": runs.name}, seeds=range(0), arms=arms)

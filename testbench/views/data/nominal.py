@@ -5,6 +5,7 @@ import numpy as np
 from testbench.bench.campaign import Cell
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
+from testbench.identify.registered import Registered
 from testbench.identify.weighed import marker_points
 from testbench.model.vjm import tool_points
 
@@ -14,6 +15,13 @@ SHARE = 0.15  #: Length of the longest drawn deflection over the extent of the r
 def nominal_markers(cell: Cell, data: Dataset) -> Array:
     """Targets of the rigid arm, (runs, m, 3) [m]."""
     return tool_points(cell.vjm, data.q, marker_points(cell.vjm, data.markers))
+
+
+def stations(registered: Registered) -> Array:
+    """Where the tracker stood, as the registration has it, (stations, 3) [m]; none in the base's frame."""
+    if registered.frame == "base" or registered.registration is None:
+        return np.empty((0, 3))
+    return np.array([-one.rotation.T @ one.translation for one in registered.registration.frames])
 
 
 def magnification(data: Dataset, nominal: Array) -> float:

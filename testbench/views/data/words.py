@@ -1,9 +1,72 @@
 """What was understood of a file of measured runs: its columns, and the whole in numbers."""
 
-from testbench.bench.understood import Understood
+from dataclasses import dataclass
+from pathlib import Path
 
+from testbench.bench.looks import Looks
+from testbench.bench.understood import Understood
+from testbench.identify.registered import Registered
+from testbench.views.markdown import Words
+from testbench.views.schema import Column, Table
+
+COLUMNS = (
+    Column("quantity", "quantity"),
+    Column("columns", "columns of the file"),
+    Column("unit", "unit"),
+    Column("values", "values"),
+    Column("rows", "rows"),
+)
 MOST = 6  #: Loads and names that are listed.
 GAP = 2  #: Blanks between two columns.
+
+
+@dataclass(frozen=True)
+class CheckedRuns:
+    """A file of runs, and what was understood of it."""
+
+    name: str  #: Of the file.
+    found: Understood
+    registered: Registered
+    looks: Looks
+
+    @property
+    def doubts(self) -> list[str]:
+        """What may be wrong, the likeliest first."""
+        return [doubt.sentence for doubt in self.looks.doubts]
+
+    @property
+    def notes(self) -> list[str]:
+        """How the readings fit the arm."""
+        scale = self.looks.scale
+        factor = (
+            f"as a whole the deflections are {scale or 1:.3g} times what the arm's folder says of these loads"
+        )
+        return [*self.registered.notes, *[factor] * (scale is not None)]
+
+    @property
+    def said(self) -> list[str]:
+        """All that is said beside the file's own words, a line each."""
+        return [*self.notes, *([f"Doubt: {x}" for x in self.doubts] or ["no doubts about the runs"])]
+
+
+def words(runs: CheckedRuns, scale: float = 1.0) -> Words:
+    """The words of page and recording; deflections are drawn so many times as long."""
+    found = runs.found
+    values = {
+        "runs": runs,
+        "found": found,
+        "deflections": deflections(found),
+        "lines": lines(found),
+        "columns": found.columns,
+        "scale": scale,
+    }
+    return Words(Path(__file__).parent, values, "data.md.j2")
+
+
+def columns(found: Understood) -> Table:
+    """Which column is which quantity; numbers of rows are words, as there is nothing to draw."""
+    rows = [{**vars(row), "rows": str(row.rows)} for row in found.columns]
+    return Table(COLUMNS, rows, "Which column is which quantity")
 
 
 def table(found: Understood) -> list[str]:
@@ -17,18 +80,22 @@ def table(found: Understood) -> list[str]:
 def lines(found: Understood) -> list[str]:
     """The whole in numbers, what was left out, what was assumed."""
     readings = found.runs * len(found.markers)
-    low, middle, high = found.deflection_mm
     return [
         f"{found.rows} rows: {count(found.runs, 'run')} in {count(found.poses, 'pose')}, "
         f"{count(len(found.markers), 'marker')} {', '.join(found.markers)}"
         + (f", {found.stations} stations" if found.stations > 1 else ""),
         f"lost targets: {len(found.lost)} of {readings}" + (f", {listed(found.lost)}" if found.lost else ""),
         f"loads: {loads(found)}",
-        f"deflections: {low:.3f} to {high:.3f} mm, median {middle:.3f} mm; sigma of a reading "
-        f"{found.sigma_um:g} um",
+        f"deflections: {deflections(found)}; sigma of a reading {found.sigma_um:g} um",
         f"columns not read: {listed(found.ignored)}",
         *(f"- {note}" for note in (*found.how, *found.assumed)),
     ]
+
+
+def deflections(found: Understood) -> str:
+    """How far loads moved the targets."""
+    low, middle, high = found.deflection_mm
+    return f"{low:.3f} to {high:.3f} mm, median {middle:.3f} mm"
 
 
 def count(number: int, noun: str) -> str:

@@ -11,8 +11,7 @@ from testbench.bench.checked import Checked
 from testbench.errors import Array
 from testbench.plant.corners import RING
 from testbench.plant.shapes import Frames, rigid_frames
-from testbench.views.checked.words import listed, sag_words
-from testbench.views.markdown import Words
+from testbench.views.checked.words import words
 from testbench.views.recording.arm import ARROW, orbit, origins, write_places, write_shapes, write_weight
 from testbench.views.recording.pen import Pen, text_view
 from testbench.views.recording.scene import MARKERS, frame
@@ -20,7 +19,6 @@ from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import LOAD, NOISE, NOMINAL
 
 TIMELINE = "pose"
-MOST = 12  #: Numbers to confirm that are listed.
 SPOKES = 4  #: Lines along a tube.
 AXIS = 0.12  #: Length of the axes of the base over the reach [1].
 THIN, THICK = 0.8, 2.5  #: Widths of a tube's lines, thick where it is doubted [ui points].
@@ -32,11 +30,9 @@ def write_arm(path: Path, checked: Checked) -> None:
     """Write an arm for the Rerun viewer; an existing file is replaced only by a whole one."""
     header = Header("testbench check", json.dumps({"arm": checked.cell.arm.name}), 0)
     frames = rigid_frames(checked.cell.room, checked.poses)
-    values = {"checked": checked, "sag": sag_words(checked), "items": listed(checked, MOST)}
-    words = Words(Path(__file__).parent, values, "arm_check.md.j2")
     with recording(path, "arm", header, _blueprint(checked, frames)) as pen:
         pen = pen.on(rr.TimeColumn(TIMELINE, sequence=np.array([1, 2])))
-        pen.documents({"summary": words.block("summary")})
+        pen.documents({"summary": words(checked).block("summary")})
         write_shapes(pen, checked.cell, (), GLASS)
         write_places(pen, checked.cell, frames)
         _write_beams(pen, checked)

@@ -9,14 +9,12 @@ import rerun.blueprint as rrb
 
 from testbench.bench.campaign import Cell
 from testbench.bench.rows import MM
-from testbench.bench.understood import Understood
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.registered import Registered
 from testbench.plant.shapes import Frames, body_names, rigid_frames
-from testbench.views.data.nominal import magnification, nominal_markers
-from testbench.views.data.words import lines
-from testbench.views.markdown import Words
+from testbench.views.data.nominal import magnification, nominal_markers, stations
+from testbench.views.data.words import CheckedRuns, words
 from testbench.views.recording.arm import ARROW, orbit, origins, reach, write_places, write_shapes
 from testbench.views.recording.pen import Pen, text_view
 from testbench.views.recording.scene import MARKERS, frame
@@ -26,23 +24,17 @@ from testbench.views.recording.style import LOAD, MEASURED, NOMINAL
 TIMELINE = "run"
 
 
-def write_data(path: Path, cell: Cell, name: str, found: Understood, registered: Registered) -> None:
+def write_data(path: Path, cell: Cell, runs: CheckedRuns) -> None:
     """Write measured runs for the Rerun viewer; an existing file is replaced only by a whole one."""
-    data = registered.data
+    registered, data = runs.registered, runs.registered.data
     nominal, frames = nominal_markers(cell, data), rigid_frames(cell.room, data.q)
     scale = magnification(data, nominal)
-    header = Header("testbench data check", json.dumps({"data": name, "arm": cell.arm.name}), 0)
-    values = {
-        "name": name,
-        "lines": [*lines(found), *registered.notes],
-        "columns": found.columns,
-        "scale": scale,
-    }
-    words = Words(Path(__file__).parent, values, "data.md.j2")
+    header = Header("testbench data check", json.dumps({"data": runs.name, "arm": cell.arm.name}), 0)
+    text = words(runs, scale)
     with recording(path, "data", header, _blueprint(cell, frames, registered, scale)) as pen:
-        pen.documents({"summary": words.block("summary"), "columns": words.block("columns")})
+        pen.documents({"summary": text.block("summary"), "columns": text.block("columns")})
         run = pen.on(rr.TimeColumn(TIMELINE, sequence=np.arange(data.runs) + 1))
-        run.texts("this_run", [words.block("run", run=row) for row in _run_rows(data)])
+        run.texts("this_run", [text.block("run", run=row) for row in _run_rows(data)])
         write_shapes(run, cell, ())
         write_places(run, cell, frames)
         write_markers(run, data, nominal, scale, reach(frames))
@@ -84,16 +76,9 @@ def write_load(pen: Pen, cell: Cell, data: Dataset, frames: Frames) -> None:
     pen.label("world/load/label", hook + 1.1 * length * unit, [f"{n:.4g} N" for n in size[:, 0]], LOAD)
 
 
-def _stations(registered: Registered) -> Array:
-    """Where the tracker stood, as the registration has it, (stations, 3) [m]; none in the base's frame."""
-    if registered.frame == "base" or registered.registration is None:
-        return np.empty((0, 3))
-    return np.array([-one.rotation.T @ one.translation for one in registered.registration.frames])
-
-
 def _tracker(registered: Registered) -> list[rr.Points3D]:
     """A ball where the tracker stood."""
-    at = _stations(registered)
+    at = stations(registered)
     names = [f"tracker {k + 1}" for k in range(len(at))]
     return [rr.Points3D(at, labels=names, colors=MEASURED, radii=0.12, show_labels=True)]
 
@@ -116,7 +101,7 @@ def _run_rows(data: Dataset) -> list[dict[str, object]]:
 
 def _blueprint(cell: Cell, frames: Frames, registered: Registered, scale: float) -> rrb.Blueprint:
     """The arm, and what was understood beside it."""
-    points = np.vstack([frames.positions.reshape(-1, 3), _stations(registered)])
+    points = np.vstack([frames.positions.reshape(-1, 3), stations(registered)])
     tool = origins(cell, [cell.arm.tool], frames)[0, 0, :2]
     eye = orbit(*frame(points, np.full(len(points), 0.1 * reach(frames)), tool, aspect=1.2))
     view = rrb.Spatial3DView(origin="world", name=f"Arm (m): deflection x {scale:g}", eye_controls=eye)
