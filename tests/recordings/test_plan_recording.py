@@ -10,11 +10,12 @@ from testbench.model.vjm import chain
 from testbench.plant.shapes import body_names, rigid_frames
 from testbench.trials.spread import Spread, triple
 from testbench.views.colours import look
-from testbench.views.recording.error_map import ErrorMap, shades, shares, sizes
+from testbench.views.recording.error_map import ErrorMap, shades, sizes
 from testbench.views.recording.plan import write_plan
 from testbench.views.recording.plan_world import PlanScene
 from testbench.views.recording.stream import Header
 from testbench.views.recording.swept import Point, Sweep
+from testbench.views.scale import shares
 from testbench.views.schema import Column
 
 BUDGET = 2**20

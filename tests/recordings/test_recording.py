@@ -26,7 +26,8 @@ from testbench.views.recording.arm import reach
 from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.compliance import colours, compress, scaled
 from testbench.views.recording.drawing import build_drawing
-from testbench.views.recording.error_map import scale_of, shades
+from testbench.views.recording.error_map import shades
+from testbench.views.scale import scale_of
 
 BUDGET = 2 * 2**20
 SMALL = {

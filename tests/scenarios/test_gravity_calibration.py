@@ -35,7 +35,7 @@ KEYS = {
 }  # fmt: skip
 FILES = {
     "dataset.csv", "report.json", "report.md", "report.html", "recording.rrd", "manifest.json", "models.png",
-    "residuals.png", "trials.parquet",
+    "residuals.png", "error_map.png", "trials.parquet",
 }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from testbench.studies.gravity_calibration.trial import normalities
 from testbench.trials.spread import middle
 from testbench.views.colours import MEASURED, hexadecimal, look
 from testbench.views.figure import SMALL, SOFT, dots, log_ticks, of_seeds, page, quiet, say
+from testbench.views.map_figure import error_map
 
 SIDES = {
     "workspace.rms_mm": "whole workspace, against the truth",
@@ -50,6 +51,11 @@ def models(report: GravityReport) -> Figure:
         f"RMS errors. {of_seeds(report.seed)}. Filled: with a prior; dotted line: joints alone{paper}.",
     )
     return figure
+
+
+def places(report: GravityReport) -> Figure:
+    """Errors of the best of each method over the workspace."""
+    return error_map(report.map, f"{report.arm} under {report.payload_kg:g} kg", report.seed)
 
 
 def _compared(report: GravityReport) -> str:

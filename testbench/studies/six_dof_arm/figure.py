@@ -11,6 +11,7 @@ from testbench.studies.six_dof_arm.tables import COLUMNS, ORDERS, tables
 from testbench.trials.spread import Number, middle
 from testbench.views.colours import look
 from testbench.views.figure import SMALL, SOFT, Line, dots, draw_line, log_ticks, of_seeds, page, quiet, say
+from testbench.views.map_figure import error_map
 from testbench.views.schema import best_of
 
 NAME = COLUMNS[0]
@@ -35,6 +36,11 @@ def six_dof_arm(report: SixDofReport) -> Figure:
         "beyond the axis, with their number; grey diamonds: the paper. Numbers in the lower axes: F_M.",
     )
     return figure
+
+
+def places(report: SixDofReport) -> Figure:
+    """Errors of the best of each method in the check runs."""
+    return error_map(report.map, f"{report.arm}, check runs under linear truth", report.seed)
 
 
 def _least(errors: Mapping[str, Number]) -> str:

@@ -19,6 +19,6 @@ STUDY = Study(
     summary=summary.summary,
     tables=tables.tables,
     printed=("short", "short_nonlinear"),
-    figures={"six_dof_arm.png": figure.six_dof_arm},
+    figures={"six_dof_arm.png": figure.six_dof_arm, "error_map.png": figure.places},
     write=recording.write,
 )

@@ -22,7 +22,6 @@ from testbench.views.recording.error_map import (
     key_view,
     map_words,
     shades,
-    shares,
     write_error_map,
     write_key,
 )
@@ -30,6 +29,7 @@ from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import GCO, MEASURED, NOMINAL, Colour
+from testbench.views.scale import shares
 
 TIMELINES = ("worst_first", "pose")
 MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GCO)}

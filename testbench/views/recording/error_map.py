@@ -14,53 +14,14 @@ from testbench.views.colours import SCALE
 from testbench.views.markdown import Words
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import NOISE, Colour
+from testbench.views.scale import Scale, scale_of
 from testbench.views.schema import Column, Table, show
 
 SMALLEST = 0.4  #: Size of the point of least error over that of the greatest [1]: colour is never alone.
 KEYS, STEP, KEY = 5, 180.0, 20.0
 """Points of the key, their distance and the radius of the largest, in the key's own units."""
-FAR = 10.0  #: Times the median of the best map beyond which an error makes the scale logarithmic [1].
-DEEP = 1e-3  #: Least error on a logarithmic scale over the greatest [1].
 STATISTICS = {"least": 0, "median": 0.5, "95 %": 0.95, "greatest": 1}
 """Columns of the map's table: quantile by heading."""
-
-
-@dataclass(frozen=True)
-class Scale:
-    """What colours and sizes mean, the same in all maps that stand side by side."""
-
-    ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
-    logarithmic: bool
-
-    def shares(self, mm: Array) -> Array:
-        """Places of errors [mm] on the scale, 0 to 1."""
-        if not self.logarithmic:
-            return shares(mm, self.ends)
-        low, high = np.log10(self.ends)
-        return shares(np.log10(np.maximum(mm, self.ends[0])), (low, high))
-
-    def errors(self, share: Array) -> Array:
-        """Errors [mm] at places on the scale, 0 to 1."""
-        low, high = np.log10(self.ends) if self.logarithmic else self.ends
-        found = low + share * (high - low)
-        return np.asarray(10**found if self.logarithmic else found)
-
-    @property
-    def words(self) -> str:
-        """The unit, and the scale where it is not linear."""
-        return "mm, logarithmic" if self.logarithmic else "mm"
-
-
-def scale_of(*errors_mm: Array) -> Scale:
-    """The scale of several maps: logarithmic where an error is far above the median of the best map.
-
-    Args:
-        errors_mm: Of each map, (n,) [mm].
-    """
-    every = np.concatenate(errors_mm)
-    low, high = float(every.min()), float(every.max())
-    far = high > FAR * min(float(np.median(mm)) for mm in errors_mm)
-    return Scale((max(low, DEEP * high) if far else low, high), far)
 
 
 @dataclass(frozen=True)
@@ -93,17 +54,6 @@ class ErrorMap:
             if len(mm)
         ]
         return Table((Column("places", "places"), *columns), rows)
-
-
-def shares(errors: Array, ends: tuple[float, float]) -> Array:
-    """Place of errors on the scale, 0 to 1; 0 where all are equal.
-
-    Args:
-        errors: Any shape [mm].
-        ends: Of the scale [mm].
-    """
-    low, high = ends
-    return np.asarray((errors - low) / (high - low) if high > low else np.zeros_like(errors))
 
 
 def shades(share: Array) -> npt.NDArray[np.uint8]:

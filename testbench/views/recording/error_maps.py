@@ -13,9 +13,10 @@ from testbench.bench.error_places import ErrorPlaces
 from testbench.errors import Array
 from testbench.views.colours import SCALE
 from testbench.views.markdown import Words
-from testbench.views.recording.error_map import Scale, key_view, scale_of, write_balls, write_key
+from testbench.views.recording.error_map import key_view, write_balls, write_key
 from testbench.views.recording.pen import Pen, snake, text_view
 from testbench.views.recording.style import NOMINAL
+from testbench.views.scale import scale_for
 from testbench.views.schema import Column, Table, show
 
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
@@ -45,11 +46,6 @@ COLUMNS = (
     Column("where_m", "x, y, z", "m"),
     Column("joints", "joints"),
 )
-
-
-def scale_for(found: ErrorPlaces) -> Scale:
-    """The one scale of the models that are compared."""
-    return scale_of(*(np.array(found.error_mm[name]) for name in found.compared))
 
 
 def worst_rows(found: ErrorPlaces) -> list[WorstRow]:

@@ -1,0 +1,96 @@
+"""Errors of models over the workspace side by side in one scale of colours, the worst place of each named."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from testbench.bench.error_places import ErrorPlaces
+from testbench.views.figure import SIZES, SMALL, log_ticks, page, quiet, say
+from testbench.views.scale import scale_for
+
+SIDES = {"z": (0, 2), "y": (0, 1)}
+"""Seen from aside and from above: what stands on the ordinate, and the axes that are drawn."""
+DOT, LEAST = 26.0, 0.3
+"""Size of the dot of the greatest error [pt^2], and that of the least over it [1]: colour is never alone."""
+HEIGHT, PANES, PANE = 2.0, 8.0, 2.9
+"""Of title and caption, the width that all panes share, and that of one at most [in]."""
+
+
+def error_map(found: ErrorPlaces, title: str, seed: int | list[int]) -> Figure:
+    """A column a compared model: the reachable volume from aside and from above.
+
+    Args:
+        found: Errors by place.
+        title: What is calibrated, under which load.
+        seed: Of the report: the places are those of the first.
+    """
+    position = np.array(found.position_m)
+    spans = np.ptp(position, axis=0)
+    wide = min(PANE, PANES / len(found.compared))
+    rows = [wide * spans[axis] / spans[0] for _, axis in SIDES.values()]
+    figure = page(HEIGHT + sum(rows))
+    panes = figure.subplots(
+        2, len(found.compared), sharex="col", sharey="row", height_ratios=rows, squeeze=False
+    )
+    scale = scale_for(found)
+    norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
+    for name, column in zip(found.compared, panes.T, strict=True):
+        share = scale.shares(np.array(found.error_mm[name]))
+        for axes, (letter, shown) in zip(column, SIDES.items(), strict=True):
+            _draw(axes, found, name, (position[:, shown], share))
+            if axes in panes[:, 0]:
+                axes.set_ylabel(f"{letter} [m]")
+        rms = float(np.sqrt(np.mean(np.square(found.error_mm[name]))))
+        column[0].set_title(f"{name}: RMS {rms:.3f} mm", fontsize="medium")
+        column[-1].set_xlabel("x [m]")
+    words = f"error [{scale.words}]"
+    bar = figure.colorbar(ScalarMappable(norm, SIZES), ax=panes, label=words, fraction=0.03, pad=0.02)
+    if scale.logarithmic:
+        log_ticks(bar.ax, "y", *scale.ends)
+        bar.ax.set_ylim(*scale.ends)
+    which = "" if isinstance(seed, int) else f" of seed {seed[0]}"
+    say(figure, f"{title}: {_worst(found)}", f"{_places(found)} Errors{which}: RMS over the markers, true.")
+    return figure
+
+
+def _draw(axes: Axes, found: ErrorPlaces, name: str, drawn: tuple[np.ndarray, np.ndarray]) -> None:
+    """One projection of one model: places in the plane (places, 2) [m] and on the scale (places,) [1]."""
+    at, share = drawn
+    order = np.argsort(share)  # the greatest on top
+    sizes = DOT * (LEAST + (1 - LEAST) * share[order])
+    x, y = at[order].T
+    axes.scatter(x, y, s=sizes, c=SIZES(share[order]), linewidths=0)
+    worst = found.worst[name]
+    axes.plot(*at[worst.place], "o", markersize=10, markerfacecolor="none", color="black")
+    inward = np.sign(at.mean(axis=0) - at[worst.place])
+    axes.annotate(
+        f"{worst.error_mm:.3g} mm",
+        at[worst.place],
+        xytext=12 * inward,
+        textcoords="offset points",
+        ha="left" if inward[0] > 0 else "right",
+        va="bottom" if inward[1] > 0 else "top",
+        fontsize=SMALL,
+        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.5},
+    )
+    axes.set_aspect("equal")
+    quiet(axes)
+
+
+def _worst(found: ErrorPlaces) -> str:
+    """How far the compared models are off at worst."""
+    return "greatest error over the workspace " + ", ".join(
+        f"{name} {found.worst[name].error_mm:.3g} mm" for name in found.compared
+    )
+
+
+def _places(found: ErrorPlaces) -> str:
+    """Where that is."""
+    parts = []
+    for name in found.compared:
+        own = found.worst[name]
+        position = ", ".join(f"{x:.2f}" for x in own.position_m)
+        parts.append(f"{name} at {position} m, joints {own.joints}")
+    return f"Circles, the worst place: {'; '.join(parts)}."
