@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.bench.compare_inputs import NONE, InputRow
+from testbench.bench.compare_map import WorstPlace
 from testbench.bench.compare_models import KINDS, ModelPair
 from testbench.bench.compare_numbers import Difference, Verdict
 
@@ -116,6 +117,7 @@ class ComparedReport:
     runs: list[RunRow]
     inputs: list[InputRow]  #: What differs; none if nothing does.
     beside: list[Beside]  #: Every other run beside the first one.
+    worst: list[WorstPlace]  #: Of the leading model; empty where fewer than two runs say it.
 
     @property
     def names(self) -> list[str]:

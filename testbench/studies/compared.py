@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from testbench.bench.compare_inputs import inputs_differ, seeds_words
+from testbench.bench.compare_map import maps_of
 from testbench.bench.compare_models import ModelPair, compare_models, leading, models_of
 from testbench.bench.compare_report import Beside, ComparedReport, Counts, RunRow, letters
 from testbench.errors import BenchError, InputError
@@ -27,7 +28,8 @@ def compare(runs: Sequence[Finished]) -> ComparedReport:
     every = list(zip(names, runs, found, strict=True))
     rows = [_row(letter, run, own) for letter, run, own in every]
     beside = [_beside(every[0], other) for other in every[1:]]
-    return ComparedReport(NAME, rows, inputs_differ(runs), beside)
+    maps = maps_of(runs, names, beside[0].lead_name)
+    return ComparedReport(NAME, rows, inputs_differ(runs), beside, [own.worst for own in maps])
 
 
 def _read(run: Finished) -> Read:

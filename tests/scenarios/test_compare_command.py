@@ -271,6 +271,34 @@ def test_the_recording_shows_both_runs_line_by_line_and_what_differs_most_first(
     assert "A errs 1.3 times less than B." in document(chunks, "/summary")
 
 
+def test_the_error_maps_stand_side_by_side_on_one_scale_with_the_worst_place_of_each(many, folder, tmp_path):
+    other = calibration(folder / "third", range(1, 21), 2.0)
+    text, report = said(tmp_path, many, other)
+    chunks = chunks_of(tmp_path / "out" / "recording.rrd")
+    colours, least = [], []
+    for run, letter, worst in zip((many, other), "ab", report["worst"], strict=True):
+        own = json.loads((run / "report.json").read_text())["map"]
+        errors = own["error_mm"]["ALL153 + prior"]
+        balls = read_back.columns(chunks, f"/error_map/{letter}/field")
+        assert np.array(balls["Points3D:positions"][0]) == pytest.approx(
+            np.array(own["position_m"]), abs=1e-6
+        )
+        k = int(np.argmax(errors))
+        assert (worst["error_mm"], worst["position_m"]) == (errors[k], own["position_m"][k])
+        assert f"in {letter.upper()} {errors[k]:.3f} mm at x {own['position_m'][k][0]:.2f}," in text
+        colours.append(balls["Points3D:colors"][0][k])
+        least.append(min(errors))
+        name = read_back.columns(chunks, f"/error_map/{letter}/worst")["Points3D:labels"]
+        assert name == [[f"worst: {errors[k]:.3f} mm"]]
+    assert colours[0] != colours[1]  # the errors of the second run are twice as large
+    assert {"error_map/a", "error_map/b"} <= {
+        origin for origin, *_ in views(tmp_path / "out" / "recording.rrd")
+    }
+    key = read_back.columns(chunks, "/error_key_mm/number")["Points2D:labels"][0]
+    assert key[0] == f"{min(least):.3f} mm"
+    assert key[-1] == f"{report['worst'][1]['error_mm']:.3f} mm"
+
+
 def broken(text):
     return lambda run: (run / "report.json").write_text(text)
 

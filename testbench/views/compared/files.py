@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from testbench import files
+from testbench.bench.compare_map import RunMap, maps_of
 from testbench.bench.compare_report import ComparedReport
 from testbench.output.finished import Finished
 from testbench.output.run import whole_folder
@@ -36,6 +37,11 @@ def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
-        write_beside(folder / "recording.rrd", header, scene(report))
+        write_beside(folder / "recording.rrd", header, scene(report, _maps(runs, report)))
         write_page(folder, "Compare", text, Seen(tables=sortable(report)))
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[])
+
+
+def _maps(runs: Sequence[Finished], report: ComparedReport) -> list[RunMap]:
+    """Error maps of the leading model."""
+    return maps_of(runs, [row.letter for row in report.runs], report.beside[0].lead_name)

@@ -1,11 +1,14 @@
 """A comparison as a scene for the Rerun viewer; importing this module imports rerun."""
 
+from collections.abc import Sequence
+
+from testbench.bench.compare_map import RunMap
 from testbench.bench.compare_models import ModelPair
 from testbench.bench.compare_report import Beside, ComparedReport, NumberPair
 from testbench.trials.spread import Number, middle
 from testbench.views.colours import GREY, look
 from testbench.views.compared.words import told, words
-from testbench.views.recording.beside import BesideScene
+from testbench.views.recording.beside import BesideScene, RunMaps
 from testbench.views.recording.chart import Chart, Dot
 from testbench.views.recording.plane import HALF, WHOLE
 from testbench.views.schema import show
@@ -16,8 +19,13 @@ PANE = HALF[0], WHOLE[1]  #: Of the chart.
 CORNERS = (0, 24, 4, 3, 5, 6, 7, 8)  #: Shape of every run: a disc, a ring, polygons.
 
 
-def scene(report: ComparedReport) -> BesideScene:
-    """Models by the error that matters most, or numbers as ratios, and what is said of each."""
+def scene(report: ComparedReport, maps: Sequence[RunMap]) -> BesideScene:
+    """Models by the error that matters most, or numbers as ratios, and what is said of each.
+
+    Args:
+        report: What was found.
+        maps: Errors of the leading model over the workspace.
+    """
     text, first = words(report), report.beside[0]
     summary, tables = text.summary(then=("statements", "how_to_read")), text.block("body")
     if first.lead is not None:
@@ -25,7 +33,8 @@ def scene(report: ComparedReport) -> BesideScene:
         rows = [text.block("row", p=first, own=model) for model in models]
         dots = [dot for model in models for dot in _of_model(report, model)]
         title = f"RMS error {first.where} (mm), logarithmic"
-        return BesideScene(summary, Chart("rms_error_mm", title, dots, PANE), rows, len(report.runs), tables)
+        chart, said = Chart("rms_error_mm", title, dots, PANE), text.block("map", maps=maps)
+        return BesideScene(summary, chart, rows, len(report.runs), tables, RunMaps(maps, said))
     known = [own for own in first.numbers if middle(own.found.ratio) > 0][:LINES]
     if not known:
         return BesideScene(summary, None, [text.block("answer")], 1, tables)
