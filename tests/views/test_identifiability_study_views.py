@@ -4,7 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import bands, check_report, check_table, curves, key_of, looks_differ, shows, tables_of, unit_in
+from checks import (
+    bands,
+    check_report,
+    check_table,
+    check_words,
+    curves,
+    key_of,
+    looks_differ,
+    shows,
+    tables_of,
+    unit_in,
+)
 from made_up import around, fill, filled, single, spread
 from read_back import PLACED, chunks_of, document, plotted
 
@@ -19,6 +30,7 @@ from testbench.studies.identifiability.summary import (
     Ratio,
     verdict,
 )
+from testbench.studies.identifiability.verdict import gains
 from testbench.studies.study import Run
 from testbench.trials.spread import ends, middle, triple
 from testbench.views.colours import look
@@ -81,7 +93,9 @@ def models(rng):
 
 def judged(report):
     """The same with the verdict that follows from its numbers."""
-    return replace(report, **vars(verdict(report.models, report.nonlinear)))
+    both = [gains(own, {m.name: [m] for m in own}) for own in (report.models, report.nonlinear)]
+    gained = {"gains": both[0], "gains_nonlinear": both[1]}
+    return replace(report, **vars(verdict(report.models, report.nonlinear)), **gained)
 
 
 def intervals(rng, kinds):
@@ -103,7 +117,7 @@ def report(rng):
         held_out_f_m={name: spread(rng) for name in by_name},
         workspace_mm=by_name,
     )
-    return fill(
+    made = fill(
         IdentifiabilityReport,
         rng,
         seed=[4, 5, 6],
@@ -117,8 +131,8 @@ def report(rng):
         never_worse={name: fill(Ratio, rng) for name in ("MGCO56", "MGCO68")},
         coverage=intervals(rng, ["linearised", "bootstrap", "posterior", "set", "set"]),
         family_coverage=intervals(rng, ["family", "family"]),
-        **vars(verdict(linear, nonlinear)),
     )
+    return judged(made)
 
 
 def with_errors(report, errors):
@@ -149,6 +163,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
     scale = {"prior softer than the truth, times": "scale"}
     check_table(tables["scales"], report.scales, scale | {f"{n}, mm": n for n in SCALED})
     check_report(STUDY, report)
+    check_words(STUDY.words(report))
 
 
 def test_tables_of_choice_and_coverage_show_the_reports_numbers(report):
@@ -174,32 +189,35 @@ def test_tables_of_choice_and_coverage_show_the_reports_numbers(report):
 
 
 @pytest.mark.parametrize("winner", KINDS)
-def test_the_answer_names_the_best_whichever_it_is(report, winner):
+def test_the_answer_is_the_gain_of_the_best_whichever_it_is(report, winner):
     structure, _, filling, method = KINDS[winner]
     made = with_errors(report, {winner: 2.0, "MLS56": 7.0} | ({"MLS56": 2.0} if winner == "MLS56" else {}))
-    answer, statements = (STUDY.words(made).block(name) for name in ("answer", "statements"))
-    shown = f"{method} ({structure}), "
-    assert answer.startswith(f"Best over the workspace: {shown}2.000 (1.060 to 3.420) mm. ")
-    plain = f"{shown}2.000" if filling in ("none", "least trace") else "least squares (MLS56), 7.000"
-    assert f"Best without a prior: {plain} (" in answer
+    words = STUDY.words(made)
+    answer, shown = words.block("answer"), f"{method} ({structure})"
+    if winner == "MLS56":
+        assert answer.startswith(f"Best over the workspace is {shown}, 2.000 (1.060 to 3.420) mm.")
+    else:
+        said = f"RMS error over the workspace: {winner} 2.000 mm, least squares 7.000 mm; 3.5 times less."
+        assert answer.startswith(said)
     joints = made.models[0].workspace.rms_mm
-    assert f"Joints alone (what most calibrations use): {joints.median:.3f} (" in answer
-    assert (
-        f"With non-linear truth the best is {shown}3.000 (1.590 to 5.130) mm; without a prior " in statements
-    )
+    assert f"Joints alone {joints.median:.3f} mm" in answer
+    plain = f"{shown}: 2.000" if filling in ("none", "least trace") else "least squares (MLS56): 7.000"
+    assert f"Without a prior the least error is that of {plain} mm." in words.block("statements")
+    said = f"With non-linear truth the best is {shown}, 3.000 (1.590 to 5.130) mm; without a prior "
+    assert said in words.block("more")
+    assert words.block("worst").startswith(f"Worst with non-linear truth: {winner} 3.000 mm")
 
 
-def test_methods_and_structures_within_two_per_cent_are_alike(report):
+def test_of_methods_alike_that_by_gco_is_named(report):
     made = with_errors(report, {"MGCO56, LS + prior": 2.0, "MGCO68, GCO + prior": 2.03, "MGCO56": 2.5})
-    answer = STUDY.words(made).block("answer")
-    assert "least squares with prior (MGCO56) and GCO with prior (MGCO68) (alike), 2.000 (" in answer
-    assert "Best without a prior: GCO (MGCO56), 2.500 (" in answer
-    made = with_errors(report, {"MGCO56, GCO + prior": 2.0, "MGCO68, GCO + prior": 2.03})
-    assert "workspace: GCO with prior (MGCO56 and MGCO68), 2.000 (" in STUDY.words(made).block("answer")
+    assert STUDY.words(made).block("answer").startswith("RMS error over the workspace: MGCO68, GCO + prior")
+    alike = "least squares with prior (MGCO56) and GCO with prior (MGCO68) (alike), 2.000 ("
+    assert made.best.words.startswith(alike)
 
 
 def test_statements_carry_the_reports_numbers_under_the_right_names(report):
-    text = STUDY.words(report).block("statements")
+    head = STUDY.words(report).block("statements")
+    text = STUDY.words(report).block("more")
     error = {m.name: m.workspace.rms_mm for m in report.models}
 
     def shown(value):
@@ -222,11 +240,8 @@ def test_statements_carry_the_reports_numbers_under_the_right_names(report):
     )
     assert f"MGCO56 errs by {shown(report.fixed_scale['MGCO56'])}." in text
     choice, out = report.choice, report.outliers
-    assert (
-        f"recommends MGCO56 most often. What it recommends errs by {shown(choice.chosen_workspace_mm)}"
-        in text
-    )
-    assert f"in hindsight by {shown(choice.best_workspace_mm)}" in text
+    said = f"recommends MGCO56, which errs {choice.chosen_workspace_mm.median:.3f} mm; the best in hindsight"
+    assert f"{said} {choice.best_workspace_mm.median:.3f} mm." in head
     for value, words in (
         (out.plain_mm, " with the plain loss"),
         (out.robust_mm, " with the robust one"),
@@ -235,8 +250,8 @@ def test_statements_carry_the_reports_numbers_under_the_right_names(report):
     assert f"without outliers by {shown(out.clean_mm)}" in text
     exact = [100 * row.covered for row in report.coverage.values() if row.kind != "set"]
     sets = [100 * row.covered for row in report.coverage.values() if row.kind == "set"]
-    assert f"in {min(exact):.1f} to {max(exact):.1f} % of the cases" in text
-    assert f"bounds in at least {min(sets):.1f} %" in text
+    assert f"in {min(exact):.1f} to {max(exact):.1f} % of the cases" in head
+    assert f"deflection in at least {min(sets):.1f} %" in text
     for row in report.family_coverage.values():
         assert f"{100 * row.covered:.1f} % ({row.name})" in text
 

@@ -18,7 +18,7 @@ from testbench.studies.identifiability.campaigns import SPOILED, SPOILED_BY, Cam
 from testbench.studies.identifiability.coverage import CONFIDENCE, Covered, Kind
 from testbench.studies.identifiability.methods import ModelRow
 from testbench.studies.identifiability.trial import NAME, Settings, TrialRow
-from testbench.studies.identifiability.verdict import Gain, Leaders, gains, leaders
+from testbench.studies.identifiability.verdict import Gains, Leaders, Worth, gains, leaders, worth
 from testbench.studies.study import Trials
 from testbench.trials.duel import Duel
 from testbench.trials.spread import Number, Share, grouped, merge, middle
@@ -125,7 +125,7 @@ class Verdict:
     best_nonlinear_without_prior: Leaders
     joints: ModelReport
     joints_nonlinear: ModelReport
-    gains: list[Gain]
+    worth: list[Worth]
 
 
 @dataclass(frozen=True)
@@ -156,6 +156,8 @@ class IdentifiabilityReport(Verdict):
     poses: list[Mapping[str, Number]]
     duels: list[Duel]  #: Linear truth.
     duels_nonlinear: list[Duel]
+    gains: Gains  #: Linear truth.
+    gains_nonlinear: Gains
     beaten: list[Beaten]  #: By MGCO56, linear truth.
     choice: Choice
     outliers: Outliers
@@ -191,6 +193,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> Identifi
         poses=_swept(part["poses"], "poses"),
         duels=_duels(part["linear"]),
         duels_nonlinear=_duels(part["nonlinear"]),
+        gains=gains(models, _by_name(part["linear"])),
+        gains_nonlinear=gains(nonlinear, _by_name(part["nonlinear"])),
         beaten=_beaten(part["poses"]),
         choice=_choice(part["choice"]),
         outliers=_outliers(part),
@@ -222,18 +226,22 @@ def verdict(models: Sequence[ModelReport], nonlinear: Sequence[ModelReport]) -> 
         best_nonlinear_without_prior=leaders(m for m in nonlinear if not m.prior),
         joints=next(m for m in models if m.name == JOINTS),
         joints_nonlinear=next(m for m in nonlinear if m.name == JOINTS),
-        gains=gains(models),
+        worth=worth(models),
     )
 
 
 def _models(rows: Iterable[CampaignRow]) -> list[ModelReport]:
-    by_name = grouped([row.fit for row in rows], lambda fit: fit.name)
+    by_name = _by_name(rows)
     return [ModelReport(**vars(merge(fits))) for fits in by_name.values()]
+
+
+def _by_name(rows: Iterable[CampaignRow]) -> dict[str, list[ModelRow]]:
+    return grouped([row.fit for row in rows], lambda fit: fit.name)
 
 
 def _errors(rows: Iterable[CampaignRow]) -> dict[str, Number]:
     """RMS over the workspace by name [mm]."""
-    by_name = grouped([row.fit for row in rows], lambda fit: fit.name)
+    by_name = _by_name(rows)
     return {name: merge([fit.workspace.rms_mm for fit in fits]) for name, fits in by_name.items()}
 
 
@@ -242,7 +250,7 @@ def _swept(rows: Iterable[CampaignRow], key: str) -> list[Mapping[str, Number]]:
 
 
 def _duels(rows: Iterable[CampaignRow]) -> list[Duel]:
-    return duels(grouped([row.fit for row in rows], lambda fit: fit.name), DUELS)
+    return duels(_by_name(rows), DUELS)
 
 
 def _beaten(rows: Iterable[CampaignRow]) -> list[Beaten]:
