@@ -15,7 +15,7 @@ from testbench.bench.truths import CALLED
 from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
-from testbench.views.gains import less, more
+from testbench.views.gains import less, more, ratio
 from testbench.views.schema import Table, show, show_truth
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -113,7 +113,14 @@ def _environment(folder: Path) -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
-    found.filters |= {"line": line, "less": less, "more": more, "place": place, "true_arm": true_arm}
+    found.filters |= {
+        "line": line,
+        "less": less,
+        "more": more,
+        "ratio": ratio,
+        "place": place,
+        "true_arm": true_arm,
+    }
     found.filters["prior"] = prior
     found.filters["counted"] = counted
     found.filters["ended"] = ended

@@ -95,6 +95,6 @@ def test_the_page_says_what_the_numbers_say(quick):
     text = (out / "report.md").read_text()
     share = 100 * (1 - mean(report, WAVES, "blocks") / mean(report, SPRINGS, "blocks"))
     assert f"Joint errors over joint springs: {share:.0f} % less in blocks" in text
-    assert f"{mean(report, WAVES, 'blocks'):.3f} mm with periodic errors of the joints" in text
+    assert f"{mean(report, WAVES, 'blocks'):.3f} mm with periodic joint errors" in text
     known = [one for one in report["known"] if one["ours_mm"] is None]
     assert len(known) == len(report["known"])  # other numbers of poses with --quick

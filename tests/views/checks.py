@@ -250,10 +250,14 @@ def sentences(text):
     return [s for line in lines for s in re.split(r"(?<=[.?!])\s+(?=[^a-z\s])", line)]
 
 
-def word_faults(words):
-    """What is wrong with the words of a report, a line each: their length, their number, what they hold."""
-    blocks = {name: words.block(name) for name in ("answer", "worst", "statements") if words.has(name)}
-    bullets = [line for line in blocks.get("statements", "").splitlines() if line.startswith("- ")]
+def word_faults(blocks, whole):
+    """What is wrong with the words of a report, a line each: their length, their number, what they hold.
+
+    Args:
+        blocks: Its answer, where it is worst, and its statements, by name.
+        whole: The page.
+    """
+    bullets = [line for line in blocks["statements"].splitlines() if line.startswith("- ")]
     said = [s for text in blocks.values() for s in sentences(text)]
     found = [
         f"{n} words: {s}"
@@ -262,11 +266,9 @@ def word_faults(words):
     ]
     if len(sentences(blocks["answer"])) > MOST_SENTENCES:
         found.append(f"more than {MOST_SENTENCES} sentences: {blocks['answer']}")
-    if not blocks.get("worst"):
-        found.append("nothing is said of where it is worst")
+    found += [f"nothing is said in {name}" for name in ("answer", "worst") if not blocks[name]]
     if len(bullets) > MOST_STATEMENTS:
         found.append(f"{len(bullets)} statements")
-    whole = words.whole()
     lines = [line for line in whole.splitlines() if line.startswith("- ")]
     found += [f"said twice: {s}" for s in {*said, *lines} if said.count(s) > 1 or lines.count(s) > 1]
     plain = re.sub(NAMES, "", whole)
@@ -279,7 +281,21 @@ def word_faults(words):
 
 def check_words(words):
     """The words of a report are as short as a reader's time, and hold nothing that is not for readers."""
-    faults = word_faults(words)
+    blocks = {name: words.block(name) for name in ("answer", "worst", "statements")}
+    faults = word_faults(blocks, words.whole())
+    assert not faults, "\n".join(faults)
+
+
+def check_page(text):
+    """The same of a report.md: its first bold paragraph is the answer, then come the worst and a list."""
+    parts = [part.strip() for part in text.split("\n\n")]
+    first = next(k for k, part in enumerate(parts) if part.startswith("**"))
+    names = dict(zip(("answer", "worst", "statements"), [*parts[first : first + 3], "", ""], strict=False))
+    blocks = {"answer": names["answer"].strip("*")} | {
+        name: names[name] if names[name].startswith("- ") == (name == "statements") else ""
+        for name in ("worst", "statements")
+    }
+    faults = word_faults(blocks, text)
     assert not faults, "\n".join(faults)
 
 

@@ -1,9 +1,7 @@
 """Gains, powers of ten and places as readers see them, and the check of all words itself."""
 
-from types import SimpleNamespace
-
 import pytest
-from checks import word_faults
+from checks import check_page, word_faults
 
 from testbench.trials.gain import gained
 from testbench.trials.spread import Spread
@@ -71,7 +69,7 @@ LONG = " ".join(["word"] * 26)
     [
         ("answer", f"{LONG}.", "26 words"),
         ("answer", "A. B. C.", "more than 2 sentences"),
-        ("worst", "", "nothing is said of where it is worst"),
+        ("worst", "", "nothing is said in worst"),
         ("statements", "- A.\n- B.\n- C.\n- D.\n- E.\n- F.", "6 statements"),
         ("statements", "- A errs less.", "said twice"),
         ("statements", "- Of 9 bars one is missed.", "a goal"),
@@ -80,9 +78,15 @@ LONG = " ".join(["word"] * 26)
     ],
 )
 def test_the_check_of_words_sees_every_fault(block, text, fault):
-    def words(blocks):
-        whole = "\n\n".join(blocks.values())
-        return SimpleNamespace(block=blocks.get, has=blocks.__contains__, whole=lambda: whole)
+    def faults(blocks):
+        return word_faults(blocks, "\n\n".join(blocks.values()))
 
-    assert word_faults(words(GOOD)) == []
-    assert any(fault in found for found in word_faults(words(GOOD | {block: text})))
+    assert faults(GOOD) == []
+    assert any(fault in found for found in faults(GOOD | {block: text}))
+
+
+def test_the_blocks_of_a_page_are_found_by_their_places():
+    page = "# Study\n\nTitle.\n\n**A errs less.**\n\nWorst in pose 3.\n\n- One.\n- Two.\n\n| a |\n"
+    check_page(page)
+    with pytest.raises(AssertionError, match="nothing is said in worst"):
+        check_page(page.replace("Worst in pose 3.\n\n", ""))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_report, check_table, unit_in
+from checks import check_report, check_table, check_words, unit_in
 from made_up import fill, filled
 from read_back import PLACED, chunks_of, document, plotted
 
@@ -21,6 +21,7 @@ from testbench.studies.loaded_stiffness.summary import (
 from testbench.studies.loaded_stiffness.trial import Settings
 from testbench.studies.study import Run
 from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, hexadecimal
+from testbench.views.gains import ratio
 
 LOADS = [1100.0, 4300.0, 9700.0]
 TRUTHS = {"weightless": "-", "own weight": "--"}
@@ -100,6 +101,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
     check_table(tables["tangent"], report.tangent, TANGENT)
     small = [replace(r, rms_mm=r.rms_mm / 1e3, deflection_rms_mm=9.87) for r in report.rows]
     check_report(STUDY, replace(report, rows=small))
+    check_words(STUDY.words(report))
 
 
 def test_what_is_rounding_is_said_to_be_exact_and_never_shown_as_a_number(report):
@@ -133,6 +135,8 @@ def test_words_name_the_method_of_least_error_whichever_it_is(report, truth, win
 def test_words_say_what_joints_alone_leave(report, over, word):
     made = replace(report, joints=[replace(row, over_linear=over) for row in report.joints])
     text = STUDY.words(made).block("statements")
+    said = f"joints alone {1000 * made.joints[0].rms_mm:.0f} um, {ratio(over)} times that."
+    assert said in STUDY.words(made).block("answer")
     for row in made.joints:
         assert f"{1000 * row.rms_mm:.0f} um RMS, {row.rms_percent:.1f} % ({row.truth})" in text
     assert f"{over:g} times what Eq. (6) loses: leaving out links costs {word} than" in text

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from testbench.studies.real_ur10.rows import Error
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import Number
 
 ALIKE = 0.7  #: Correlation above which a joint's error counts as the same: half of what either says.
@@ -147,6 +148,14 @@ class RealReport:
         """Mean error over all readings that judge a model on a split [mm]."""
         own = [line.error for line in self.ladder if (line.model, line.split) == (model, split)]
         return sum(one.n * one.mean_mm for one in own) / sum(one.n for one in own)
+
+    def gain(self, ours: str, theirs: str, split: str) -> Gain:
+        """Two models on a split, by their mean errors."""
+        return gained(ours, theirs, *([self.mean(name, split)] for name in (ours, theirs)))
+
+    def worst(self, model: str, split: str) -> float:
+        """Largest error of a position [mm]."""
+        return max(row.error.max_mm for row in self.ladder if (row.model, row.split) == (model, split))
 
     def springs(self, model: str, joint: int) -> list[float]:
         """Compliance of a joint by A alone and by C alone [urad/(N m)]."""
