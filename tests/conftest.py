@@ -1,18 +1,42 @@
 """What several tests share: the arms, built once, and a way to make a broken copy of one."""
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 from chromium import browser, open_page  # noqa: F401  # fixtures
+from matplotlib.figure import Figure
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
 from testbench.bench.campaign import Cell, build_cell
 
+SAVE = Figure.savefig
 MODELS = Path(__file__).resolve().parents[1] / "models"
 
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
+
+
+@pytest.fixture(scope="session", autouse=True)
+def laid_out() -> Iterator[None]:
+    """Figures are laid out, with every word of theirs, and not drawn: that would double their time."""
+
+    def lay_out(figure: Figure, file: Path, dpi: int, **_: object) -> None:
+        figure.set_dpi(dpi)
+        figure.draw_without_rendering()
+        Path(file).write_text("laid out")
+
+    with mock.patch.object(Figure, "savefig", lay_out):
+        yield
+
+
+@pytest.fixture(scope="session")
+def pixels(laid_out: None) -> Callable[[], AbstractContextManager[object]]:
+    """A context in which figures are drawn after all."""
+    return lambda: mock.patch.object(Figure, "savefig", SAVE)
 
 
 @pytest.fixture(scope="session")

@@ -15,9 +15,10 @@ BUDGET = 2**20
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
+def folder(tmp_path_factory, pixels) -> Path:
     out = tmp_path_factory.mktemp("arm")
-    write(check("kr500_l480"), find_arm("kr500_l480"), out)
+    with pixels():
+        write(check("kr500_l480"), find_arm("kr500_l480"), out)
     return out
 
 

@@ -305,8 +305,9 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     assert "uncertainty 30 %" in " ".join(done.stdout.split())
 
 
-def test_identifiability_is_said_before_any_fit(simulated, tmp_path):
-    done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / "seen.png")
+def test_identifiability_is_said_before_any_fit(simulated, tmp_path, pixels):
+    with pixels():
+        done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / "seen.png")
     assert done.returncode == 0, done.stderr
     assert "MGCO68 has 68 unknowns" in done.stdout
     assert "what would help most" in done.stdout

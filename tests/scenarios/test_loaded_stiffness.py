@@ -32,9 +32,10 @@ def run(*args):
 
 
 @pytest.fixture(scope="module")
-def quick(tmp_path_factory):
+def quick(tmp_path_factory, pixels):
     out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 3, "--out", out, "--quick")
+    with pixels():
+        done = run("--seed", 3, "--out", out, "--quick")
     assert done.returncode == 0, done.stderr
     return out, done
 
