@@ -4,6 +4,7 @@ import hashlib
 import json
 import subprocess
 from collections.abc import Sequence
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,12 @@ def inside(folder: Path) -> list[str]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that numbers depend on."""
-    return {"testbench": __version__, **{name: metadata.version(name) for name in PACKAGES}}
+    return {"testbench": __version__, **{name: _version(name) for name in PACKAGES}}
+
+
+@cache
+def _version(package: str) -> str:
+    return metadata.version(package)  # reads all that is said of the package
 
 
 def sources() -> str:

@@ -24,8 +24,7 @@ threadpool_limits(1)  # as every command does: several BLAS threads change resul
 def laid_out() -> Iterator[None]:
     """Figures are laid out, with every word of theirs, and not drawn: that would double their time."""
 
-    def lay_out(figure: Figure, file: Path, dpi: int, **_: object) -> None:
-        figure.set_dpi(dpi)
+    def lay_out(figure: Figure, file: Path, **_: object) -> None:
         figure.draw_without_rendering()
         Path(file).write_text("laid out")
 

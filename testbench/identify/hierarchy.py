@@ -48,7 +48,7 @@ class Evidence:
     block: Ids  #: Block of every entry of x, (n,).
     kind: Ids  #: Of every block: 0 for the first of links and joints that there is, (K,).
     moved: Array  #: A e of every block, (r, K).
-    scatter: Array  #: A A^T of the entries of a template, then of the couplings, of every block, (2 K, r, r).
+    scatter: Array  #: A A^T of the entries of a template, then of the couplings, of every block, (2 K, r r).
 
     @property
     def blocks(self) -> int:
@@ -88,7 +88,7 @@ def evidence(regression: Regression, metric: Metric) -> Evidence:
         block=block,
         kind=np.unique(metric.joints, return_inverse=True)[1],
         moved=np.stack([A[:, at] @ metric.expected[at] for at in places], axis=1),
-        scatter=np.array([part @ part.T for part in parts]),
+        scatter=np.array([(part @ part.T).ravel() for part in parts]),
     )
 
 
@@ -111,8 +111,9 @@ def weigh(seen: Evidence, h: Array) -> Weighed:
     """
     s2, kappa2 = np.exp(2 * h[: seen.blocks]), np.exp(2 * h[-1])
     variances = np.concatenate([np.exp(2 * h[-3]) * s2, np.exp(2 * h[-2]) * s2])
-    S = np.tensordot(variances, seen.scatter, 1)
-    S[np.diag_indices_from(S)] += kappa2
+    r = len(seen.y)
+    S = (variances @ seen.scatter).reshape(r, r)
+    S.flat[:: r + 1] += kappa2
     root, _ = dpotrf(S, lower=1)
     half, failed = dpotri(root, lower=1)  # all of the inverse is in the gradient
     if failed:
@@ -120,7 +121,7 @@ def weigh(seen: Evidence, h: Array) -> Weighed:
         raise BenchError(
             f"prior {name}: expected readings that compare with it, their covariance has no root"
         )
-    inverse = np.tril(half) + np.tril(half, -1).T
+    inverse = np.where(np.tri(r, dtype=bool), half, half.T)
     e = seen.y - seen.moved @ np.sqrt(s2)
     return Weighed(variances, inverse, 2 * float(np.log(np.diag(root)).sum()), e, inverse @ e)
 
@@ -135,7 +136,7 @@ def _loss(seen: Evidence, h: Array, own: Weighed) -> tuple[float, Array]:
     variances, v = own.variances, own.v
     value = (own.e @ v + own.log_size + seen.rest / kappa2) / 2 + seen.equations * h[-1]
     slope = (own.inverse - np.outer(v, v)) / 2
-    by_variance = 2 * variances * np.tensordot(seen.scatter, slope, 2)
+    by_variance = 2 * variances * (seen.scatter @ slope.ravel())
     g = np.zeros_like(h)
     g[:K] = by_variance[:K] + by_variance[K:] - s * (seen.moved.T @ v)
     g[-3:] = (

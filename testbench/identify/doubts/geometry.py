@@ -14,11 +14,15 @@ from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.identify.doubts.rigid import STILL, Rigid, cost, turned_by, weights
 from testbench.identify.frames import kabsch
-from testbench.model.vjm import Vjm, tool_pose
+from testbench.model.vjm import Vjm, body_poses
 
 PENALTY = 4.0  #: Nats that a free number has to earn.
-ROUNDS = 8  #: Of weights and fits in turn.
-STEP = 1e-6  #: Of a joint, for the derivative of where targets are [rad, m].
+ROUNDS = 8  #: Most of weights and fits in turn.
+SETTLED = 1e-6  #: Change of the loss after which a round is the last [nats].
+
+
+Bodies = list[tuple[Array, Array]]
+"""Positions, (poses, 3) [m], and orientations, (poses, 3, 3), of the arm's bodies and the tool."""
 
 
 @dataclass(frozen=True)
@@ -70,29 +74,35 @@ def fit(seen: Seen, free: Free) -> Fit:
     count = 6 * free.frame + 3 * len(seen.markers) * free.targets + (free.joint is not None)
     count += 3 * (free.link is not None)
     now = Fit(STILL, seen.markers, 0.0, np.zeros(3), seen.read, np.inf, count)
+    bodies = _bodies(seen, free, now)
     if free.frame:
-        where = _where(seen, free, now)
+        where = _where(bodies, now)
         R, t = kabsch(where[seen.there], seen.read[seen.there], mirrored=free.mirrored)
         now = replace(now, frame=Rigid(R, t))
-    now = _judged(seen, free, now)
+    now = _judged(seen, bodies, now)
     for _ in range(ROUNDS if count else 0):
-        now = _judged(seen, free, _refined(seen, free, now))
+        before, now = now.loss, _refined(seen, free, bodies, now)
+        if free.joint is not None or free.link is not None:
+            bodies = _bodies(seen, free, now)
+        now = _judged(seen, bodies, now)
+        if abs(now.loss - before) < SETTLED:
+            break
     return now
 
 
-def _judged(seen: Seen, free: Free, now: Fit) -> Fit:
-    off = np.where(seen.there[..., None], now.frame.of(_where(seen, free, now)) - seen.read, 0)
+def _judged(seen: Seen, bodies: Bodies, now: Fit) -> Fit:
+    off = np.where(seen.there[..., None], now.frame.of(_where(bodies, now)) - seen.read, 0)
     return replace(now, residual=off, loss=cost(off, seen.scale))
 
 
-def _where(seen: Seen, free: Free, now: Fit) -> Array:
+def _where(bodies: Bodies, now: Fit) -> Array:
     """Where the kinematics has the targets, in the arm's base, (poses, m, 3) [m]."""
-    p, R = _tool(seen, free, now)
+    p, R = bodies[-1]
     return np.asarray(p[:, None] + now.markers @ R.transpose(0, 2, 1))
 
 
-def _tool(seen: Seen, free: Free, now: Fit) -> tuple[Array, Array]:
-    """Where the tool is, (poses, 3) [m], and how it is turned, (poses, 3, 3)."""
+def _bodies(seen: Seen, free: Free, now: Fit) -> Bodies:
+    """Where the bodies from the base on and the tool are."""
     vjm, q = seen.vjm, seen.q
     if free.joint is not None:
         q = q.copy()
@@ -101,36 +111,43 @@ def _tool(seen: Seen, free: Free, now: Fit) -> tuple[Array, Array]:
         placements = vjm.placements.copy()
         placements[free.link, :3, 3] += now.step
         vjm = replace(vjm, placements=placements)
-    return tool_pose(vjm, q)
+    return body_poses(vjm, q)
 
 
-def _refined(seen: Seen, free: Free, now: Fit) -> Fit:
+def _refined(seen: Seen, free: Free, bodies: Bodies, now: Fit) -> Fit:
     """One weighted Gauss-Newton step of all that is free."""
-    base = _where(seen, free, now)
+    base = _where(bodies, now)
     columns: list[Array] = []
     if free.frame:
         moved = now.frame.of(base)
         columns += [np.broadcast_to(e, base.shape) for e in np.eye(3)]
         columns += [np.cross(e, moved - now.frame.t) for e in np.eye(3)]
     if free.targets:
-        R = now.frame.R @ _tool(seen, free, now)[1]
+        R = now.frame.R @ bodies[-1][1]
         for k in range(len(now.markers)):
             for axis in range(3):
                 column = np.zeros(base.shape)
                 column[:, k] = R[:, :, axis]
                 columns.append(column)
     if free.link is not None:
-        for e in STEP * np.eye(3):
-            ahead = _where(seen, free, replace(now, step=now.step + e))
-            columns.append((ahead - base) @ now.frame.R.T / STEP)
+        R = now.frame.R @ bodies[free.link][1]
+        columns += [np.broadcast_to(R[:, None, :, axis], base.shape) for axis in range(3)]
     if free.joint is not None:
-        ahead = _where(seen, free, replace(now, offset=now.offset + STEP))
-        columns.append((ahead - base) @ now.frame.R.T / STEP)
+        columns.append(_turned(seen.vjm, free.joint, bodies, base) @ now.frame.R.T)
     root = np.sqrt(weights(now.residual, seen.scale) * seen.there)[..., None]
     A = np.stack([(root * column).ravel() for column in columns], axis=1)
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
     step = np.linalg.lstsq(A / size, -(root * now.residual).ravel())[0] / size
     return _stepped(free, now, step)
+
+
+def _turned(vjm: Vjm, joint: int, bodies: Bodies, where: Array) -> Array:
+    """How targets move with a joint, in the arm's base, (poses, m, 3) [m, 1]."""
+    p, R = bodies[joint + 1]
+    axis = (R @ vjm.axes[joint])[:, None]
+    if vjm.arm.joints[joint].prismatic:
+        return np.broadcast_to(axis, where.shape)
+    return np.cross(axis, where - p[:, None])
 
 
 def _stepped(free: Free, now: Fit, step: Array) -> Fit:
