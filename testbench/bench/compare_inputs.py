@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TypeVar
 
 from pydantic import JsonValue
@@ -11,6 +12,9 @@ from testbench.output.finished import Finished
 
 ABSENT, NONE = "not said", "none"
 SEEDS = (("first",), ("seed",))  #: Last keys of settings that say the first seed once more.
+
+SHOWN = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json")
+"""Ends of files in the folder of a model that only tell of it."""
 
 K = TypeVar("K")
 
@@ -44,11 +48,7 @@ def inputs_differ(runs: Sequence[Finished]) -> list[InputRow]:
         "commit": [_commit(m.git) for m in told],
     }
     rows = {what: InputRow(what, tuple(own)) for what, own in whole.items() if len(set(own)) > 1}
-    arms = [
-        row
-        for arm in _keys(m.models for m in told)
-        for row in _by_key(f"{arm}, ", [m.models.get(arm, {}) for m in told])
-    ]
+    arms = [row for place in zip_longest(*(m.models.items() for m in told)) for row in _folder(place)]
     versions = _by_key("version of ", [m.versions for m in told])
     first, last = [rows.get("command")], [rows.get("seeds"), *arms, *versions, rows.get("commit")]
     return [row for row in (*first, *_settings(runs), *last) if row is not None]
@@ -60,6 +60,14 @@ def seeds_words(run: Finished) -> str:
     if not count:
         return NONE
     return str(first) if count == 1 else f"{first} to {first + count - 1}"
+
+
+def _folder(place: Sequence[tuple[str, Mapping[str, str]] | None]) -> list[InputRow]:
+    """The folder of an arm or a model in each run: its name, and the files in it that are read."""
+    names = tuple(own[0] if own else ABSENT for own in place)
+    files = [{k: v for k, v in own[1].items() if not k.endswith(SHOWN)} if own else {} for own in place]
+    told = _by_key(f"{' and '.join(dict.fromkeys(names))}, ", files)
+    return [InputRow("folder of the arm or model", names), *told] if len(set(names)) > 1 else told
 
 
 def _commit(git: str) -> str:

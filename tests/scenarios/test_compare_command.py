@@ -208,6 +208,15 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart(one, tmp_path):
     assert text.startswith("A and B are alike: no number differs.")
 
 
+def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(one, tmp_path):
+    def plant(manifest):
+        manifest["models"] = {"mine": {**manifest["models"]["kr500_l480"], "picture.png": "0" * 64}}
+
+    _, report = said(tmp_path, one, changed(one, tmp_path / "other", "manifest.json", plant))
+    rows = {own["what"]: own["values"] for own in report["inputs"]}
+    assert rows == {"folder of the arm or model": ["kr500_l480", "mine"]}
+
+
 def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path):
     first, asked, seeds = tmp_path / "first", LoadedSettings(arm="kr500_l480", loads=2, poses=3), range(1, 2)
     first.mkdir()

@@ -99,7 +99,8 @@ def _rows(table: Table, columns: Sequence[Column]) -> dict[tuple[str, ...], obje
 
 
 def _name(column: Column, row: object) -> str:
-    """A cell that names its row; a number with what it is."""
-    if number(column, row) is None:
-        return column.cell(row)
-    return " ".join(filter(None, [column.heading, column.cell(row), column.unit]))
+    """A cell that names its row; a number, also one that is a name, with what it is."""
+    cell = column.cell(row)
+    if number(column, row) is None and not cell.isdecimal():
+        return cell
+    return " ".join(filter(None, [column.heading, cell, column.unit]))

@@ -25,7 +25,8 @@ def told(found: Difference) -> str:
         return "the same"
     if found.verdict == "alike":
         return "within 2 %" if found.near else "within the spread"
-    size = "smaller" if found.verdict == "less" else "larger"
+    sizes = ("smaller", "larger") if min(*triple(found.a), *triple(found.b)) >= 0 else ("lower", "higher")
+    size = sizes[found.verdict == "more"]
     return f"{size}, no spread" if found.by == "one" else size
 
 

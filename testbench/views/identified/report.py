@@ -8,6 +8,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.explained import Elsewhere, Explained, longest
 from testbench.bench.fit_rows import Fitted
 from testbench.bench.rows import MM, ErrorRow
+from testbench.identify import Constraint
 from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Estimate
 from testbench.identify.identifiability import describe
@@ -22,6 +23,9 @@ class ModelRow:
     """A model; its compliances are in models.json."""
 
     name: str
+    structure: str
+    constraint: Constraint
+    prior: bool
     unknowns: int
     seen: int
     conservative: bool
@@ -130,6 +134,9 @@ def report_of(cell: Cell, made: Explained) -> IdentifiedReport:
 def _model_row(model: Fitted, estimate: Estimate) -> ModelRow:
     return ModelRow(
         name=model.name,
+        structure=model.structure,
+        constraint=model.constraint,
+        prior=model.prior,
         unknowns=estimate.structure.n,
         seen=estimate.regression.rank,
         conservative=estimate.conservative,
