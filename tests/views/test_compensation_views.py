@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_report, check_table
+from checks import check_report, check_table, check_words
 
 from testbench.bench.truths import FAMILY, member
 from testbench.studies.compensation import figure
 from testbench.studies.compensation.report import ALL
 from testbench.studies.compensation.rows import Row
 from testbench.studies.compensation.settings import (
+    ADVISED,
     ARMS,
-    BARRED,
     DEFAULT,
     IDEAL,
     IDENTIFIED,
@@ -94,20 +94,16 @@ def rows_of(trials, model, job=None):
         row
         for _, rows in trials
         for row in rows
-        if (row.model, row.by, row.loads, row.poses, row.arm) == (model, *vars(BARRED).values(), IDEAL)
+        if (row.model, row.by, row.loads, row.poses, row.arm) == (model, *vars(ADVISED).values(), IDEAL)
         and job in (None, row.job)
     ]
 
 
 def spoilt(trials, **changes):
-    """The default's rows of the campaign that the bars are about, changed in the first trial alone."""
+    """The default's rows of the campaign that is advised, changed in the first trial alone."""
     (seed, first), *others = trials
-    barred = rows_of([(seed, first)], DEFAULT)
-    return [(seed, [replace(row, **changes) if row in barred else row for row in first]), *others]
-
-
-def bars_of(report):
-    return {bar.what: bar for bar in report.bars}
+    advised = rows_of([(seed, first)], DEFAULT)
+    return [(seed, [replace(row, **changes) if row in advised else row for row in first]), *others]
 
 
 def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(trials, report):
@@ -124,11 +120,16 @@ def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(trials, repo
     assert own.after.median_mm.median == pytest.approx(np.median(medians))
 
 
-def test_bars_are_met_undisturbed_and_missed_where_the_arm_does_what_no_model_knows(report):
-    bars = bars_of(report)
-    assert bars["perfect model, left at most [um]"].found < 1e-3
-    assert all(bar.met for what, bar in bars.items() if not what.startswith(REAL))
-    assert not bars["disturbed, median share removed"].met
+def test_the_gain_is_what_is_left_in_the_median_point_trial_by_trial(trials, report):
+    def left(model):
+        pairs = zip(rows_of(trials, model, JOBS[0]), rows_of(trials, model, JOBS[1]), strict=True)
+        return np.array([np.median(np.concatenate([row.after_mm for row in pair])) for pair in pairs])
+
+    for gain, name in ((report.gains.joints, "Joints"), (report.gains.least_squares, "MLS56")):
+        assert gain.ours_mm.median == pytest.approx(np.median(left(DEFAULT)))
+        assert gain.times.median == pytest.approx(np.median(left(name) / left(DEFAULT)))
+    answer = STUDY.words(report).block("answer")
+    assert f"leave {report.gains.joints.ours_mm.median:.3f} mm with the default" in answer
 
 
 def test_one_point_made_worse_in_one_trial_is_found(trials):
@@ -137,11 +138,9 @@ def test_one_point_made_worse_in_one_trial_is_found(trials):
     (seed, first), *others = trials
     told = [(seed, [replace(row, after_mm=after) if row is drilling else row for row in first]), *others]
     report = STUDY.summary(SETTINGS, SEEDS, told)
-    bar = bars_of(report)["undisturbed, cases made worse"]
-    assert (bar.found, bar.met) == (1, False)
     own = report.group(DEFAULT, WAY, 12)
     assert (own.trials_worse, own.worst) == (1, pytest.approx(-0.01))
-    assert bar.what in STUDY.words(report).block("answer")
+    assert f"makes 1 of {own.cases} points worse" in STUDY.words(report).block("statements")
 
 
 def test_intervals_that_miss_in_one_trial_lower_the_share(trials, report):
@@ -173,6 +172,7 @@ def test_tables_and_words_show_the_reports_numbers(report):
     groups = [g for g in report.groups if g.job == ALL and g.arm == IDEAL and g.poses in (0, 12)]
     check_table(STUDY.tables(report)["undisturbed, trials"], groups, TRIALS)
     check_report(STUDY, report)
+    check_words(STUDY.words(report))
 
 
 def test_dots_of_the_figure_are_what_is_left(report):

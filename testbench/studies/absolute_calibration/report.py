@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from testbench.studies.bar import Bar
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Spread
 
 
@@ -75,6 +75,15 @@ class CampaignRow:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """What cross-validation chooses on one arm from the featured poses, trial by trial."""
+
+    arm: str
+    springs: Gain  #: Beside joint springs alone.
+    geometry: Gain  #: Beside geometry alone.
+
+
+@dataclass(frozen=True)
 class AbsoluteCalibrationReport:
     """report.json."""
 
@@ -83,9 +92,8 @@ class AbsoluteCalibrationReport:
     trials: int
     arms: tuple[str, ...]
     featured: int  #: Poses of everything but `models`.
-    barred: tuple[int, ...]  #: Poses that the bars are about.
     true_arms: dict[str, str]  #: What they are like, by name.
-    bars: list[Bar]
+    gains: list[Gains]  #: By arm.
     models: list[ModelRow]  #: By arm, number of poses and model.
     hiding: list[HidingRow]
     campaigns: list[CampaignRow]

@@ -18,7 +18,6 @@ PAYLOAD: Mapping[str, float] = {"ur10": 10.0, "kr500_l480": 460.3}
 NUMBERS = (20, 50, 100, 200, 500)  #: Poses that are tried.
 MANY, EVERY = 1000, 4  #: Poses that are tried in every so manieth trial of an arm.
 FEATURED = 200  #: Poses of everything else.
-BARS = (200, 500)  #: Poses that the bars are about: readings tell joint errors of all orders that there are.
 CHECKING = 100  #: Poses that predictions are judged in.
 QUICK, QUICK_NUMBERS = 2, (20,)  #: With --quick: trials at most, and poses.
 

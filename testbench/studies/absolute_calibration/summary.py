@@ -9,6 +9,7 @@ from testbench.studies.absolute_calibration.report import (
     AbsoluteCalibrationReport,
     CampaignRow,
     DatasetRow,
+    Gains,
     HidingRow,
     ModelRow,
     Shares,
@@ -16,28 +17,24 @@ from testbench.studies.absolute_calibration.report import (
 from testbench.studies.absolute_calibration.rows import Held, Row
 from testbench.studies.absolute_calibration.settings import (
     ABSOLUTE,
-    ALL,
-    BARS,
     BY_POSES,
     CAMPAIGN,
     CHOSEN,
     GEARS,
+    GEOMETRY,
     HIDING,
+    INCUMBENT,
     LINKS,
     MODELS,
     NAME,
-    NO_GEARS,
     REAL,
     TRUE_ARMS,
     Settings,
 )
-from testbench.studies.bar import Bar
 from testbench.studies.study import Trials
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, spread
 
-LEAST, MOST, OVER, DECLINED = 0.93, 0.98, 1.2, 0.95
-"""Shares that intervals of 95 % should hold, largest error over the optimum, and least share in which joint
-errors are declined on arms without."""
 UM = 1e6
 K = TypeVar("K")
 
@@ -46,7 +43,6 @@ def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalib
     """By arm, true arm, campaign, number of poses and model."""
     every = [row for _, rows in trials for row in rows]
     own = [row for row in every if (row.true_arm, row.campaign) == (REAL, ABSOLUTE)]
-    barred = tuple(n for n in asked.numbers if n in BARS) or asked.numbers[-1:]
     featured = [
         row
         for row in every
@@ -58,15 +54,15 @@ def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalib
     by_campaign = grouped(
         (row for row in campaigns if row.model in CAMPAIGN), lambda r: (r.arm, r.campaign, r.model)
     )
+    by_arm = grouped((row for row in own if row.poses == asked.featured), lambda r: r.arm)
     return AbsoluteCalibrationReport(
         scenario=NAME,
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         trials=len(seeds),
         arms=tuple(arm for arm in asked.arms if any(row.arm == arm for row in every)),
         featured=asked.featured,
-        barred=barred,
         true_arms={name: true.words for name, true in TRUE_ARMS.items()},
-        bars=_bars([row for row in own if row.poses in barred], featured),
+        gains=[_gains(arm, by_arm[arm]) for arm in asked.arms if arm in by_arm],
         models=[_model(rows) for rows in _sorted(asked, by_poses)],
         hiding=[_hiding(rows) for rows in _sorted(asked, by_truth)],
         campaigns=[_campaign(rows) for rows in _sorted(asked, by_campaign)],
@@ -84,27 +80,14 @@ def _sorted(asked: Settings, groups: Mapping[tuple[str, K, str], list[Row]]) -> 
     return [groups[key] for key in sorted(groups, key=place)]
 
 
-def _bars(own: Sequence[Row], featured: Sequence[Row]) -> list[Bar]:
-    """Of the fit of everything and of what cross-validation chose."""
-    found = []
-    for model in (ALL, CHOSEN):
-        rows = [row for row in own if row.model == model]
-        inside = shares(rows)
-        parts = {
-            "geometry": inside.geometry,
-            "joint errors": inside.joint_errors,
-            "joint compliances": inside.joints,
-            "positions": inside.positions,
-        }
-        for part, share in parts.items():
-            if share is not None:
-                found.append(Bar(f"{model}: {part} inside their 95 % intervals", share, LEAST, MOST))
-        for poses, some in grouped(rows, lambda row: row.poses).items():
-            words = f"{model}: error over the noise-only optimum, {poses} poses"
-            found.append(Bar(words, over_optimum(some), None, OVER))
-    without = [row for row in featured if (row.true_arm, row.model) == (NO_GEARS, CHOSEN)]
-    declined = float(np.mean([GEARS not in row.kept for row in without]))
-    return [*found, Bar("joint errors declined where there are none", declined, DECLINED, None)]
+def _gains(arm: str, rows: Sequence[Row]) -> Gains:
+    """Of one arm's rows from the featured poses."""
+    errors = {name: [row.error_mm for row in own] for name, own in grouped(rows, lambda r: r.model).items()}
+
+    def gain(theirs: str) -> Gain:
+        return gained(CHOSEN, theirs, errors[CHOSEN], errors[theirs])
+
+    return Gains(arm, springs=gain(INCUMBENT), geometry=gain(GEOMETRY))
 
 
 def over_optimum(rows: Sequence[Row]) -> float:

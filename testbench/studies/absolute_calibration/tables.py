@@ -1,7 +1,6 @@
 """The columns of the study of absolute calibration, and its tables."""
 
 from testbench.studies.absolute_calibration.report import AbsoluteCalibrationReport
-from testbench.studies.bar import bar_table
 from testbench.views.schema import Column, Table, pivot
 
 
@@ -52,7 +51,7 @@ CAMPAIGNS = (
 
 
 def tables(report: AbsoluteCalibrationReport) -> dict[str, Table]:
-    """Errors by number of poses and arm, intervals, what hides, campaigns, bars."""
+    """Errors by number of poses and arm, intervals, what hides, campaigns."""
     by_poses = {
         f"poses, {arm}": pivot(
             Table(
@@ -70,5 +69,4 @@ def tables(report: AbsoluteCalibrationReport) -> dict[str, Table]:
         "models": Table(MODELS, report.models),
         "hiding": Table(HIDING, report.hiding),
         "campaigns": Table(CAMPAIGNS, report.campaigns),
-        "bars": bar_table(report.bars, ".3g"),
     }

@@ -17,7 +17,7 @@ from testbench.plant import settle
 from testbench.studies.compensation.arms import measure, true_arm
 from testbench.studies.compensation.jobs import PATTERN, jobs, on_panel
 from testbench.studies.compensation.report import CompensationReport
-from testbench.studies.compensation.settings import BARRED, DEFAULT, IDEAL, MILLING, Settings
+from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, MILLING, Settings
 from testbench.studies.compensation.trial import Work, execute, identified, prior_in_turn, work
 from testbench.studies.study import Run
 from testbench.views.colours import CHOICE, MEASURED
@@ -33,16 +33,16 @@ SHOWN = {JOINTS: BLUE, DEFAULT: CHOICE.colour}
 
 
 def write(run: Run[Settings, CompensationReport]) -> None:
-    """dataset.csv and recording.rrd: the first trial, undisturbed, the campaign that the bars are about."""
+    """dataset.csv and recording.rrd: the first trial, undisturbed, the campaign that is advised."""
     asked, seed = run.settings, run.seeds[0]
     cell = build_cell(find_arm(asked.arm))
     true, ways = true_cell(cell, member(FAMILY, seed), seed), asked.ways(IDEAL)
     read = measure(true, true_arm(true, seed, IDEAL), asked, ways, seed)
-    data = read[ways.index(BARRED)]
+    data = read[ways.index(ADVISED)]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
     made = scene(true, asked, data, seed)
     words = run.words.summary(run.tables["short"], run.words.block("reading", scale=made.scale))
-    tables = "\n\n".join(f"### {name}\n\n{grid(run.tables[name])}" for name in ("bars", "undisturbed, both"))
+    tables = f"### undisturbed, both\n\n{grid(run.tables['undisturbed, both'])}"
     header = Header(run.report.scenario, run.parameters, seed)
     write_compensated(run.folder / "recording.rrd", header, replace(made, summary=words, tables=tables))
 
@@ -50,7 +50,7 @@ def write(run: Run[Settings, CompensationReport]) -> None:
 def scene(true: Cell, asked: Settings, data: Dataset, seed: int) -> Compensated:
     """The jobs of a trial, done by the true arm; without words on the whole."""
     own, arm = work(asked, seed), true_arm(true, seed, IDEAL)
-    fits = {fit.name: fit for fit in identified(true, {BARRED: data}, prior_in_turn(true, seed))}
+    fits = {fit.name: fit for fit in identified(true, {ADVISED: data}, prior_in_turn(true, seed))}
     shown = [fits[name] for name in SHOWN]
     done = execute(arm, own, shown)
     offs = [Off(NOT_CORRECTED, MEASURED, done.before)]

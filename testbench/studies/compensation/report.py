@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from testbench.studies.bar import Bar
 from testbench.studies.compensation.settings import IDEAL
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Spread
 
 ALL = "both"  #: Both jobs together.
@@ -47,8 +47,8 @@ class Group:
     worst: float  #: The least of them.
     nine: float  #: Share of cases with nine tenths or more removed.
     by_trial: Spread  #: Medians of the trials.
-    median_kept: float  #: Share of trials whose median is that of the bar.
-    nine_kept: float  #: Share of trials that have nine tenths removed in as many cases as the bar asks.
+    median_kept: float  #: Share of trials whose median is `MEDIAN` or more.
+    nine_kept: float  #: Share of trials that have nine tenths removed in `OFTEN` of the cases.
     worse: int  #: Cases made worse.
     trials_worse: int  #: Trials that have one.
     #: Share of components of what is left inside their 95 % interval, of those that have a bound.
@@ -74,7 +74,7 @@ class ChosenAt:
 
 @dataclass(frozen=True)
 class Shown:
-    """The milling path of one trial, corrected by the campaign that the bars are about, undisturbed."""
+    """The milling path of one trial, corrected by the campaign that is advised, undisturbed."""
 
     seed: int
     truth: str
@@ -82,6 +82,17 @@ class Shown:
     way_m: tuple[float, ...]  #: Along the path.
     before_mm: tuple[float, ...]  #: Distance of the loaded tool from where it was asked, not corrected.
     after_mm: dict[str, tuple[float, ...]]  #: The same, corrected, by model.
+
+
+@dataclass(frozen=True)
+class Gains:
+    """What is left after the default's correction, undisturbed, by the campaign that is advised.
+
+    Medians of a trial's points, trial by trial.
+    """
+
+    least_squares: Gain
+    joints: Gain  #: Joints alone.
 
 
 @dataclass(frozen=True)
@@ -101,9 +112,9 @@ class CompensationReport:
     featured: int
     numbers: tuple[int, ...]
     truths: dict[str, str]  #: True arms of these trials, in words.
-    bars: list[Bar]
+    gains: Gains
     groups: list[Group]  #: All truths.
-    by_truth: list[Group]  #: The campaign that the bars are about, both jobs.
+    by_truth: list[Group]  #: The campaign that is advised, both jobs.
     chosen: list[ChosenAt]
     shown: Shown
     dataset: DatasetRow

@@ -38,7 +38,8 @@ JOBS = (DRILLING, MILLING)
 NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
 """Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
 DEFAULT = "default"  #: What `identify` takes by default.
-IDENTIFIED = (JOINTS, "MLS56", "MGCO56", DEFAULT)
+LEAST_SQUARES = "MLS56"
+IDENTIFIED = (JOINTS, LEAST_SQUARES, "MGCO56", DEFAULT)
 MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
 
 EMPTY = Scene()
@@ -53,7 +54,7 @@ class Way:
     poses: int = 0
 
 
-BARRED = Way(PLANNED, BOTH, FEATURED)
+ADVISED = Way(PLANNED, BOTH, FEATURED)
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Settings:
     def ways(self, arm: str) -> tuple[Way, ...]:
         """The campaigns of one of ARMS."""
         if arm == LINEAR:
-            return (BARRED,)
+            return (ADVISED,)
         numbers = self.numbers if arm == IDEAL else (FEATURED,)
         return tuple(Way(*one) for one in product((PLANNED, RANDOM), (WEIGHT, BOTH), numbers))
 

@@ -6,28 +6,30 @@ from itertools import product
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS
 from testbench.bench.truths import TRUTHS
 from testbench.errors import Array
-from testbench.studies.compensation.bars import MEDIAN, OFTEN, PART, bars
 from testbench.studies.compensation.jobs import job, way_along
 from testbench.studies.compensation.report import (
     ALL,
     ChosenAt,
     CompensationReport,
     DatasetRow,
+    Gains,
     Group,
     Shown,
     Sizes,
 )
 from testbench.studies.compensation.rows import Row
 from testbench.studies.compensation.settings import (
+    ADVISED,
     ARMS,
-    BARRED,
     DEFAULT,
     FORCE,
     IDEAL,
     IDENTIFIED,
     JOBS,
+    LEAST_SQUARES,
     MILLING,
     MODELS,
     NAME,
@@ -40,19 +42,22 @@ from testbench.studies.compensation.settings import (
 )
 from testbench.studies.study import Trials
 from testbench.studies.which_model.words import TRUTH_WORDS
+from testbench.trials.gain import gained
 from testbench.trials.spread import grouped, spread
 
 Of = tuple[int, Row]  #: A row and its seed.
 NOWHERE = Way()
+MEDIAN = 0.97  #: Share removed that a trial's median is asked about.
+PART, OFTEN = 0.9, 0.95  #: Share removed, and the share of cases in which a trial is asked about it.
 COUNTS = ("inside", "of")  #: Of a row.
 
 
 def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> CompensationReport:
-    """Over all truths, and truth by truth for the campaign that the bars are about."""
+    """Over all truths, and truth by truth for the campaign that is advised."""
     every = [(seed, row) for seed, rows in trials for row in rows]
     groups = gathered(asked, every)
-    barred = [own for own in every if way_of(own[1]) == BARRED]
-    by_truth = grouped(barred, lambda own: own[1].truth)
+    advised = [own for own in every if way_of(own[1]) == ADVISED]
+    by_truth = grouped(advised, lambda own: own[1].truth)
     met = [name for name in TRUTHS if name in by_truth]
     first = every[: len(JOBS)]
     chosen = grouped((row for _, row in every if row.chosen and row.job == JOBS[0]), lambda row: row.chosen)
@@ -67,22 +72,22 @@ def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> CompensationR
         sigma_um=1e6 * SIGMA,
         force=FORCE,
         points={row.job: len(row.removed) for _, row in first},
-        featured=BARRED.poses,
+        featured=ADVISED.poses,
         numbers=asked.numbers,
         truths={name: TRUTH_WORDS[name] for name in met},
-        bars=bars(groups),
+        gains=gains([own for own in advised if own[1].arm == IDEAL]),
         groups=groups,
         by_truth=[g for name in met for g in gathered(asked, by_truth[name], name) if g.job == ALL],
         chosen=[ChosenAt(str(name), len(own)) for name, own in sorted(chosen.items(), key=str)],
-        shown=shown(barred),
-        dataset=DatasetRow(RUNS * BARRED.poses, BARRED.poses, 1e6 * SIGMA),
+        shown=shown(advised),
+        dataset=DatasetRow(RUNS * ADVISED.poses, ADVISED.poses, 1e6 * SIGMA),
     )
 
 
-def shown(barred: Sequence[Of]) -> Shown:
+def shown(advised: Sequence[Of]) -> Shown:
     """The milling path of the first trial."""
-    seed = barred[0][0]
-    own = {row.model: row for at, row in barred if at == seed and row.job == MILLING and row.arm == IDEAL}
+    seed = advised[0][0]
+    own = {row.model: row for at, row in advised if at == seed and row.job == MILLING and row.arm == IDEAL}
     first = own[DEFAULT]
     return Shown(
         seed=seed,
@@ -148,6 +153,16 @@ def _group(rows: Sequence[Of], truth: str, job: str) -> Group:
         buckled=sum(any(row.buckled for row in some) for some in trials),
         solved=sum(row.solved for _, row in own) / len(shares),
     )
+
+
+def gains(advised: Sequence[Of]) -> Gains:
+    """The default beside least squares and joints alone, by what is left in the median point of a trial."""
+
+    def left(model: str) -> list[float]:
+        own = grouped(((seed, row) for seed, row in advised if row.model == model), lambda own: own[0])
+        return [float(np.median(np.concatenate([row.after_mm for _, row in some]))) for some in own.values()]
+
+    return Gains(*(gained(DEFAULT, name, left(DEFAULT), left(name)) for name in (LEAST_SQUARES, JOINTS)))
 
 
 def nine(shares: Array) -> float:

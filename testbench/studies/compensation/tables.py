@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbench.studies.bar import bar_table
+from testbench.bench.truths import CALLED
 from testbench.studies.compensation.report import ALL, CompensationReport, Group
 from testbench.studies.compensation.settings import ARMS, IDEAL, IDENTIFIED, JOBS
 from testbench.views.schema import Column, Table, pivot
@@ -39,7 +39,7 @@ TRIALS = (
     Column("solved", "solved", form="yes"),
 )
 TRUTHS = (
-    Column("truth", "true arm"),
+    Column("truth", "true arm", called=CALLED),
     MODEL,
     Column("trials", "trials", form="d"),
     REMOVED,
@@ -52,8 +52,8 @@ TRUTHS = (
 
 
 def tables(report: CompensationReport) -> dict[str, Table]:
-    """Share removed by campaign and poses; all numbers; trial by trial, true arm by true arm; bars."""
-    found = {"bars": bar_table(report.bars, ".3g")}
+    """Share removed by campaign and poses; all numbers; trial by trial, true arm by true arm."""
+    found = {}
     for name in ARMS:
         groups = [g for g in report.groups if g.arm == name]
         every = [g for g in groups if g.job == ALL]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.rows import DatasetRow
-from testbench.studies.bar import Bar
 from testbench.trials.spread import Spread
 
 Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.
@@ -99,7 +98,6 @@ class WrongInputsReport:
     silent: Rate  #: Not noticed at all.
     alarms: Rate  #: Sound data sets with a doubt.
     before: Before | None  #: None without a set in the base's frame.
-    bars: list[Bar]
     faults: list[FaultRow]  #: The one that is named most seldom first.
     lost: list[FaultRow]  #: Those that are named too seldom.
     kinds: list[KindRow]

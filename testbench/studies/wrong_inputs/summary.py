@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 from testbench.bench.truths import TRUTHS
 from testbench.errors import BenchError
-from testbench.studies.bar import Bar
 from testbench.studies.study import Trials
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.report import (
@@ -21,8 +20,7 @@ from testbench.studies.wrong_inputs.sound import PAYLOAD
 from testbench.studies.wrong_inputs.trial import NAME, SOUND, SetRow, Settings
 from testbench.trials.spread import grouped, spread
 
-RIGHT, ALARMS = 0.9, 0.02  #: Least share named by the right doubt first, and largest share of false alarms.
-FEWEST, SETS = 30, 20  #: Least number of faults, and of data sets of each.
+SELDOM = 0.9  #: Share of a fault's data sets below which the right doubt is first too seldom.
 INSTEAD = 2  #: Other doubts that are listed.
 KINDS = {"hung": "one hung mass", "levels": "three hung masses", "pressed": "forces in all directions"}
 """Loads in words."""
@@ -42,12 +40,6 @@ def summary(_: Settings, seeds: range, trials: Trials[SetRow]) -> WrongInputsRep
     by_fault = grouped(planted, lambda row: row.case)
     faults = sorted((_fault(name, by_fault[name]) for name in FAULTS if name in by_fault), key=_share)
     right, alarms = rate([row.right for row in planted]), rate([not row.right for row in sound])
-    bars = [
-        Bar("faults", len(faults), FEWEST, None),
-        Bar("data sets of each", min(fault.right.of for fault in faults), SETS, None),
-        Bar("named by the right doubt first", right.share, RIGHT, None),
-        Bar("false alarms", alarms.share, None, ALARMS),
-    ]
     shown = max(by_seed, key=lambda seed: _worth(by_seed[seed]))
     measured = by_seed[shown][0].measured
     assert measured is not None  # of a sound one
@@ -62,12 +54,11 @@ def summary(_: Settings, seeds: range, trials: Trials[SetRow]) -> WrongInputsRep
         silent=rate([row.first is None for row in planted]),
         alarms=alarms,
         before=_before(sound, planted),
-        bars=bars,
         faults=faults,
-        lost=[fault for fault in faults if fault.right.share < RIGHT],
+        lost=[fault for fault in faults if fault.right.share < SELDOM],
         kinds=_kinds(sound, planted),
         false_alarms=[
-            Alarm(seed, kind_of(rows[0]), rows[0].first, rows[0].evidence, rows[0].said or "")
+            Alarm(seed, kind_of(rows[0]), named(rows[0].first), rows[0].evidence, rows[0].said or "")
             for seed, rows in by_seed.items()
             if rows[0].first is not None
         ],
@@ -76,6 +67,11 @@ def summary(_: Settings, seeds: range, trials: Trials[SetRow]) -> WrongInputsRep
         examples=[_example(row) for row in sorted(by_seed[shown], key=_interest)],
         dataset=measured,
     )
+
+
+def named(doubt: str) -> str:
+    """The name of a doubt for people."""
+    return doubt.replace("_", " ")
 
 
 def _share(fault: FaultRow) -> float:
@@ -90,12 +86,12 @@ def _fault(name: str, rows: Sequence[SetRow]) -> FaultRow:
     return FaultRow(
         name,
         words=fault.words,
-        names=" or ".join(fault.names),
+        names=" or ".join(map(named, fault.names)),
         right=right,
         anywhere=sum(row.anywhere for row in rows) / len(rows),
         other=sum(others.values()) / len(rows),
         silent=silent,
-        instead=", ".join(f"{other} ({count})" for other, count in others.most_common(INSTEAD)),
+        instead=", ".join(f"{named(other)} ({count})" for other, count in others.most_common(INSTEAD)),
         before=sum(based) / len(based) if based else None,
     )
 
@@ -143,4 +139,4 @@ def _interest(row: SetRow) -> tuple[bool, bool]:
 
 def _example(row: SetRow) -> Example:
     words = FAULTS[row.case].words if row.case in FAULTS else "nothing: the sound data set"
-    return Example(row.case, words, row.first or "", row.said or "", row.right)
+    return Example(row.case, words, named(row.first or ""), row.said or "", row.right)

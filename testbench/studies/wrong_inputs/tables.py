@@ -1,6 +1,5 @@
 """The columns of the study of wrong inputs, and its tables."""
 
-from testbench.studies.bar import bar_table
 from testbench.studies.wrong_inputs.report import WrongInputsReport
 from testbench.views.schema import Column, Table
 
@@ -52,11 +51,10 @@ EXAMPLES = (
 
 
 def tables(report: WrongInputsReport) -> dict[str, Table]:
-    """By fault, by kind of data set, false alarms, bars, and one trial."""
+    """By fault, by kind of data set, false alarms, and one trial."""
     return {
         "faults": Table(FAULTS, report.faults),
         "kinds": Table(KINDS, report.kinds, "sound data sets doubted, and faults named right first"),
         "alarms": Table(ALARMS, report.false_alarms),
-        "bars": bar_table(report.bars, ".4g"),
         "examples": Table(EXAMPLES, report.examples),
     }
