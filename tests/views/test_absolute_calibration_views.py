@@ -92,9 +92,7 @@ def test_shares_are_over_all_numbers_and_errors_over_the_optimum_of_their_own_tr
     for g in report.gains:
         ours, springs = (report.model(g.arm, 200, name) for name in (CHOSEN, INCUMBENT))
         assert (g.springs.ours_mm, g.springs.theirs_mm) == (ours.error_mm, springs.error_mm)
-        said = (
-            f"On {g.arm}, 200 poses: chosen by cross-validation {ours.error_mm.median:.3f} mm, joint springs "
-        )
+        said = f"On {g.arm}, 200 poses: chosen by cross-validation {ours.error_mm.median:.3f} mm, "
         assert f"{said}joint springs {springs.error_mm.median:.3f} mm, " in words.block("answer")
     assert "1.10 times on ur10, 1.10 times on kr500_l480." in words.block("statements")
 
