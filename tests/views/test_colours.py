@@ -84,7 +84,7 @@ def test_purple_is_load_and_nothing_else():
 
 def test_a_recording_has_the_colours_of_the_figures():
     for own in TOGETHER.values():
-        assert drawn(own, bold=True).colour == own.colour
+        assert drawn(own).colour == own.colour
 
 
 def test_one_model_has_one_colour_whatever_a_study_calls_its_structure():

@@ -257,6 +257,7 @@ def tables(report: GravityReport) -> dict[str, Table]:
     recorded = tuple(replace(c, exact=True) for c in COLUMNS if c.key in RECORDED)
     short = tuple(replace(c, paper="") for c in COLUMNS if c.key in SHORT)
     told = distinct(report.models)
+    best_first = sorted(told, key=lambda m: middle(m.workspace.rms_mm))
     drawn = tuple(next(c for c in COLUMNS if c.key == key) for key in DRAWN)
     marked = report.take
     names = [m.name for m in told]
@@ -264,7 +265,7 @@ def tables(report: GravityReport) -> dict[str, Table]:
     return {
         "models": Table(COLUMNS, report.models, bold=marked),
         "short": Table(short, told, bold=marked, headline="workspace.rms_mm"),
-        "recorded": Table(recorded, told, bold=marked),
+        "recorded": Table(recorded, best_first, bold=marked),
         "errors": Table(drawn, told, bold=report.recommended),
         "fits": Table(FITS, report.models),
         "by_arm": pivot(arms, COLUMNS[0], TRUE_ARM, BY_ARM),

@@ -37,7 +37,7 @@ def about(run: Run[Settings, SixDofReport]) -> Calibration:
     best = names.index((held or report.best)[0])
     return Calibration(
         header=Header(report.scenario, run.parameters, run.seeds[0]),
-        summary=words.summary(run.tables["short"], then=()),
+        summary=words.summary(run.tables["recorded"], then=()),
         notes="\n\n".join([words.block("title"), grid(run.tables["claims"]), words.block("statements")]),
         errors=run.tables["errors"],
         models=report.models,

@@ -112,7 +112,7 @@ class Drawing:
     @property
     def looks(self) -> list[Drawn]:
         """How each model is drawn."""
-        return [drawn(look(m.structure, m.constraint, m.prior), bold=True) for m in self.about.models]
+        return [drawn(look(m.structure, m.constraint, m.prior)) for m in self.about.models]
 
     @property
     def residual(self) -> Array:

@@ -15,6 +15,7 @@ from testbench.views.recording.style import MEASURED, NOISE, Colour
 
 ERROR, DEFLECTION = "error_mm", "deflection_mm"
 SETS = ("identification", "check")
+THICK, THIN = 4.5, 1.5  #: Widths of lines that may lie on each other [ui points].
 MOST = 4  #: Models of which there is a histogram.
 BINS = 17
 LEAST_EDGE_UM = 0.1  #: Where histograms without noise end at least: below is rounding of exact data.
@@ -23,9 +24,10 @@ MANY = 60  #: Runs beyond which dots are small.
 
 def write_plots(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
     """What is plotted over runs, places and load: every plot has something on each timeline."""
+    widths = _widths(drawing)
     for k in drawing.about.shown:
         path, name, look = f"{ERROR}/{drawing.paths[k]}", drawing.names[k], drawing.looks[k]
-        line = Line(path, name, look.colour, look.width, look.shape, None)
+        line = Line(path, name, look.colour, widths[k], look.shape, None)
         small = 5.0 if drawing.data.runs <= MANY else 2.5
         runs.looks(line)
         runs.values(line, MM * drawing.residual[k], np.where(drawing.checked, small, 0.0))
@@ -38,13 +40,20 @@ def write_plots(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
     _write_deflection(drawing, ((runs, drawing.runs), (places, drawing.places), (load, drawing.loading)))
 
 
+def _widths(drawing: Drawing) -> dict[int, float]:
+    """Widths of the shown models' lines [ui points]: what is drawn later is thinner, so that all are seen."""
+    order = sorted(drawing.about.shown, key=lambda k: drawing.paths[k])  # as the viewer draws them
+    widths = np.linspace(THICK, THIN, len(order)) if len(order) > 1 else np.array([THICK])
+    return dict(zip(order, widths.tolist(), strict=True))
+
+
 def _write_deflection(drawing: Drawing, on: Sequence[tuple[Pen, States]]) -> None:
     """True or measured, and by the shown models."""
     lines = {
-        k: Line(f"{DEFLECTION}/{drawing.paths[k]}", drawing.names[k], drawing.looks[k].colour, 2.0)
-        for k in drawing.about.shown
+        k: Line(f"{DEFLECTION}/{drawing.paths[k]}", drawing.names[k], drawing.looks[k].colour, width)
+        for k, width in _widths(drawing).items()
     }
-    truth = Line(f"{DEFLECTION}/truth", "truth", MEASURED, 4.0)
+    truth = Line(f"{DEFLECTION}/truth", "truth", MEASURED, THIN)
     for line in (truth, *lines.values()):
         on[0][0].looks(line)
     for pen, states in on:

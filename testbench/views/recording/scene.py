@@ -188,13 +188,19 @@ def world_view(drawing: Drawing) -> rrb.Spatial3DView:
 
 
 def camera(drawing: Drawing) -> tuple[Array, Array]:
-    """Eye and target, each (3,) [m]: every place, every run and the tracker in view, the first from aside."""
-    points = [np.vstack([station(drawing), feet(station(drawing))])]
+    """Eye and target, each (3,) [m]: every place, every run and the tracker in view, the first from aside.
+
+    Of both sides it is that from which the tracker stands farther away: it must not hide the arm.
+    """
+    tracker = station(drawing)
+    points = [np.vstack([tracker, feet(tracker)])]
     for states in (drawing.places, drawing.runs):
         points += [frames.positions[:, 1:].reshape(-1, 3) for frames in (states.rigid, states.ghost)]
     tool = drawing.bodies([drawing.cell.arm.tool], drawing.places.rigid)[0, 0, :2]
     found = np.vstack(points)
-    return frame(found, np.full(len(found), HEAD), tool)
+    ahead, aside, above = SIDE
+    sides = [frame(found, np.full(len(found), HEAD), tool, (ahead, s * aside, above)) for s in (1, -1)]
+    return max(sides, key=lambda side: float(np.linalg.norm(side[0] - tracker)))
 
 
 def map_camera(drawing: Drawing) -> tuple[Array, Array]:

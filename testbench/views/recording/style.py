@@ -39,10 +39,9 @@ class Drawn:
 
     colour: Colour  #: Its own: a plot's legend shows colours only.
     shape: MarkerShape  #: Of its points in a plot.
-    width: float  #: Of its lines in a plot [ui points].
 
 
-def drawn(look: Look, bold: bool) -> Drawn:
-    """A look in a recording; bold is what to look at first."""
+def drawn(look: Look) -> Drawn:
+    """A look in a recording."""
     shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
-    return Drawn(look.colour, shape, 3.0 if bold else 1.5)
+    return Drawn(look.colour, shape)

@@ -92,7 +92,7 @@ class Sweep:
 
     def drawn(self, model: str) -> Drawn:
         """Colour and shape of a model."""
-        return drawn(self.looks[model], bold=True)
+        return drawn(self.looks[model])
 
     def plot(self, path: str, size: tuple[float, float] = HALF) -> Chart | Curves:
         """Lines over the quantity; what is only numbered has a line of its own, on it the models as dots.
