@@ -7,7 +7,7 @@ from testbench.bench.compare_models import ModelPair
 from testbench.bench.compare_report import Beside, ComparedReport, NumberPair
 from testbench.trials.spread import Number, middle
 from testbench.views.colours import GREY, look
-from testbench.views.compared.words import told, words
+from testbench.views.compared.words import model_row, told, words
 from testbench.views.recording.beside import BesideScene, RunMaps
 from testbench.views.recording.chart import Chart, Dot
 from testbench.views.recording.plane import HALF, WHOLE
@@ -16,6 +16,7 @@ from testbench.views.schema import show
 LINES = 24  #: Of a chart, as many as have room.
 LONGEST = 30  #: Name of a number [characters]; before it stands its place in `worst_first`.
 PANE = HALF[0], WHOLE[1]  #: Of the chart.
+PANES = 4  #: Maps side by side.
 CORNERS = (0, 24, 4, 3, 5, 6, 7, 8)  #: Shape of every run: a disc, a ring, polygons.
 
 
@@ -30,11 +31,11 @@ def scene(report: ComparedReport, maps: Sequence[RunMap]) -> BesideScene:
     summary, tables = text.summary(then=("statements", "how_to_read")), text.block("body")
     if first.lead is not None:
         models = _in_all(report)[: LINES // len(report.runs)]
-        rows = [text.block("row", p=first, own=model) for model in models]
+        rows = [text.block("row", own=model, table=model_row(report, model.name)) for model in models]
         dots = [dot for model in models for dot in _of_model(report, model)]
         title = f"RMS error {first.where} (mm), logarithmic"
         chart, said = Chart("rms_error_mm", title, dots, PANE), text.block("map", maps=maps)
-        return BesideScene(summary, chart, rows, len(report.runs), tables, RunMaps(maps, said))
+        return BesideScene(summary, chart, rows, len(report.runs), tables, RunMaps(maps[:PANES], said))
     known = [own for own in first.numbers if middle(own.found.ratio) > 0][:LINES]
     if not known:
         return BesideScene(summary, None, [text.block("answer")], 1, tables)

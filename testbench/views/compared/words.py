@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from testbench.bench.compare_models import ModelPair
+from testbench.bench.compare_models import KINDS, ModelPair
 from testbench.bench.compare_numbers import Difference
 from testbench.bench.compare_report import Beside, ComparedReport, NumberPair
 from testbench.trials.gain import Gain
@@ -122,6 +122,22 @@ def models_table(pair: Beside, models: Sequence[ModelPair], title: str = "") -> 
     ]
     marked = next((name for name, m in zip(names, models, strict=True) if m.name == pair.lead_name), "")
     return Table(columns, rows, title, marked, headline="ratio", looks=_looks(models, names))
+
+
+def model_row(report: ComparedReport, name: str) -> Table:
+    """A model in all runs: a row a kind of error, medians."""
+    first = report.beside[0]
+    told_of = {pair.b: {m.kind: m.rms_mm for m in pair.models if m.name == name} for pair in report.beside}
+    columns = [Column("where", "RMS error"), Column(first.a, first.a, "mm", exact=True)]
+    columns += [Column(letter, letter, "mm", exact=True) for letter in told_of]
+    columns += [Column(f"{letter} is", f"{letter} is") for letter in told_of]
+    rows = [
+        {"where": KINDS[kind], first.a: found.a}
+        | {letter: own[kind].b for letter, own in told_of.items() if kind in own}
+        | {f"{letter} is": told(own[kind]) for letter, own in told_of.items() if kind in own}
+        for kind, found in told_of[first.b].items()
+    ]
+    return Table(tuple(columns), rows)
 
 
 def _inputs(report: ComparedReport) -> Table:
