@@ -7,9 +7,10 @@ import numpy as np
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from testbench.bench.compare_numbers import Difference, differ, differ_paired
+from testbench.errors import InputError
 from testbench.identify import Constraint
 from testbench.output.finished import Finished
-from testbench.trials.spread import SAME, Number, middle
+from testbench.trials.spread import SAME, Number, middle, triple
 from testbench.trials.store import WHOLE
 
 KINDS = {
@@ -19,7 +20,7 @@ KINDS = {
     "identification": "at the fitted poses, against readings",
 }
 """Errors, what matters most first, and where they are."""
-MOST = 1000  #: Models that are compared.
+MOST, LARGEST_MM = 1000, 1e9  #: Models that are compared, and their largest error.
 FITTED = AliasChoices("identification", "fit")  #: Of `identify` the second one.
 
 
@@ -70,7 +71,11 @@ BySeed = Mapping[tuple[str, str], Sequence[Mapping[int, float]]]
 
 
 def models_of(run: Finished) -> dict[str, NamedModel]:
-    """Models with an error, by name; none where the report has none, or several of one name."""
+    """Models with an error, by name; none where the report has none, or several of one name.
+
+    Raises:
+        InputError: When an error is none that a model can have.
+    """
     listed = run.report.get("models")
     if not isinstance(listed, list) or len(listed) > MOST:
         return {}
@@ -78,8 +83,17 @@ def models_of(run: Finished) -> dict[str, NamedModel]:
         models = [NamedModel.model_validate(one) for one in listed]
     except ValidationError:  # models of another kind of study
         return {}
+    for model in models:
+        _check(run, model)
     told = [m for m in models if m.errors and not (m.constraint == "free" and m.conservative is False)]
     return {m.name: m for m in told} if len({m.name for m in told}) == len(told) else {}
+
+
+def _check(run: Finished, model: NamedModel) -> None:
+    for kind, error in model.errors.items():
+        if not 0 <= min(triple(error)) <= max(triple(error)) <= LARGEST_MM:
+            problem = f"expected an RMS error of 0 to {LARGEST_MM:g} mm, got {error}"
+            raise InputError(run.file, f"models: {model.name}, {kind}", problem)
 
 
 def trials_of(run: Finished) -> BySeed:

@@ -326,6 +326,10 @@ HOSTILE = {
         broken('{"models": [{"name": "a", "check": {"rms_mm": "x"}}]}'),
         "report.json: scenario: not a",
     ),
+    "size": (
+        broken('{"models": [{"name": "a", "check": {"rms_mm": 1e300}}]}'),
+        "report.json: models: a, check: expected an RMS error of 0 to 1e+09 mm, got 1e+300",
+    ),
     "bytes": (lambda run: (run / "report.json").write_bytes(b"\xff"), "report.json: byte 1: expected UTF-8"),
     "no report": (lambda run: (run / "report.json").unlink(), "report.json: cannot be read"),
     "no manifest": (lambda run: (run / "manifest.json").unlink(), "manifest.json: cannot be read"),

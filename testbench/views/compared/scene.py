@@ -16,6 +16,7 @@ from testbench.views.schema import show
 LINES = 24  #: Of a chart, as many as have room.
 LONGEST = 30  #: Name of a number [characters]; before it stands its place in `worst_first`.
 PANE = HALF[0], WHOLE[1]  #: Of the chart.
+RATIOS = 1e-9, 1e9  #: That a chart shows.
 PANES = 4  #: Maps side by side.
 CORNERS = (0, 24, 4, 3, 5, 6, 7, 8)  #: Shape of every run: a disc, a ring, polygons.
 
@@ -36,7 +37,7 @@ def scene(report: ComparedReport, maps: Sequence[RunMap]) -> BesideScene:
         title = f"RMS error {first.where} (mm), logarithmic"
         chart, said = Chart("rms_error_mm", title, dots, PANE), text.block("map", maps=maps)
         return BesideScene(summary, chart, rows, len(report.runs), tables, RunMaps(maps[:PANES], said))
-    known = [own for own in first.numbers if middle(own.found.ratio) > 0][:LINES]
+    known = [own for own in first.numbers if RATIOS[0] < middle(own.found.ratio) < RATIOS[1]][:LINES]
     if not known:
         return BesideScene(summary, None, [text.block("answer")], 1, tables)
     rows = [text.block("number", p=first, own=own) for own in known]
