@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from read_back import PLACED, chunks_of, columns, document, layout, on, panes, plotted, rerun, series, views
+from read_back import PLACED, chunks_of, columns, document, layout, on, panes, plotted, rerun, views
 
 from testbench.model.vjm import chain
 from testbench.plant.shapes import body_names, rigid_frames
@@ -168,8 +168,12 @@ def test_the_weight_of_every_step_hangs_below_the_load_point(chunks, kr500, scen
 
 
 def test_expected_deflection_and_error_are_plotted_over_the_run(chunks, scene):
-    assert series(chunks, "/expected_deflection_mm", "run") == scene.deflection_mm.tolist()
-    assert series(chunks, "/expected_error_mm", "run") == scene.error_mm.tolist()
+    drawn = plotted(chunks, "/expected_mm")
+    for name, mm in (("deflection", scene.deflection_mm), ("its error", scene.error_mm)):
+        np.testing.assert_allclose(drawn[name][:, 0], mm, rtol=PLACED)
+    cursor = np.array(columns(chunks, "/expected_mm/cursor")["LineStrips2D:strips"])[:, 0, :, 0]
+    values = np.array(columns(chunks, "/expected_mm/value")["Points2D:positions"][0])[:, 0]
+    np.testing.assert_allclose(cursor, np.repeat(values[:POSES, None], 2, axis=1))
 
 
 def brightness(colours):

@@ -23,7 +23,14 @@ from testbench.studies.study import Run
 from testbench.views.colours import CHOICE, MEASURED
 from testbench.views.colours import JOINTS as BLUE
 from testbench.views.markdown import grid
-from testbench.views.recording.compensated import NOT_CORRECTED, Compensated, Off, Part, write_compensated
+from testbench.views.recording.compensated import (
+    CORRECTED,
+    NOT_CORRECTED,
+    Compensated,
+    Off,
+    Part,
+    write_compensated,
+)
 from testbench.views.recording.stream import Header
 
 GRID = (25, 17)  #: Points of the drawn panel along y and up it.
@@ -55,7 +62,7 @@ def scene(true: Cell, asked: Settings, data: Dataset, seed: int) -> Compensated:
     done = execute(arm, own, shown)
     offs = [Off(NOT_CORRECTED, MEASURED, done.before)]
     for k, fit in enumerate(shown):
-        name = f"corrected, {fit.name}"
+        name = f"{CORRECTED}{fit.name}"
         offs.append(Off(name, SHOWN[fit.name], done.after[k], done.orders[k].half))
     bent = [settle(true.plant, own.q, *load) for load in ((own.load.wrench, own.load.point), ())]
     y, s = (np.linspace(-half - EDGE, half + EDGE, n) for half, n in zip(PATTERN, GRID, strict=True))

@@ -27,7 +27,7 @@ POSES, ARROWS = 300, 800  #: Poses that are shown, and errors that stand still, 
 HOW = """**Colours** Arrows lead from model to reading, times {scale:g}: blue is small, orange is
 {most:.2g} mm or more, the same on both sides. Vermillion: the pose in sight. Grey: the arm.
 
-**Scrub** the time bar below: `worst_first` begins where {before} errs most, `pose` keeps the order of
+**Scrub** the time bar below: `worst_first` begins where {before} errs most, `run` keeps the order of
 the readings."""
 
 
@@ -79,6 +79,7 @@ def write_recording(
     made = AbsoluteScene(
         cell=cell,
         q=q[some],
+        number=some + 1,
         drawn=before.of(some),
         calibrated=after.of(some),
         still=(before.of(still), after.of(still)),

@@ -32,6 +32,7 @@ def scene(cell: Cell, reported: Reported) -> AbsoluteScene:
     made = AbsoluteScene(
         cell=cell,
         q=np.concatenate([one.q for one in series])[some],
+        number=some + 1,
         drawn=drawn.of(some),
         calibrated=known.of(some),
         still=(drawn.of(static), known.of(static)),

@@ -11,7 +11,7 @@ from testbench.correct.rest import rest
 from testbench.views.colours import GCO, MEASURED
 from testbench.views.compensate.words import words
 from testbench.views.picked import picked
-from testbench.views.recording.compensated import NOT_CORRECTED, Compensated, Off, Part
+from testbench.views.recording.compensated import CORRECTED, NOT_CORRECTED, Compensated, Off, Part
 
 
 def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Compensated:
@@ -21,7 +21,7 @@ def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Co
     loads = [load.of(some) for load in found.loads]
     q = own.start[some]
     off = Off(NOT_CORRECTED, MEASURED, own.before[some])
-    corrected = Off("corrected, by the model", GCO, own.after[some], own.half[some])
+    corrected = Off(f"{CORRECTED}by the model", GCO, own.after[some], own.half[some])
     text = words(report)
     made = Compensated(
         cell=cell,

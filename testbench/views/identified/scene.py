@@ -31,6 +31,7 @@ def scene(cell: Cell, made: Explained, report: IdentifiedReport) -> AbsoluteScen
     drawn = AbsoluteScene(
         cell=cell,
         q=data.q[some],
+        number=data.run[some],
         drawn=deflected.of(some),
         calibrated=residual.of(some),
         still=(deflected.of(static), residual.of(static)),

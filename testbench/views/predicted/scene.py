@@ -19,6 +19,7 @@ def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
     drawn = PredictionScene(
         cell=made.cell,
         q=made.asked.q[some],
+        number=some + 1,
         start=(found.position - found.deflection)[some],
         deflection=found.deflection[some],
         half_mm=MM * found.widest[some, 0],
@@ -26,7 +27,7 @@ def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
         give=field.force * made.stiffness.give[some],
         axes=made.stiffness.axes[some],
         map=ErrorMap(
-            f"deflection by {field.force:,.0f} N in the worst direction (mm)",
+            f"moved by {field.force:,.0f} N (mm)",
             field.position,
             MM * field.worst,
             np.zeros((0, 3)),

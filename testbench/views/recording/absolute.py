@@ -31,7 +31,7 @@ from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import GCO, MEASURED, NOMINAL, Colour
 from testbench.views.scale import shares
 
-TIMELINES = ("worst_first", "pose")
+TIMELINES = ("worst_first", "run")
 MODELS = {"drawn": ("As drawn", NOMINAL), "calibrated": ("Calibrated", GCO)}
 """Title and colour of each model, by path."""
 MOST_SCALE, LONGEST = 500.0, 0.65
@@ -41,8 +41,7 @@ MOST_APART, LONGEST_APART = 10_000.0, 0.3
 MAP, KEY = "world/error_map", "error_key_mm"
 TOP = 95  #: Per cent of the errors of the arm as drawn at which the colours end.
 SPECTRA = 8  #: Joints whose spectrum is drawn at most.
-IN_VIEW = 0.4  #: Share of an arrow that is in view whatever its length [1].
-ASPECT = 0.6  #: Width over height of a pane that shows the arm [1].
+ASPECT = 0.95  #: Width over height of a pane that shows the arm [1].
 BESIDE = (0.3, 0.9, 0.45)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
 
 
@@ -69,6 +68,7 @@ class AbsoluteScene:
 
     cell: Cell  #: The arm.
     q: Array  #: Joints of the poses that are shown, (poses, n) [rad, m].
+    number: Ids  #: Of these poses in the order of the files, from 1, (poses,).
     drawn: Arrows  #: Of these poses, by the arm as drawn.
     calibrated: Arrows  #: By the calibrated arm.
     still: tuple[Arrows, Arrows]  #: Of more poses, by either: they stand still.
@@ -137,7 +137,7 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
     if scene.apart:
         scales |= {"right_magnification": scene.scales[1]}
     header = replace(header, scales=scales)
-    times = (scene.rank, np.arange(len(scene.q)))
+    times = (scene.rank, scene.number)
     with recording(path, scene.kind, header, _blueprint(scene)) as pen:
         pen.documents({"summary": scene.summary, "tables": scene.tables, "geometry": scene.geometry})
         run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
@@ -196,10 +196,11 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
         name="Largest error of a pose (mm)",
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
-    words = [text_view("summary", "Summary"), text_view("this_pose", "This pose")]
-    beside = rrb.Vertical(*words, plot, row_shares=[9, 2, 4])
+    below = rrb.Horizontal(text_view("this_pose", "This pose"), plot, column_shares=[1, 1])
+    shown = rrb.Vertical(rrb.Horizontal(*views), below, row_shares=[7, 3])
+    summary = text_view("summary", "Summary")
     tabs: list[rrb.Container | rrb.View] = [
-        rrb.Horizontal(*views, beside, column_shares=[8, 8, 7], name="Overview"),
+        rrb.Horizontal(shown, summary, column_shares=[12, 7], name="Overview"),
         rrb.Horizontal(text_view("tables", "Tables"), text_view("geometry", scene.beside), name="Tables"),
     ]
     if scene.error_map:
@@ -209,7 +210,11 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
         tabs.append(rrb.Horizontal(mapped, in_words, column_shares=[3, 1], name="Error map"))
     if scene.spectrum:
         bars = [
-            rrb.BarChartView(origin=_spectrum_path(row), name=f"{row.joint}: amplitude (urad) by order")
+            rrb.BarChartView(
+                origin=_spectrum_path(row),
+                name=f"{row.joint}: amplitude (urad) by order",
+                plot_legend=rrb.PlotLegend(visible=False),
+            )
             for row in scene.spectrum[:SPECTRA]
         ]
         tabs.append(rrb.Grid(*bars, name="Spectra"))
@@ -230,7 +235,10 @@ def _map_view(scene: AbsoluteScene, found: ErrorMap) -> rrb.Spatial3DView:
 def _world(scene: AbsoluteScene, name: str, title: str, side: int) -> rrb.Spatial3DView:
     still, scale = scene.still[side if scene.apart else 0], scene.scales[side]
     places, errors = (np.concatenate(x) for x in (still.places, still.errors))
-    points = np.vstack([places, places + IN_VIEW * scale * errors, scene.frames.positions.reshape(-1, 3)])
+    length = MM * np.linalg.norm(errors, axis=1, keepdims=True)
+    top = scene.tops_mm[side]
+    within = errors * np.minimum(1.0, top / np.maximum(length, top))  # no longer than where the colours end
+    points = np.vstack([places, places + scale * within, scene.frames.positions.reshape(-1, 3)])
     tool = origins(scene.cell, [scene.cell.arm.tool], scene.frames)[scene.rank.argmin(), 0, :2]
     eye = frame(points, np.full(len(points), 0.05 * reach(scene.frames)), tool, BESIDE, ASPECT)
     return rrb.Spatial3DView(

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.components import MarkerShape
 
 from testbench.bench.campaign import Cell
-from testbench.bench.rows import MM, UM
+from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
 from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
-from testbench.views.recording.pen import Line, Pen, snake, text_view
+from testbench.views.recording.curves import Curve, Curves, alone
+from testbench.views.recording.pen import Pen, snake, text_view
 from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import LOAD, NOISE, TASK, Colour
@@ -25,12 +25,15 @@ TIMELINES = ("worst_first", "point")
 LONGEST = 0.35  #: Of what is drawn of the largest error, at most [m].
 ARROW = 1e-4  #: Length of the force's arrow [m/N].
 THICK, CROSS = 0.004, 0.03  #: Radius of lines, and half a cross [m].
-BESIDE, ASPECT = (-0.6, 0.9, 0.4), 1.2
+BESIDE, ASPECT = (-0.6, 0.9, 0.4), 1.0
 """Where the eye is: ahead along the reach of the arm, beside it, above; width over height of its pane."""
 NEAR = (-0.62, -0.46, 0.28)  #: Of the eye that sees the panel, from its middle, over what is drawn there [1].
-ROOM = 0.6  #: Around what is seen of the arm [m].
+ROOM = 0.8  #: Around what is seen of the arm [m].
 LEAST = 0.5  #: What is drawn there at least [m].
-NOT_CORRECTED = "not corrected"
+NOT_CORRECTED, CORRECTED, INTERVAL = "not corrected", "corrected, ", "95 % interval"
+"""Names of what is drawn, and how those of corrections begin."""
+PLOT = (430.0, 270.0)  #: Size of the pane of the plot [ui points].
+LEAST_MM = 1e-3  #: What is less is drawn there: the axis is logarithmic [mm].
 
 
 @dataclass(frozen=True)
@@ -97,8 +100,8 @@ class Compensated:
 def write_compensated(path: Path, header: Header, scene: Compensated) -> None:
     """Write a corrected program for the Rerun viewer; an existing file is replaced only by a whole one."""
     header = replace(header, scales={"error_magnification": scene.scale})
-    times = (scene.rank, np.arange(len(scene.q)))
-    with recording(path, "compensated", header, _blueprint(scene)) as pen:
+    times, plot = (scene.rank, np.arange(len(scene.q)) + 1), _plot(scene)
+    with recording(path, "compensated", header, _blueprint(scene, plot)) as pen:
         pen.documents({"summary": scene.summary, "tables": scene.tables})
         run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
         run.texts("this_point", scene.point_words)
@@ -109,7 +112,8 @@ def write_compensated(path: Path, header: Header, scene: Compensated) -> None:
         for off in scene.offs:
             _write_way(pen, scene, off)
             _write_tool(run, scene, off)
-        _write_plots(run, scene)
+        plot.write(pen)
+        plot.write_cursor(run, _numbers(scene))
 
 
 def _write_arm(pen: Pen, scene: Compensated) -> None:
@@ -171,31 +175,34 @@ def _write_tool(pen: Pen, scene: Compensated, off: Off) -> None:
     pen.points(path, scene.places(off)[:, None])
 
 
-def _write_plots(pen: Pen, scene: Compensated) -> None:
-    """Distances of all, and once more of the corrected ones, with what is stated of the last."""
-    for k, off in enumerate(scene.offs):
-        size, look = np.linalg.norm(off.metres, axis=1), (off.colour, 2.0, MarkerShape.Circle, 3.0)
-        pen.line(Line(f"off_mm/{snake(off.name)}", f"{off.name} (mm)", *look), MM * size)
-        if k:
-            pen.line(Line(f"left_um/{snake(off.name)}", f"{off.name} (um)", *look), UM * size)
+def _numbers(scene: Compensated) -> Array:
+    """Of the points, from 1, (points,)."""
+    return np.arange(1.0, len(scene.q) + 1)
+
+
+def _plot(scene: Compensated) -> Curves:
+    """Distances of all, and what is stated of the last."""
+    point = _numbers(scene)
     last = scene.offs[-1]
+    values = [(off.name.removeprefix(CORRECTED), off.colour, off.metres) for off in scene.offs]
+    lines = [(name, colour, np.linalg.norm(metres, axis=1)) for name, colour, metres in values]
     if last.half is not None and np.isfinite(last.half).all():
-        line = Line("left_um/stated", "95 % interval, widest axis (um)", NOISE, 1.5)
-        pen.line(line, UM * last.half.max(axis=1))
-
-
-def _blueprint(scene: Compensated) -> rrb.Blueprint:
-    """The arm at work, the panel from near by, words and errors beside them."""
-    legend = rrb.PlotLegend(rrb.Corner2D.RightTop)
-    plots = [
-        rrb.TimeSeriesView(origin="off_mm", name="Tool from where it was asked (mm)", plot_legend=legend),
-        rrb.TimeSeriesView(origin="left_um", name="The same, corrected (um)", plot_legend=legend),
+        lines.append((INTERVAL, NOISE, last.half.max(axis=1)))
+    curves = [
+        Curve(name, colour, point, alone(np.maximum(MM * metres, LEAST_MM)), dots=False)
+        for name, colour, metres in lines
     ]
-    words = [text_view("summary", "Summary"), text_view("this_point", "This point")]
-    beside = rrb.Vertical(*words, *plots, row_shares=[15, 2, 4, 4])
-    views = rrb.Vertical(_near(scene), _whole(scene), row_shares=[1, 1])
+    return Curves("off_mm", "Tool off where it was asked (mm) over point", curves, {}, size=PLOT)
+
+
+def _blueprint(scene: Compensated, plot: Curves) -> rrb.Blueprint:
+    """The arm at work, the panel from near by, words and errors beside them."""
+    point = text_view("this_point", "This point")
+    below = rrb.Horizontal(_whole(scene), plot.view(), column_shares=[5, 7])
+    shown = rrb.Vertical(_near(scene), below, row_shares=[5, 5])
+    words = rrb.Vertical(text_view("summary", "Summary"), point, row_shares=[4, 1])
     return layout(
-        rrb.Horizontal(views, beside, column_shares=[3, 2], name="Overview"),
+        rrb.Horizontal(shown, words, column_shares=[11, 8], name="Overview"),
         text_view("tables", "Tables"),
         timeline=TIMELINES[0],
         places=len(scene.q),
@@ -208,7 +215,7 @@ def _whole(scene: Compensated) -> rrb.Spatial3DView:
     eye = frame(points, np.full(len(points), ROOM), scene.asked.mean(axis=0)[:2], BESIDE, ASPECT)
     return rrb.Spatial3DView(
         origin="world",
-        name=f"The arm (m), bent by the process x {scene.scale:g}",
+        name=f"Arm (m), bent x {scene.scale:g}",
         eye_controls=orbit(*eye),
     )
 

@@ -44,6 +44,11 @@ class Curve:
     dots: bool = True  #: Whether its values are marked.
 
 
+def alone(values: Array) -> Array:
+    """Values (n,) without a spread, (n, 3)."""
+    return np.asarray(np.tile(values[:, None], 3))
+
+
 @dataclass(frozen=True)
 class Curves:
     """Lines over a quantity."""

@@ -31,10 +31,11 @@ from testbench.views.recording.style import LOAD, NOISE, NOMINAL, TASK
 from testbench.views.recording.swept import Sweep
 from testbench.views.recording.tracker import HEAD, feet, write_sights, write_tracker
 
+MANY = 20  #: Poses beyond which they are neither numbered nor joined: numbers would cover each other.
 MOST_CANDIDATES = 2000  #: Candidates drawn at most, evenly picked.
 BESIDE = (0.45, 0.9, 0.4)  #: Where the eye is: beyond the arm on the way to the tracker, beside, above [1].
 LONGER = 2.0  #: Arrow of a pull over that of a weight, which has its cube too [1].
-NARROW, WIDE = 0.9, 1.4  #: Width over height of the panes of the plan and of the error map [1].
+NARROW, WIDE = 1.6, 1.4  #: Width over height of the panes of the plan and of the error map [1].
 
 
 @dataclass(frozen=True)
@@ -116,10 +117,12 @@ def _write_places(pen: Pen, scene: PlanScene, size: float) -> None:
     """Tool positions: candidates, the plan with its numbers and its path, tasks."""
     pen.still("world/candidates", rr.Points3D(scene.drawn_candidates(), colors=NOISE, radii=-1.1))
     tools = scene.bodies(scene.cell.arm.tool)[:, 0]
+    few = scene.poses <= MANY
     numbers = [str(k + 1) for k in range(scene.poses)]
-    points = rr.Points3D(tools, labels=numbers, colors=NOMINAL, radii=0.014 * size, show_labels=True)
+    points = rr.Points3D(tools, labels=numbers, colors=NOMINAL, radii=0.014 * size, show_labels=few)
     pen.still("world/plan/positions", points)
-    pen.still("world/plan/path", rr.LineStrips3D([tools], colors=NOMINAL, radii=-0.7))
+    if few:
+        pen.still("world/plan/path", rr.LineStrips3D([tools], colors=NOMINAL, radii=-0.7))
     tasks = scene.error_map.tasks
     if len(tasks):
         write_cubes(pen, "world/tasks", tasks, np.full(len(tasks), 0.012 * size), TASK)

@@ -27,7 +27,7 @@ TIMELINES = ("worst_first", "pose")
 LONGEST, WIDEST = 0.22, 0.18  #: Of an arrow and of a semi-axis at most, over the reach of the arm [1].
 MOST_SCALE = 1000.0  #: Magnification at most [1].
 BESIDE = (0.35, 0.9, 0.35)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
-NARROW, WIDE = 0.7, 0.62  #: Width over height of the panes of the arm and of the map [1].
+NARROW, WIDE = 0.95, 1.25  #: Width over height of the panes of the arm and of the map [1].
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class PredictionScene:
 
     cell: Cell  #: The arm.
     q: Array  #: Joints of the poses that are shown, (poses, n) [rad, m].
+    number: Ids  #: Of these poses in the order of the file, from 1, (poses,).
     start: Array  #: Points of the unloaded tool, its origin first, (poses, k, 3) [m].
     deflection: Array  #: How far they move, (poses, k, 3) [m].
     half_mm: Array  #: Half width of the tool's own, (poses,) [mm]; infinite where nothing was seen.
@@ -88,7 +89,7 @@ def _step(most: float, length: float) -> float:
 def write_prediction(path: Path, header: Header, scene: PredictionScene) -> None:
     """Write a prediction for the Rerun viewer; an existing file is replaced only by a whole one."""
     scales = {"deflection_magnification": scene.scale, "ellipsoid_magnification": scene.give_scale}
-    times = (scene.rank, np.arange(len(scene.q)))
+    times = (scene.rank, scene.number)
     with recording(path, "prediction", replace(header, scales=scales), _blueprint(scene)) as pen:
         pen.documents({"summary": scene.summary, "tables": scene.tables})
         run = pen.on(*(rr.TimeColumn(n, sequence=k) for n, k in zip(TIMELINES, times, strict=True)))
@@ -136,11 +137,11 @@ def _blueprint(scene: PredictionScene) -> rrb.Blueprint:
         name="Deflection of the tool (mm)",
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
-    words = [text_view("summary", "Summary"), text_view("this_pose", "This pose")]
-    beside = rrb.Vertical(*words, plot, row_shares=[18, 5, 8])
-    key = key_view("map_key_mm", scene.map.scale)
-    field = rrb.Vertical(_map_view(scene), key, row_shares=[10, 1])
-    overview = rrb.Horizontal(_arm_view(scene), field, beside, column_shares=[8, 8, 7], name="Overview")
+    below = rrb.Horizontal(text_view("this_pose", "This pose"), plot, column_shares=[1, 1])
+    field = rrb.Vertical(_map_view(scene), key_view("map_key_mm", scene.map.scale), row_shares=[8, 2])
+    shown = rrb.Vertical(rrb.Horizontal(_arm_view(scene), field), below, row_shares=[7, 3])
+    summary = text_view("summary", "Summary")
+    overview = rrb.Horizontal(shown, summary, column_shares=[12, 7], name="Overview")
     return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0], places=len(scene.q))
 
 
