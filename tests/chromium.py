@@ -1,8 +1,11 @@
 """Pages opened in a headless Chromium, with all that they say and ask for."""
 
+import inspect
 import shutil
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,18 +50,34 @@ class Opened:
         ]
 
 
-@pytest.fixture(scope="module")
+THREAD = ThreadPoolExecutor(1, "browser")
+"""Where pages are opened: playwright's event loop would be in the way of other tests in the main thread."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that opens pages in the browser's thread."""
+    if "open_page" not in pyfuncitem.fixturenames:
+        return None
+    own = inspect.signature(pyfuncitem.obj).parameters
+    THREAD.submit(pyfuncitem.obj, **{name: pyfuncitem.funcargs[name] for name in own}).result()
+    return True
+
+
+@pytest.fixture(scope="session")
 def browser() -> Iterator["Browser"]:
-    """One Chromium for a file of tests: its event loop would be in the way of other tests."""
+    """One Chromium for all tests; nothing but its own thread may touch it."""
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:
         pytest.skip("no Chromium to open pages in: install the Debian package chromium")
     from playwright.sync_api import sync_playwright  # half a second
 
-    with sync_playwright() as play:
-        running = play.chromium.launch(executable_path=program, chromium_sandbox=False, args=FLAGS)
-        yield running
-        running.close()
+    play = THREAD.submit(sync_playwright().start).result()
+    launch = partial(play.chromium.launch, executable_path=program, chromium_sandbox=False, args=FLAGS)
+    running = THREAD.submit(launch).result()
+    yield running
+    THREAD.submit(running.close).result()
+    THREAD.submit(play.stop).result()
 
 
 @pytest.fixture
@@ -85,4 +104,4 @@ def open_page(browser: "Browser") -> Iterator[Callable[..., Opened]]:
 
     yield opened
     for context in contexts:
-        context.close()
+        THREAD.submit(context.close).result()

@@ -7,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from chromium import browser, open_page  # noqa: F401  # fixtures
+from chromium import browser, open_page, pytest_pyfunc_call  # noqa: F401
 from matplotlib.figure import Figure
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
