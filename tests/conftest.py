@@ -17,6 +17,7 @@ from testbench.bench.campaign import Cell, build_cell
 SAVE = Figure.savefig
 MODELS = Path(__file__).resolve().parents[1] / "models"
 
+pytest.register_assert_rewrite("page_checks")
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
 
 

@@ -17,3 +17,8 @@ def check_page(open_page: Callable[..., Opened], page: Path, told: Sequence[str]
         shown.page.set_viewport_size({"width": width, "height": 844})
         assert shown.faults() == []
     return shown
+
+
+def said(shown: Opened) -> str:
+    """What the page says of the pose that it shows."""
+    return shown.page.locator("#scene .says").first.inner_text()

@@ -5,6 +5,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
+from page_checks import check_page, said
 from read_back import chunks_of, columns, document, rerun, views
 
 from testbench.arm.catalogue import find_arm
@@ -56,3 +57,9 @@ def test_the_words_of_the_recording_are_what_must_be_confirmed(folder):
     assert "| 18 | link_2's tube 340/310 mm, E 110 GPa, assumed |" in words
     assert "No doubts." in words
     assert {origin for origin, *_ in views(folder / "recording.rrd")} == {"world", "summary"}
+
+
+def test_the_page_shows_the_arm_and_what_must_be_confirmed(folder, open_page):
+    checked = check("kr500_l480")
+    shown = check_page(open_page, folder / "report.html", [item.words for item in checked.items[:5]])
+    assert said(shown).startswith("Pose of median sag")

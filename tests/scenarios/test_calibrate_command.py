@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_checks import check_page, said
 from read_back import chunks_of, columns, document, panes, rerun, series, views
 from run_here import here
 
@@ -394,3 +395,11 @@ def test_a_new_series_by_the_name_of_a_known_one_is_refused_without_frame_poses(
     assert done.returncode == 2
     assert "with --frame-poses it gets a frame of its own" in " ".join(done.stderr.split())
     assert run("score", made[0], same, "--frame-poses", 20).returncode == 0
+
+
+def test_the_page_shows_what_pays_and_opens_at_the_worst_reading_of_all(made, report, open_page):
+    told = [f"{row['after_mm']:.3f}" for row in report["steps"]]
+    told += [f"{row[when]['mean_mm']:.3f}" for row in report["series"] for when in ("before", "after")]
+    shown = check_page(open_page, made[0] / "report.html", told)
+    assert f"{report['total_after']['max_mm']:.3f} mm calibrated" in said(shown)
+    assert shown.page.locator(".pane").count() == 2

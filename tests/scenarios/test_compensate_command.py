@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from page_checks import check_page, said
 from run_here import here
 
 from testbench.bench.campaign import Scenario, simulate
@@ -215,3 +216,12 @@ def test_a_file_that_is_no_corrected_program_is_not_replaced(folder, corrected, 
     done = run(folder / "true", out / "mill.csv", "--out", out / "mill.csv")
     assert done.returncode == 2
     assert "is read by this command" in done.stderr
+
+
+def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
+    folder = corrected[0] / "right_report"
+    report = json.loads((folder / "report.json").read_text())
+    told = [f"{report['before_mm'][key]:.3f}" for key in ("median", "p95", "max")]
+    words = said(check_page(open_page, folder / "report.html", told))
+    assert words.startswith(f"Point {report['worst']['label']}, line {report['worst']['line']}.")
+    assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_checks import check_page
+from page_checks import check_page, said
 from read_back import chunks_of, columns, document, panes, rerun, series, views
 from run_here import here
 
@@ -158,9 +158,8 @@ def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tm
 def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(made, report, open_page):
     told = [f"{model['check']['rms_mm']:.3f}" for model in report["models"]]
     told += [f"{row['taken_mm']:.3f}" for row in report["residuals"]]
-    page = check_page(open_page, made[0] / "report.html", told).page
+    shown = check_page(open_page, made[0] / "report.html", told)
     worst = max(report["residuals"], key=lambda row: row["taken_mm"])
-    assert page.locator("#scene .says").first.inner_text().startswith(f"Run {worst['run']}")
-    assert (
-        page.locator("#map button").inner_text() == f"worst: {report['map']['worst']['half_width_mm']:.3g} mm"
-    )
+    assert said(shown).startswith(f"Run {worst['run']}")
+    half = report["map"]["worst"]["half_width_mm"]
+    assert shown.page.locator("#map button").inner_text() == f"worst: {half:.3g} mm"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_checks import check_page, said
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import build_cell
@@ -45,7 +46,7 @@ def report(planned):
     return json.loads((planned / "plan.json").read_text())
 
 
-def test_a_plan_is_six_files_with_the_answer_first(planned, report):
+def test_a_plan_is_seven_files_with_the_answer_first(planned, report):
     assert sorted(p.name for p in planned.iterdir()) == FILES
     asked = json.loads((planned / "manifest.json").read_text())["scenario"]
     assert (asked["absolute"], asked["loads_kg"], asked["orders"]) == (True, [5.0], 1)
@@ -102,3 +103,11 @@ def test_flags_that_do_not_fit_are_one_line(flags, said, tmp_path):
     assert code == 2
     assert error.startswith(f"error: {said}")
     assert error.count("\n") == 1
+
+
+def test_the_page_shows_the_poses_and_where_the_arm_will_err(planned, report, open_page):
+    ends = [(row["expected_error_mm"], row["expected_error_p05_mm"]) for row in report["plan"]]
+    told = [f"{mm:.3f} ({low:.3f} to" for mm, low in ends]
+    shown = check_page(open_page, planned / "report.html", told)
+    shown.page.locator("#map button").click()
+    assert said(shown).startswith("Place ")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_checks import check_page, said
 
 from testbench.bench.campaign import Scenario, hanging, measure
 from testbench.bench.models import MODELS
@@ -278,3 +279,13 @@ def test_the_tasks_of_the_docs_are_feasible(kr500):
     tasks = read_tasks(TASKS, kr500, hung(kr500, 460.0))
     assert len(tasks.q) == 20
     assert in_area(kr500.vjm, Scenario(arm="kr500_l480").station, tasks.q).all()
+
+
+def test_the_page_shows_poses_and_tasks_and_a_task_that_is_clicked(planned, report, open_page):
+    ends = [(row["expected_error_mm"], row["expected_error_p05_mm"]) for row in report["plan"]]
+    told = [f"{mm:.3f} ({low:.3f} to" for mm, low in ends]
+    told += [f"{report['joints_alone_mm']:.3f}", f"{report['random_plans']['median_mm']:.3f}"]
+    shown = check_page(open_page, planned / "report.html", told)
+    assert said(shown).startswith("Run 1. Hang ")
+    shown.page.locator(".runs svg[role=img]").first.click()
+    assert said(shown).startswith("Task ")

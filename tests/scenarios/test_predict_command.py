@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_checks import check_page, said
 from read_back import chunks_of, columns, document, panes, rerun, series, views
 from run_here import here
 
@@ -241,3 +242,12 @@ def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, m
         assert done.returncode == 2
         assert words in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_the_page_shows_every_pose_and_the_softest_place(made, open_page):
+    report = json.loads((made[0] / "report.json").read_text())
+    told = [f"{row['deflection_mm']:.3f}" for row in report["worst"]]
+    shown = check_page(open_page, made[0] / "report.html", told)
+    assert said(shown).startswith(f"Pose {report['worst'][0]['label']}.")
+    shown.page.locator("#map button").click()
+    assert f"{report['map']['worst_mm']:.3f} mm" in said(shown)

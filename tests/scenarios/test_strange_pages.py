@@ -1,0 +1,39 @@
+"""Names of strangers stand on pages as text: nothing of them runs."""
+
+import pytest
+from page_checks import check_page, said
+from run_here import here
+from serial_arms import write_arm
+
+from testbench.cli.program import program
+
+JOINT, FILE = "<img src=x onerror=alert(1)>|a", "<script>alert(2)<!--.csv"
+IN_XML = JOINT.replace("<", "&lt;").replace(">", "&gt;")
+
+
+def run(*args):
+    done = here(program([str(args[0])]), *args)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Checks of an arm with a joint of a strange name, and of readings in a file of a strange name."""
+    own = tmp_path_factory.mktemp("strange")
+    arm, data = write_arm(own / "arm", "zyy"), own / FILE
+    for name, strange in (("rigid.xml", IN_XML), ("elastic.toml", JOINT)):
+        path = arm / name
+        path.write_text(path.read_text().replace("joint_2", strange))
+    run("simulate", arm, "--poses", 4, "--payload-kg", 10, "--seed", 1, "--out", data)
+    run("check", arm, "--out", own / "checked")
+    run("data", "check", arm, data, "--out", own / "data")
+    return own
+
+
+def test_a_joint_and_a_file_that_are_called_as_scripts_are_text(folder, open_page):
+    shown = check_page(open_page, folder / "checked" / "report.html", [JOINT])
+    assert shown.page.locator("td", has_text=JOINT).count() == 2  # to confirm, and its share of the sag
+    shown = check_page(open_page, folder / "data" / "report.html", [FILE, JOINT])
+    assert said(shown).startswith("Run 1, pose 1. ")
+    run_or_load = shown.page.evaluate("document.querySelectorAll('script, img').length")
+    assert run_or_load == 3  # the data, our own, the figure
