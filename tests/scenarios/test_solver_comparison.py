@@ -41,7 +41,7 @@ def test_a_run_leaves_its_files_and_says_where(small):
     assert done.stderr == ""
     for name in ("report.md", "report.json", "solver_comparison.png", "dataset.csv"):
         assert name in done.stdout
-    assert max(map(len, done.stdout.splitlines()[:-3])) <= 80
+    assert max(map(len, done.stdout.splitlines()[:-4])) <= 80
 
 
 def test_report_has_its_keys(small):

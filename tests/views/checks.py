@@ -19,11 +19,11 @@ from testbench.views import markdown, terminal
 
 UNITS = {
     "mm": 1e-3, "um": 1e-6, "m": 1.0, "%": 1e-2, "s": 1.0, "ms": 1e-3, "kg": 1.0, "N": 1.0, "deg": 1.0,
-    "mrad": 1e-3, "urad": 1e-6, "kN": 1e3, "ppm": 1e-6, "1e-6 SI": 1e-6, "um/N": 1e-6, "um/(N m)": 1e-6,
+    "mrad": 1e-3, "urad": 1e-6, "kN": 1e3, "ppm": 1e-6, "10^-6 SI": 1e-6, "um/N": 1e-6, "um/(N m)": 1e-6,
     "urad/N": 1e-6, "urad/(N m)": 1e-6,
 }  # fmt: skip
 """What a unit is in SI."""
-BARE = ("%", "ppm", "1e-6 SI")
+BARE = ("%", "ppm", "10^-6 SI")
 """Units in a heading that no field's name has."""
 WORDS = {"percent": "%", "seconds": "s"}
 """Last words of a field's name that are units by another name; those that are no unit have none."""

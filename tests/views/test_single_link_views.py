@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_report, check_table, unit_in
+from checks import check_report, check_table, check_words, unit_in
 from made_up import around, fill, filled, single
 from read_back import PLACED, chunks_of, columns, document, picture, plotted
 
@@ -14,6 +14,7 @@ from testbench.studies.single_link.pinning import Expected, Pinning
 from testbench.studies.single_link.printed import Matrix, OwnData, OwnOrder, PrintedMatrices, SymmetricMatrix
 from testbench.studies.single_link.report import LinkModel, LinkReport, Paired, Printed
 from testbench.studies.single_link.study import STUDY
+from testbench.studies.single_link.summary import worst
 from testbench.studies.single_link.trial import Settings
 from testbench.studies.single_link.verdict import claims
 from testbench.studies.study import Run
@@ -32,8 +33,8 @@ SHAPE = {
     "symmetric": "symmetric",
     "eigenvalue below 0": "negative_eigenvalue_matrix",
     "of symmetric part below 0": "negative_eigenvalue",
-    "smallest eigenvalue, 1e-6 SI": "min_eigenvalue_matrix",
-    "smallest of symmetric part, 1e-6 SI": "min_eigenvalue",
+    "smallest eigenvalue, 10^-6 SI": "min_eigenvalue_matrix",
+    "smallest of symmetric part, 10^-6 SI": "min_eigenvalue",
     "F_M": "f_m",
     "floor": "f_m_floor",
 }
@@ -181,6 +182,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report, several):
     means = {"draws in which MGCO21 is closer to the truth": "name"}
     check_table(tables["paired"], wins, means | {f"than {n}": n for n in ("MLS36", "MLS21")})
     check_report(STUDY, report)
+    check_words(STUDY.words(report))
 
 
 def test_matrices_and_eigenvalues_are_those_of_their_title(report):
@@ -195,7 +197,7 @@ def test_matrices_and_eigenvalues_are_those_of_their_title(report):
     axes = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
     for title, C in found.items():
         text = grid(tables[f"matrix {title}"])
-        assert text.startswith(f"| {title}, 1e-6 SI | {' | '.join(axes)} |")
+        assert text.startswith(f"| {title}, 10^-6 SI | {' | '.join(axes)} |")
         for axis, row in zip(axes, C, strict=True):
             assert f"| {axis} | {' | '.join(f'{1e6 * x:.3f}' for x in row)} |" in text
     eigen = {
@@ -225,33 +227,46 @@ def test_words_name_the_best_whichever_it_is_and_never_exchange_the_methods(repo
     made = with_error(report, winner, position_rms_um=around(2.34), rotation_rms_urad=around(3.0))
     words, by_name = STUDY.words(made), {m.name: m for m in made.models}
     ls, ours = by_name["MLS36"], by_name["MGCO21"]
-    answer, statements = words.block("answer"), words.block("statements")
-    assert answer == (
+    answer, statements, more = (words.block(name) for name in ("answer", "statements", "more"))
+    assert answer.startswith(
+        f"Position error: GCO {ours.prediction.position_rms_um.median:.1f} um, "
+        f"least squares {ls.prediction.position_rms_um.median:.1f} um; "
+    )
+    assert answer.endswith(
         f"Conservative in {100 * ours.conservative:.4g} % of 99 draws with GCO, in "
         f"{100 * ls.conservative:.4g} % with least squares of 36 free entries, in "
-        f"{100 * by_name['MLS21'].conservative:.4g} % of 21 symmetric ones. Least position error: {winner}. "
-        f"GCO: {ours.prediction.position_rms_um.median:.1f} um, "
-        f"least squares: {ls.prediction.position_rms_um.median:.1f} um, "
-        f"symmetric {by_name['MLS21'].prediction.position_rms_um.median:.1f} um."
+        f"{100 * by_name['MLS21'].conservative:.4g} % of 21 symmetric ones."
     )
-    assert f"Least rotation error: {winner}." in statements
+    assert f"Least position error: {winner}." in more
+    assert f"Least rotation error: {winner}." in more
     assert f"symmetric in {100 * ls.symmetric:.4g} % of the draws" in statements
     assert f"negative eigenvalue in {100 * ls.negative_eigenvalue_matrix:.4g} %" in statements
     better = made.paired["MLS36"].gco_better
-    assert f"better than least squares in {better['position_rms_um']} of 99 draws" in statements
-    assert f"rotations in {better['rotation_rms_urad']}." in statements
+    assert f"better than least squares in {better['position_rms_um']} of 99 draws" in more
+    assert f"rotations in {better['rotation_rms_urad']}." in more
     middle_one = by_name["MLS21"]
+    assert f"(MLS21) errs {middle_one.prediction.position_rms_um.median:.1f} um: " in statements
     assert (
         f"MLS21, is conservative in "
         f"{100 * middle_one.conservative:.4g} %. GCO beats it in "
         f"{made.paired['MLS21'].gco_better['position_rms_um']} draws"
-    ) in statements
+    ) in more
 
 
 def test_models_of_the_same_error_are_alike(report):
     made = with_error(report, "MLS21", position_rms_um=2.02)
     made = with_error(made, "MGCO21", position_rms_um=2.0)
-    assert "Least position error: MGCO21 and MLS21 (alike)." in STUDY.words(made).block("answer")
+    assert "Least position error: MGCO21 and MLS21 (alike)." in STUDY.words(made).block("more")
+
+
+def test_the_worst_entry_is_that_of_the_largest_error_over_its_true_value(report):
+    true = np.diag([2e-6, 4e-6, 4e-6, 4e-6, 8e-6, 4e-6])
+    errors = {"MGCO21": np.diag([1e-6] * 4 + [6e-6, 1e-6]), "MLS36": np.diag([3e-6] * 4 + [7e-6, 1e-6])}
+    by_name = {m.name: m for m in report.models}
+    ours, theirs = (replace(by_name[n], entry_rms=C.tolist()) for n, C in errors.items())
+    found = worst(true, ours, theirs)
+    assert (found.name, found.unit) == ("c55", "urad/(N m)")
+    assert (found.true, found.gco, found.least_squares) == pytest.approx((8.0, 6.0, 7.0))
 
 
 def verdicts(report):
@@ -284,7 +299,7 @@ def test_eq_23_is_the_optimum_only_if_its_rounding_reaches_it(report, optimum, h
     )
     made = replace(report, eq_22_23=replace(report.eq_22_23, eq_23_from_the_data_of_eq_22=own))
     assert verdicts(made)[5] == holds
-    said = "- Not confirmed: Eq. (23) has the least F_M" in STUDY.words(judged(made)).block("statements")
+    said = "- Not confirmed: Eq. (23) has the least F_M" in STUDY.words(judged(made)).block("more")
     assert said != holds
 
 
@@ -293,7 +308,7 @@ def test_the_order_to_take_is_the_least_that_always_reaches_the_optimum(report, 
     order = [replace(r, reaches_optimum=1.0 if least and r.m >= least else 0.25) for r in report.order]
     made = judged(replace(report, order=order))
     text = made.which_m
-    assert text in STUDY.words(made).block("statements")
+    assert text in STUDY.words(made).block("more")
     draws = made.order_draws
     if least is None:
         assert text.startswith(f"No order m reaches the certified optimum of F_M in all {draws} draws.")

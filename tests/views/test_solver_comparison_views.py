@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_report, check_table, curves, unit_in
+from checks import check_report, check_table, check_words, curves, unit_in
 from made_up import fill, filled
 
 from testbench.studies.solver_comparison.recording import race
@@ -67,6 +67,7 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
     short = {"solver": "key", **{t: MEANS[t] for t in list(MEANS)[1:7]}, "RMS true, mm": "check_true.rms_mm"}
     check_table(tables["short"], report.solvers, short)
     text = check_report(STUDY, report)
+    check_words(STUDY.words(report))
     for row in report.local_minima.values():
         shares = f"{100 * row.share_sharp:.0f} | {100 * row.share_close:.0f}"
         line = f"| {row.m} | {row.starts_per_seed} in each of 2 seeds | {row.reference} | {shares} | "
@@ -76,9 +77,9 @@ def test_tables_show_the_reports_numbers_with_their_units(report):
 def test_the_answer_has_the_times_of_the_conic_program_and_of_the_papers_search(report):
     rows = {row.key: row for row in report.solvers}
     text = STUDY.words(report).block("answer")
-    assert f"takes {1000 * middle(rows['d'].seconds):.3g} ms" in text
-    assert f"to {100 * middle(rows['d'].relative_excess_bound):.2g} %" in text
-    assert f"(a) takes {rows['a'].times} the time" in text
+    assert f"takes {show(1000 * middle(rows['d'].seconds), '.3g')} ms" in text
+    assert f"F_M to {show(100 * middle(rows['d'].relative_excess_bound), '.2g')} %." in text
+    assert f"(a) takes {rows['a'].times} as long." in text
     assert ("never ends" in text) == report.targets.conic_never_above_paper.met
     never = [replace(row, ratio_to_conic=None) if row.key == "a" else row for row in report.solvers]
     assert "(a) never comes within 1 %." in STUDY.words(replace(report, solvers=never)).block("answer")

@@ -10,6 +10,7 @@ from testbench.studies.single_link.judge import Judged
 from testbench.studies.single_link.order import Order
 from testbench.studies.single_link.printed import Matrix, Numbers, PrintedMatrices, Rows
 from testbench.studies.single_link.trial import Fitted, Loads
+from testbench.trials.gain import Gain
 from testbench.trials.spread import Number
 
 
@@ -51,6 +52,25 @@ class Paired:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """Position errors of GCO beside others, draw by draw."""
+
+    least_squares: Gain  #: Of 36 free entries.
+    symmetric: Gain  #: Of 21 symmetric ones.
+
+
+@dataclass(frozen=True)
+class WorstEntry:
+    """The entry on the diagonal of C that GCO finds worst, over its true value; RMS errors in the unit."""
+
+    name: str  #: Such as c11.
+    unit: str
+    true: float
+    gco: float
+    least_squares: float
+
+
+@dataclass(frozen=True)
 class LinkReport:
     """report.json."""
 
@@ -67,6 +87,8 @@ class LinkReport:
     models: list[LinkModel]
     best_position: tuple[str, ...]
     best_rotation: tuple[str, ...]
+    gains: Gains
+    worst: WorstEntry
     paired: Mapping[str, Paired]
     order_draws: int
     order_range: tuple[float, float]

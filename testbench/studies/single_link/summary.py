@@ -8,14 +8,23 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
-from testbench.bench.rows import UM, dataset_row
+from testbench.bench.rows import MM, UM, dataset_row
 from testbench.data.dataset import Dataset
+from testbench.errors import Array
 from testbench.identify.factorised import order_range
 from testbench.studies.paper import EQ_22, EQ_23, RULE
 from testbench.studies.single_link.judge import absolute, eigenvalues, judge
 from testbench.studies.single_link.order import orders, ranks, share, which_m
 from testbench.studies.single_link.printed import printed_matrices, with_eigenvalues
-from testbench.studies.single_link.report import LinkDataset, LinkModel, LinkReport, Paired, Printed
+from testbench.studies.single_link.report import (
+    Gains,
+    LinkDataset,
+    LinkModel,
+    LinkReport,
+    Paired,
+    Printed,
+    WorstEntry,
+)
 from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,
@@ -29,9 +38,11 @@ from testbench.studies.single_link.trial import (
 )
 from testbench.studies.single_link.verdict import claims
 from testbench.studies.study import Trials
-from testbench.trials.spread import grouped, merge, wins
+from testbench.trials.gain import Gain, gained
+from testbench.trials.spread import grouped, merge, middle, wins
 from testbench.views.schema import best_of
 
+HALF = 3  #: Entries of translation, as many of rotation.
 SHARES = ("conservative", "symmetric", "negative_eigenvalue", "negative_eigenvalue_matrix")
 
 
@@ -61,6 +72,8 @@ def summary(asked: Settings, seeds: range, trials: Trials[LinkRow]) -> LinkRepor
         models=found,
         best_position=best_of({m.name: m.prediction.position_rms_um for m in found}).names,
         best_rotation=best_of({m.name: m.prediction.rotation_rms_urad for m in found}).names,
+        gains=Gains(*(_gain(by_name[GCO], by_name[other]) for other in (LEAST_SQUARES, SYMMETRIC))),
+        worst=worst(cell.arm.C_theta, *(next(m for m in found if m.name == n) for n in (GCO, LEAST_SQUARES))),
         paired=paired,
         order_draws=ordered,
         order_range=allowed,
@@ -116,3 +129,17 @@ def _paired(ours: Sequence[LinkRow], theirs: Sequence[LinkRow]) -> Paired:
     pairs = [(absolute(a), absolute(b)) for a, b in zip(ours, theirs, strict=True)]
     better = {key: wins([a[key] for a, _ in pairs], [b[key] for _, b in pairs]) for key in pairs[0][0]}
     return Paired(len(pairs), better)
+
+
+def _gain(ours: Sequence[LinkRow], theirs: Sequence[LinkRow]) -> Gain:
+    """By position errors, draw by draw."""
+    a, b = ([middle(row.prediction.position_rms_um) / UM * MM for row in rows] for rows in (ours, theirs))
+    return gained(ours[0].name, theirs[0].name, a, b)
+
+
+def worst(C: Array, ours: LinkModel, theirs: LinkModel) -> WorstEntry:
+    """The entry on the diagonal that GCO finds worst, over its true value."""
+    errors = [np.diag(model.entry_rms) for model in (ours, theirs)]
+    k = int(np.argmax(errors[0] / np.diag(C)))
+    unit = "um/N" if k < HALF else "urad/(N m)"
+    return WorstEntry(f"c{k + 1}{k + 1}", unit, *(UM * float(own[k]) for own in (np.diag(C), *errors)))

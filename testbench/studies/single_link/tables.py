@@ -13,7 +13,7 @@ from testbench.studies.single_link.trial import GCO, LEAST_SQUARES, SYMMETRIC
 from testbench.views.schema import Column, Table
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
-SI = "1e-6 SI"  #: Eigenvalues are in mixed SI units, as the paper's.
+SI = "10^-6 SI"  #: Eigenvalues are in mixed SI units, as the paper's.
 
 
 def _both(key: str, heading: str, unit: str = "", form: str = "yes", **more: object) -> Column:
@@ -22,7 +22,7 @@ def _both(key: str, heading: str, unit: str = "", form: str = "yes", **more: obj
 
 NAME = Column("name", "model")
 SMALLEST = _both(
-    "min_eigenvalue_matrix", "smallest eigenvalue", SI, ".3f", scale=UM, short="smallest\n1e-6 SI"
+    "min_eigenvalue_matrix", "smallest eigenvalue", SI, ".3f", scale=UM, short="smallest\n10^-6 SI"
 )
 SHAPE = (
     NAME,
@@ -32,7 +32,7 @@ SHAPE = (
     _both("negative_eigenvalue", "of symmetric part below 0", short="of sym.\npart"),
     SMALLEST,
     _both(
-        "min_eigenvalue", "smallest of symmetric part", SI, ".3f", scale=UM, short="of sym.\npart\n1e-6 SI"
+        "min_eigenvalue", "smallest of symmetric part", SI, ".3f", scale=UM, short="of sym.\npart\n10^-6 SI"
     ),
     _both("f_m", "F_M", form=".2f"),
     Column("f_m_floor", "floor", form=".2f", exact=True),

@@ -8,6 +8,7 @@ from testbench.bench.campaign import Truth
 from testbench.studies.six_dof_arm.trial import Judged, Measured
 from testbench.studies.solver_comparison.rows import SolverNumbers
 from testbench.trials.spread import Number, Spread, middle
+from testbench.views.schema import show
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class LocalMinima:
     @property
     def cap(self) -> str:
         """What the order costs: best found over the conic optimum."""
-        return f"{min(self.best_over_conic):.1e} to {max(self.best_over_conic):.1e}"
+        return f"{show(min(self.best_over_conic), '.1e')} to {show(max(self.best_over_conic), '.1e')}"
 
 
 @dataclass(frozen=True)
