@@ -28,6 +28,7 @@ from testbench.views.recording.compliance import colours, compress, scaled
 from testbench.views.recording.drawing import build_drawing
 from testbench.views.recording.error_map import shades
 from testbench.views.scale import scale_of
+from testbench.views.schema import show
 
 BUDGET = 2 * 2**20
 SMALL = {
@@ -325,7 +326,7 @@ def test_heatmaps_hold_truth_and_the_best_of_each_method(chunks, heavy, kr500):
     assert compress(np.array([-11.0, -1, 0, 1, 11])) == pytest.approx([-2, -1, 0, 1, 2])
     heads = columns(chunks, "/compliance/links/columns")["Points2D:labels"][0]
     assert heads == ["truth", *(about.models[k].name for k in shown)]
-    assert f"{true[1, 1]:.3e}" in document(chunks, "/compliance_table")
+    assert show(true[1, 1], ".3e") in document(chunks, "/compliance_table")
 
 
 def test_error_maps_of_all_models_have_one_scale_and_name_the_worst_place(chunks, heavy):

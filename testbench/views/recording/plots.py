@@ -14,7 +14,7 @@ from testbench.views.recording.pen import Line, Pen
 from testbench.views.recording.style import MEASURED, NOISE, Colour
 
 ERROR, DEFLECTION = "error_mm", "deflection_mm"
-SETS = ("identification", "check")
+SETS = {"identification": "fit", "check": "check"}  #: Sets of runs, and what they are called.
 THICK, THIN = 4.5, 1.5  #: Widths of lines that may lie on each other [ui points].
 MOST = 4  #: Models of which there is a histogram.
 BINS = 17
@@ -117,10 +117,10 @@ def histogram_grid(drawing: Drawing) -> rrb.Grid:
     views = [
         rrb.BarChartView(
             origin=f"histogram_um/{drawing.paths[k]}/{group}",
-            name=f"{drawing.names[k]}, {group} (+-{_edge(drawing):.3g} um)",
+            name=f"{drawing.names[k]}, {called} (+-{_edge(drawing):.3g} um)",
             plot_legend=rrb.PlotLegend(visible=False),
         )
-        for group in SETS
+        for group, called in SETS.items()
         for k in _pooled(drawing)
     ]
     return rrb.Grid(*views, grid_columns=len(_pooled(drawing)), name="Histogram")
