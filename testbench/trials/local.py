@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from itertools import islice
+from itertools import chain, islice
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -27,7 +27,7 @@ WATCH = 0.5  #: Time between looks of a process for its parent [s].
 def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None = None) -> Chunks:
     """The backend of one machine: so many processes with one BLAS thread each; one a core if None.
 
-    A single one is this process.
+    No more than there are chunks; a single one is this process.
 
     Raises:
         BenchError: When workers is below 1.
@@ -35,11 +35,12 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
     """
     if workers is not None and workers < 1:
         raise BenchError(f"workers: expected at least 1, got {workers}")
-    processes = workers or cpu_count()
-    if processes == 1:
-        yield from (do_chunk(work, seeds) for seeds in chunks)
+    rest = iter(chunks)
+    first = list(islice(rest, workers or cpu_count()))
+    if len(first) > 1:
+        yield from _in_processes(work, chain(first, rest), len(first))
     else:
-        yield from _in_processes(work, iter(chunks), processes)
+        yield from (do_chunk(work, seeds) for seeds in chain(first, rest))
 
 
 def _in_processes(work: Work, chunks: Iterator[Sequence[int]], processes: int) -> Chunks:

@@ -13,6 +13,7 @@ from unittest import mock
 import pytest
 from pyarrow import parquet
 
+from testbench import files
 from testbench.shell import command
 from testbench.studies import run
 
@@ -36,6 +37,20 @@ def here(app, *args):
     with argv, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = command.run(app, err.write)
     return subprocess.CompletedProcess(args, code, out.getvalue(), err.getvalue())
+
+
+@contextlib.contextmanager
+def numbers_alone():
+    """Studies leave their numbers alone.
+
+    Words, pictures, recording and page take longer than most trials: the whole run of a study has them.
+    """
+
+    def write(_, found):
+        files.write_json(run.to_json(found.report), found.folder / "report.json")
+
+    with mock.patch.object(run, "_write", write):
+        yield
 
 
 def heed_ctrl_c():

@@ -6,7 +6,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from run_here import app_of, here
+from run_here import app_of, here, numbers_alone
 
 from testbench.studies.pose_selection import plans
 
@@ -89,7 +89,7 @@ def test_what_is_possible_is_said_with_its_two_parts(report):
 
 def test_a_finished_run_is_resumed_without_planning_again(quick, tmp_path):
     out = shutil.copytree(quick[0], tmp_path / "out")
-    with mock.patch.object(plans, "make_plan", side_effect=AssertionError):
+    with mock.patch.object(plans, "make_plan", side_effect=AssertionError), numbers_alone():
         done = run("--seed", 2, "--seeds", 1, "--out", out, "--quick", "--workers", 1, "--resume")
     assert done.returncode == 0, done.stderr
     ours, theirs = ((folder / "report.json").read_text() for folder in (out, quick[0]))
