@@ -13,13 +13,14 @@ from typing import get_args
 import numpy as np
 import pytest
 from chromium import DESKTOP, IDLE, PHONE
-from run_here import app_of, heed_ctrl_c, here
+from pyarrow import parquet
+from run_here import app_of, heed_ctrl_c, here, numbers_alone
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.bench.truths import CALLED, FAMILY, TRUTHS, TrueArmName, true_cell
 from testbench.cli.program import program
-from testbench.data.csvfile import read_csv
+from testbench.data.csvfile import read_csv, write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
 
@@ -206,27 +207,44 @@ def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
     assert manifest["git"]
 
 
-def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
-    here(app_of(SCRIPT), "--seed", 3, "--out", tmp_path, "--quick", "--workers", 1)
-    assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
-    ours, theirs = (json.loads((p / "report.json").read_text()) for p in (tmp_path, quick[0]))
-    for a, b in zip(ours["models"], theirs["models"], strict=True):
-        assert (a["name"], a["rank"], a["conservative"]) == (b["name"], b["rank"], b["conservative"])
-        # where the data or a prior hold a fit, a solver's last digits are far below a millionth
-        held = (
-            ("identification", "check", "check_true", "workspace")
-            if a["prior"] or a["constraint"] == "none"
-            else ()
-        )
-        for group in {"identification", *held}:
-            assert a[group] == pytest.approx(b[group], rel=1e-6)
-        assert a["f_m"] == pytest.approx(b["f_m"], rel=1e-6)
+def rows_of(folder):
+    """What was found, by seed and model."""
+    rows = parquet.read_table(folder / "trials.parquet").to_pylist()
+    return {(row["seed"], row["name"]): row for row in rows}
 
 
-def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
-    done = here(app_of(SCRIPT), "--seed", 3, "--seeds", 2, "--out", tmp_path, "--quick", "--workers", 1)
+@pytest.fixture(scope="module")
+def several(tmp_path_factory):
+    """The seed of the quick run and the next one, in processes beside this one."""
+    out = tmp_path_factory.mktemp("several")
+    with numbers_alone():
+        done = here(app_of(SCRIPT), "--seed", 3, "--seeds", 2, "--out", out, "--quick", "--workers", 2)
     assert done.returncode == 0, done.stderr
-    report = json.loads((tmp_path / "report.json").read_text())
+    return out
+
+
+def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
+    asked = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
+    cell = build_cell("kr500_l480")
+    write_csv(calibrate(cell, asked, 3)[1].measured, cell.arm, tmp_path / "dataset.csv")
+    assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
+
+
+def test_same_seed_gives_the_same_models_in_other_processes_beside_other_seeds(quick, several):
+    alone, beside = rows_of(quick[0]), rows_of(several)
+    assert alone.keys() == {key for key in beside if key[0] == 3}
+    for key, a in alone.items():
+        b = beside[key]
+        assert (a["rank"], a["conservative"]) == (b["rank"], b["conservative"])
+        # where the data or a prior hold a fit, a solver's last digits are far below a millionth
+        held = a["prior"] or a["constraint"] == "none"
+        groups = ("identification", "check", "check_true", "workspace") if held else ("identification",)
+        for name in ("f_m", *(f"{group}.{score}" for group in groups for score in SCORES)):
+            assert a[name] == pytest.approx(b[name], rel=1e-6)
+
+
+def test_seeds_differ_and_several_become_median_and_spread(quick, several):
+    report = json.loads((several / "report.json").read_text())
     assert report["seed"] == [3, 4]
     assert report["true_arm"] == "family"
     assert report["template_is_true"] is False
@@ -248,21 +266,9 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, tmp_path):
 
 
 def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
-    done = here(
-        app_of(SCRIPT),
-        "--seed",
-        1,
-        "--out",
-        tmp_path,
-        "--quick",
-        "--workers",
-        1,
-        "--true-arm",
-        "tubes",
-        "--truth",
-        "linear",
-        "--no-noise",
-    )
+    flags = ["--true-arm", "tubes", "--truth", "linear", "--no-noise"]
+    with numbers_alone():
+        done = here(app_of(SCRIPT), "--seed", 1, "--out", tmp_path, "--quick", "--workers", 1, *flags)
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "report.json").read_text())
     rms = {m["name"]: m["check"]["rms_mm"] for m in report["models"]}
