@@ -120,6 +120,23 @@ def test_the_reviewer_lands_where_the_compared_models_differ_most(file, chunks, 
     assert all(f"{name} {heavy[0].map.error_mm[name][0]:.3f}" in text for name in names)
 
 
+def test_bars_are_as_long_as_the_errors_of_the_compared_models(chunks, heavy):
+    rows = {model.name: model for model in heavy[0].models}
+    lengths, compared = [], heavy[0].map.compared
+    for k, name in enumerate(compared):
+        for timeline in ("place", "load"):
+            there, mm = on(chunks, timeline), series(chunks, f"/error_mm/{name.lower()}", timeline)
+            strips = columns(there, "/error_bars_mm/bar")["LineStrips2D:strips"]
+            across = np.array([row[len(compared) + k] for row in strips])[:, :, 0]  # behind their frames
+            assert (across.min(axis=1) == 0).all()
+            labels = columns(there, "/error_bars_mm/name")["Points2D:labels"]
+            method = "GCO" if rows[name].constraint == "psd" else "LS"
+            assert [row[k] for row in labels] == [f"{method} ({name}): {x:.3f} mm" for x in mm]
+            lengths += zip(across.max(axis=1), mm, strict=True)
+    ends, mm = np.array(lengths).T
+    assert ends == pytest.approx(mm * ends.max() / mm.max(), abs=1e-3)
+
+
 def test_errors_by_place_are_those_of_the_report_and_of_arrows_and_markers(chunks, heavy):
     about, campaign = heavy[0], heavy[2]
     order = [list(campaign.truth.run).index(run) for run in about.map.run]

@@ -19,13 +19,14 @@ from testbench.views.recording.error_maps import error_maps_tab, write_error_map
 from testbench.views.recording.pen import Pen, text_view
 from testbench.views.recording.plots import (
     deflection_view,
+    error_bars_view,
     error_view,
     histogram_grid,
     write_histograms,
     write_plots,
 )
 from testbench.views.recording.run_text import place_lines, run_lines, words
-from testbench.views.recording.scene import map_camera, world_view, write_scene
+from testbench.views.recording.scene import loading_view, map_camera, world_view, write_scene
 from testbench.views.recording.stream import layout, recording
 
 PLACE, WORST, RUN, LOAD = "place", "worst_first", "run", "load"
@@ -90,13 +91,13 @@ def _blueprint(drawing: Drawing, chart: Chart) -> rrb.Blueprint:
     """Overview, error map, errors, loading and what else; the reviewer lands where models differ most."""
     here = rrb.Vertical(world_view(drawing), text_view("here", "What is shown"), row_shares=[7, 2])
     words = rrb.Vertical(text_view("summary", "Summary"), error_view(), row_shares=[2, 1])
-    plots = deflection_view(), error_view(rrb.Corner2D.LeftTop)
-    step = rrb.Vertical(*plots, text_view("here", "What is shown"), row_shares=[3, 3, 2])
+    beside = error_bars_view(drawing), deflection_view()
+    step = rrb.Vertical(*beside, text_view("here", "What is shown"), row_shares=[7, 7, 4])
     return layout(
         rrb.Horizontal(here, words, column_shares=[11, 10], name="Overview"),
         error_maps_tab(drawing.about.map, orbit(*map_camera(drawing))),
         rrb.Vertical(chart.view(), name="Errors"),
-        rrb.Horizontal(world_view(drawing), step, name="Loading"),
+        rrb.Horizontal(loading_view(drawing), step, name="Loading"),
         histogram_grid(drawing),
         compliance_tab(drawing),
         text_view("compliance_table", "Numbers"),

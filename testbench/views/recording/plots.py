@@ -9,11 +9,13 @@ import rerun.blueprint as rrb
 from testbench.bench.rows import MM, UM
 from testbench.errors import Array
 from testbench.identify.evaluate import noise_limit, normal_density
+from testbench.views.recording.bars import bars_view, write_bars
 from testbench.views.recording.drawing import Drawing, States, over_markers
 from testbench.views.recording.pen import Line, Pen
 from testbench.views.recording.style import MEASURED, NOISE, Colour
 
-ERROR, DEFLECTION = "error_mm", "deflection_mm"
+ERROR, BARS, DEFLECTION = "error_mm", "error_bars_mm", "deflection_mm"
+METHODS = {"none": "LS", "free": "LS", "psd": "GCO"}  #: What a bar is named after, by constraint.
 SETS = {"identification": "fit", "check": "check"}  #: Sets of runs, and what they are called.
 THICK, THIN = 4.5, 1.5  #: Widths of lines that may lie on each other [ui points].
 MOST = 4  #: Models of which there is a histogram.
@@ -37,6 +39,7 @@ def write_plots(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
     if drawing.noise:
         line = Line(f"{ERROR}/noise_p95", "95 % of pure noise", NOISE, 1.5)
         runs.line(line, np.full(drawing.data.runs, MM * noise_limit(drawing.data)))
+    _write_bars(runs, places, load, drawing)
     _write_deflection(drawing, ((runs, drawing.runs), (places, drawing.places), (load, drawing.loading)))
 
 
@@ -62,12 +65,31 @@ def _write_deflection(drawing: Drawing, on: Sequence[tuple[Pen, States]]) -> Non
             pen.values(line, MM * over_markers(states.predicted[k]))
 
 
-def error_view(legend: rrb.Corner2D = rrb.Corner2D.RightTop) -> rrb.TimeSeriesView:
+def _compared(drawing: Drawing) -> list[int]:
+    """Indices of the models that are compared."""
+    return [drawing.names.index(name) for name in drawing.about.map.compared]
+
+
+def _write_bars(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
+    """The errors of the compared models, the one beside the other."""
+    every, own = _compared(drawing), [drawing.about.models[k] for k in _compared(drawing)]
+    names = [m.name if m.structure == "Joints" else f"{METHODS[m.constraint]} ({m.name})" for m in own]
+    on = (load, drawing.loading), (places, drawing.places), (runs, drawing.runs)
+    colours = [drawing.looks[k].colour for k in every]
+    write_bars(BARS, names, colours, [(pen, MM * states.rms[every]) for pen, states in on])
+
+
+def error_bars_view(drawing: Drawing) -> rrb.Spatial2DView:
+    """Bars of the compared models."""
+    return bars_view(BARS, "Error (mm), RMS over markers", len(_compared(drawing)))
+
+
+def error_view() -> rrb.TimeSeriesView:
     """Errors of the shown models by place, by run or over the load, whichever timeline is chosen."""
     return rrb.TimeSeriesView(
         origin=ERROR,
         name="Error (mm): RMS over markers by place; worst marker by run, dots: check",
-        plot_legend=rrb.PlotLegend(legend),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
 
 
@@ -75,7 +97,7 @@ def deflection_view() -> rrb.TimeSeriesView:
     """The same of the deflection, true (of runs measured) and predicted."""
     return rrb.TimeSeriesView(
         origin=DEFLECTION,
-        name="Deflection (mm), RMS over markers: over load (%), place or run",
+        name="Deflection (mm), RMS over markers",
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
     )
 

@@ -28,6 +28,8 @@ ASPECT = 1.25  #: Width over height of the narrowest pane that shows the arm [1]
 SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
 MARKERS = "world/markers"
 APART = 2.5  #: Distance of arrows at one marker over their radius: none hides another [1].
+CLOSE, THICK = 0.85, 0.07
+"""Width over height of the pane of the loading; about half of how thick the arm is, over its reach [1]."""
 LEADER = 0.25  #: Length of the line to the label of the worst marker over the reach [1].
 STATION = (1.4, 0.4)
 """Where the tracker is drawn: how far ahead of the measured markers and how high, over the reach [1]."""
@@ -187,6 +189,23 @@ def world_view(drawing: Drawing) -> rrb.Spatial3DView:
     )
 
 
+def loading_view(drawing: Drawing) -> rrb.Spatial3DView:
+    """The same from nearby, where the arm is loaded step by step; bars beside it name the errors."""
+    hidden = (
+        f"{ERROR_MAP}/**",
+        "world/tracker/**",
+        "world/sight",
+        f"{MARKERS}/worst_label",
+        f"{MARKERS}/worst_leader",
+    )
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=["+ $origin/**", *(f"- {path}" for path in hidden)],
+        name=f"Arm (m): deflection x {drawing.about.magnification:g}, errors x {drawing.loading.scale:g}",
+        eye_controls=orbit(*loading_camera(drawing)),
+    )
+
+
 def camera(drawing: Drawing) -> tuple[Array, Array]:
     """Eye and target, each (3,) [m]: every place, every run and the tracker in view, the first from aside.
 
@@ -201,6 +220,18 @@ def camera(drawing: Drawing) -> tuple[Array, Array]:
     ahead, aside, above = SIDE
     sides = [frame(found, np.full(len(found), HEAD), tool, (ahead, s * aside, above)) for s in (1, -1)]
     return max(sides, key=lambda side: float(np.linalg.norm(side[0] - tracker)))
+
+
+def loading_camera(drawing: Drawing) -> tuple[Array, Array]:
+    """The same for the arm that is loaded step by step, its markers and what hangs from it."""
+    states, away = drawing.loading, [0, 0, 2 * ARROW * drawing.reach]
+    markers = drawing.bodies(drawing.data.markers, states.ghost).reshape(-1, 3)
+    hooks = drawing.bodies([drawing.cell.arm.load], states.ghost)[:, 0]
+    points = np.vstack(
+        [*states.rigid.positions[:1, 1:], *states.ghost.positions[-1:, 1:], markers, hooks - away]
+    )
+    tool = drawing.bodies([drawing.cell.arm.tool], states.rigid)[0, 0, :2]
+    return frame(points, np.full(len(points), THICK * drawing.reach), tool, aspect=CLOSE)
 
 
 def map_camera(drawing: Drawing) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from testbench.views.recording import headless
 from testbench.views.recording.film import check_ffmpeg, write_film
 from testbench.views.recording.viewer import newest
 
-STILL, MOVING = "1600x1000", "800x516"  #: Usual sizes; a film of the latter is 800 x 450.
+STILL, MOVING = "1600x1000", "800x566"  #: Usual sizes; a film of the latter is 800 x 500.
 LOADING = ("Loading", "load")  #: Tab and timeline of the weight being hung.
 FRAMES = 21  #: Most pictures of a film: the loading has as many steps.
 BARS = 66  #: Height of the viewer's own bar and of the tabs, which a film leaves out [pixel].
