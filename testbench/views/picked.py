@@ -8,15 +8,16 @@ from testbench.errors import Array
 POSES, FAR = 240, 40  #: Poses that are drawn at most, and those of largest error among them.
 
 
-def picked(size: Array, rows: Ids) -> Ids:
+def picked(size: Array, rows: Ids, far: int = FAR) -> Ids:
     """Places of the largest of some rows and of others evenly, in their order.
 
     Args:
         size: Error, or deflection, of every row, (n,).
         rows: Those to choose from.
+        far: How many of the largest; of a path one, as its neighbours are as large.
     """
-    far = rows[np.argsort(-size[rows], kind="stable")[:FAR]]
-    return np.union1d(far, evenly(rows, POSES - FAR))
+    largest = rows[np.argsort(-size[rows], kind="stable")[:far]]
+    return np.union1d(largest, evenly(rows, POSES - far))
 
 
 def evenly(rows: Ids, most: int) -> Ids:

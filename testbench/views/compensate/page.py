@@ -37,7 +37,7 @@ SIZES = (
 def seen(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Seen:
     """What the page of a corrected program draws."""
     own, points = found.found, found.program.points
-    some = picked(np.linalg.norm(own.before, axis=1), np.arange(points))
+    some = picked(np.linalg.norm(own.before, axis=1), np.arange(points), far=1)
     rows = [report.rows[k] for k in some]
     before = np.array([row.before_mm for row in rows])
     half = np.array([np.nan if row.half_95_mm is None else row.half_95_mm for row in rows])

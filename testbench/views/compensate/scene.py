@@ -17,7 +17,7 @@ from testbench.views.recording.compensated import CORRECTED, NOT_CORRECTED, Comp
 def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Compensated:
     """The arm along its program: where the loaded tool would go, and where it goes corrected."""
     own, state = found.found, found.model.state
-    some = picked(np.linalg.norm(own.before, axis=1), np.arange(found.program.points))
+    some = picked(np.linalg.norm(own.before, axis=1), np.arange(found.program.points), far=1)
     loads = [load.of(some) for load in found.loads]
     q = own.start[some]
     off = Off(NOT_CORRECTED, MEASURED, own.before[some])

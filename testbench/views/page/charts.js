@@ -120,11 +120,24 @@ function apart(places, step, low, high) {
   return out;
 }
 
+const LETTERS = document.createElement("canvas").getContext("2d");
+LETTERS.font = "700 12px system-ui, sans-serif";
+
+/** How wide a text is, bold. */
+const wide = (text) => LETTERS.measureText(text).width;
+
+/** A text, or its beginning that is no wider. */
+function fitted(text, most) {
+  if (wide(text) <= most) return text;
+  let end = text.length;
+  while (end && wide(`${text.slice(0, end)}\u2026`) > most) end--;
+  return `${text.slice(0, end)}\u2026`;
+}
+
 function drawColumn(table, k, width) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
   const names = rows.map((row) => row.cells[0].text);
-  const left = Math.min(12 + 7.2 * Math.max(...names.map((n) => n.length)), 0.42 * width);
-  const fit = (name) => (12 + 7.2 * name.length <= left ? name : `${name.slice(0, Math.floor((left - 12) / 7.2) - 1)}\u2026`);
+  const most = 0.42 * width - 14, left = 14 + Math.min(most, Math.max(...names.map(wide)));
   const [line, top, right] = [21, 6, 74];
   const height = top + line * rows.length + 22;
   const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
@@ -137,7 +150,7 @@ function drawColumn(table, k, width) {
   rows.forEach((row, i) => {
     const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";
-    const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, fit(names[i]));
+    const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, fitted(names[i], most));
     name.append(make("title", {}, `${names[i]}: ${cell.text}`));
     svg.append(name);
     if (cell.low !== undefined && cell.high > cell.low)
@@ -159,7 +172,7 @@ function said(line, k) {
 
 /** A number a pose and model; hovering reads them, a click shows the arm there. */
 function runChart(place, chart, names, choose) {
-  const { labels } = chart;
+  const labels = chart.labels.map((label) => fitted(label, 110));
   const [width, height, left, bottom] = [Math.max(place.clientWidth, 320), 230, 44, 24];
   const n = names.length;
   const order = [...names.keys()];
@@ -192,8 +205,8 @@ function runChart(place, chart, names, choose) {
       if (low != null && high != null) svg.append(make("line", { x1: at(i), x2: at(i), y1: y.place(low), y2: y.place(high), stroke: line.colour, "stroke-width": Math.min(2.5, radius), opacity: 0.6 }));
       svg.append(dot(at(i), y.place(line.values[k]), line, radius));
     }));
-    const every = Math.ceil(n / (width / 70));
-    order.forEach((k, i) => i % every === 0 && svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": "middle" }, labels[k])));
+    const every = Math.ceil((n * (Math.max(...labels.map(wide)) + 14)) / (width - left));
+    order.forEach((k, i) => i % every === 0 && svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": at(i) > width - 30 ? "end" : "middle" }, labels[k])));
   };
   const nearest = (event) => {
     const box = svg.getBoundingClientRect();

@@ -182,7 +182,9 @@ function drawLayer(pen, project, layer, pose, ratio) {
   for (let k = 0; k < from.length; k += 3) {
     if (from[k] === null || (to && to[k] === null)) continue;
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
-    if (layer.labels.length) written(pen, layer.labels[k / 3], out[0] + 7 * ratio, out[1] - 5 * ratio, ratio);
+    if (to) project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
+    const end = to ? 3 : 0;
+    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio);
     pen.strokeStyle = pen.fillStyle = layer.colour;
     pen.lineWidth = (layer.kind === "lines" ? 1.5 : 2.6) * ratio;
     pen.beginPath();
@@ -191,7 +193,6 @@ function drawLayer(pen, project, layer, pose, ratio) {
       pen.fill();
       continue;
     }
-    project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
     pen.moveTo(out[0], out[1]);
     pen.lineTo(out[3], out[4]);
     pen.stroke();
