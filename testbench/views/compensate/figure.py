@@ -10,10 +10,10 @@ from testbench.bench.compensate_report import CompensationReport
 from testbench.errors import Array
 from testbench.views.colours import GCO, MEASURED, hexadecimal
 from testbench.views.figure import SOFT, quiet
+from testbench.views.magnified import round_scale
 
 BEFORE, AFTER = hexadecimal(MEASURED), hexadecimal(GCO)
 SHARE = 0.12  #: Longest error as it is drawn, over the size of the path [1].
-ROUND = (1, 2, 5)  #: Steps of a magnification.
 MARKED = 40  #: Points up to which each has a dot.
 ARROWS = 25  #: Errors that are drawn as arrows.
 TITLE = 26  #: Of a title above its legend [pt].
@@ -39,9 +39,7 @@ def overview(found: CorrectedProgram, report: CompensationReport) -> Figure:
 def magnified(before: Array, size: float) -> float:
     """How many times errors are drawn as large, so that the largest shows beside a path of this size [m]."""
     largest = float(np.linalg.norm(before, axis=1).max()) or 1e-3
-    wanted = SHARE * size / largest
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (*ROUND, 10) if step * power <= wanted))
+    return round_scale(SHARE * size, largest)
 
 
 def _errors(axes: Axes, found: CorrectedProgram) -> None:

@@ -8,7 +8,9 @@ from testbench.errors import Array
 from testbench.identify.registered import Registered
 from testbench.identify.weighed import marker_points
 from testbench.model.vjm import tool_points
+from testbench.views.magnified import round_scale
 
+MOST = 1e4  #: Largest magnification [1].
 SHARE = 0.15  #: Length of the longest drawn deflection over the extent of the readings, before rounding [1].
 
 
@@ -28,6 +30,4 @@ def magnification(data: Dataset, nominal: Array) -> float:
     """Magnification 1, 2 or 5 times a power of ten for a longest deflection of at most SHARE."""
     longest = float(np.linalg.norm(data.deflection, axis=-1).max())
     extent = float(np.linalg.norm(np.ptp(nominal.reshape(-1, 3), axis=0))) or 1.0
-    wanted = min(SHARE * extent / max(longest, 1e-9), 1e4)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(1.0, power * max(k for k in (1, 2, 5) if k * power <= wanted * (1 + 1e-9))))
+    return max(1.0, round_scale(SHARE * extent, longest, most=MOST))

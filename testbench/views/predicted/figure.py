@@ -13,6 +13,7 @@ from testbench.data.dataset import Ids
 from testbench.model.vjm import body_poses
 from testbench.views.colours import GCO, MEASURED, hexadecimal
 from testbench.views.figure import SIZES, SOFT, quiet
+from testbench.views.magnified import round_scale
 
 OURS, MARK = hexadecimal(GCO), hexadecimal(MEASURED)
 NAMED = 30  #: Most poses whose name stands on the axis.
@@ -96,9 +97,7 @@ def _shown(made: Predicted) -> Ids:
 def _factor(made: Predicted, shown: Ids) -> float:
     """Magnification of the ellipsoids: 1, 2 or 5 times a power of ten [1]."""
     width = float(np.ptp(made.map.position, axis=0).max())
-    most = LARGEST * width / max(float(made.map.force * made.stiffness.give[shown, 0].max()), 1e-12)
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(max(k for k in (1, 2, 5) if k * power <= most) * power)
+    return round_scale(LARGEST * width, float(made.map.force * made.stiffness.give[shown, 0].max()))
 
 
 def _magnified(made: Predicted, shown: Ids) -> str:

@@ -16,6 +16,7 @@ from testbench.identify import Estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
 from testbench.views.colours import look
+from testbench.views.magnified import round_scale
 from testbench.views.recording.arm import origins, reach
 from testbench.views.recording.pen import snake
 from testbench.views.recording.stream import Header
@@ -24,7 +25,6 @@ from testbench.views.schema import Table
 
 ERROR_REACH = 0.2
 """Length of the longest error arrow of the shown models over the reach of the arm, before rounding [1]."""
-MAX_ERROR_SCALE = 1e5
 STEPS = 20  #: Steps of loading, from nothing to the whole load.
 
 
@@ -185,7 +185,7 @@ class _Drawn:
         """Runs of a dataset, their deflections by each model (models, runs, m, 3) [m]."""
         rigid, ghost, _ = self._arm(data.q, data.wrench, data.point)
         largest = np.linalg.norm((data.deflection - predicted)[list(self.about.shown)], axis=-1).max()
-        scale = _round_scale(ERROR_REACH * reach(rigid), float(largest))
+        scale = round_scale(ERROR_REACH * reach(rigid), float(largest))
         return States(data.deflection, predicted, data.wrench, data.wrench, rigid, ghost, scale)
 
     def loading(self, truth: Dataset, places: States, share: Array) -> States:
@@ -202,10 +202,3 @@ class _Drawn:
         theta = self.about.magnification * (after.theta - before.theta)
         ghost = elastic_frames(self.cell.plant, q, theta)
         return rigid_frames(self.cell.room, q), ghost, np.asarray(after.markers - before.markers)
-
-
-def _round_scale(drawn: float, true: float) -> float:
-    """Magnification 1, 2 or 5 times a power of ten, at most drawn / true."""
-    scale = min(drawn / max(true, 1e-30), MAX_ERROR_SCALE)
-    power = 10.0 ** np.floor(np.log10(scale))
-    return float(power * max(k for k in (1, 2, 5) if k * power <= scale * (1 + 1e-9)))
