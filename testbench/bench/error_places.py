@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.model.vjm import tool_pose
 
+Typical = Literal["RMS", "median"]
+TRUE = "distance to the true deflection, RMS over the markers"
 DIGITS = 4  #: Significant digits of a length that is kept: a report shows three.
 Q_DECIMALS, M_DECIMALS = 5, 4
 """Decimals of joints [rad, m] and of tool positions [m]: a place is found again within 0.1 mm."""
@@ -42,19 +45,33 @@ class WorstPlace:
 
 @dataclass(frozen=True)
 class ErrorPlaces:
-    """Errors of models by place, columns of equal length; where `compared` differ most is first.
-
-    An error is the distance from the predicted to the true deflection, RMS over the markers.
-    """
+    """Errors of models by place, columns of equal length; where `compared` differ most is first."""
 
     compared: tuple[str, ...]  #: Best of each method, the incumbent first, the recommended one last.
     run: tuple[int, ...]  #: Identifier in the campaign.
     q: tuple[tuple[float, ...], ...]  #: Joint angles [rad, m].
     joints: tuple[str, ...]  #: The same for people.
     position_m: tuple[tuple[float, ...], ...]  #: x, y and z of the tool without load, world axes.
-    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers.
-    error_mm: Mapping[str, tuple[float, ...]]  #: By name of the model.
-    worst: Mapping[str, WorstPlace]  #: By name of the model.
+    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers; without truth the predicted.
+    error_mm: Mapping[str, tuple[float | None, ...]]  #: By name of the model; None where it has no bound.
+    worst: Mapping[str, WorstPlace]  #: Of those with a bound, by name of the model.
+    error_is: str = TRUE  #: What an error is, in words.
+    typical: Typical = "RMS"  #: What stands for a model's errors all over the workspace.
+
+    def errors(self, name: str) -> Array:
+        """Of a model, (places,) [mm]; NaN where it has no bound."""
+        return np.array(self.error_mm[name], dtype=float)
+
+    def typical_mm(self, name: str) -> float:
+        """What stands for all errors of a model that have a bound [mm]; NaN where none has."""
+        mm = self.errors(name)[np.isfinite(self.errors(name))]
+        if not mm.size:
+            return float("nan")
+        return float(np.sqrt(np.mean(mm**2)) if self.typical == "RMS" else np.median(mm))
+
+    def unbounded(self, name: str) -> int:
+        """At how many places a model has no bound."""
+        return int(np.isnan(self.errors(name)).sum())
 
 
 def places(arm: Arm, data: Dataset, position: Array) -> Places:
@@ -82,24 +99,40 @@ def kept_mm(metres: Array) -> tuple[float, ...]:
     return tuple(float(f"{x:.{DIGITS}g}") for x in (MM * metres).tolist())
 
 
+def bounded_mm(metres: Array) -> tuple[float | None, ...]:
+    """The same; None where there is no bound."""
+    return tuple(x if np.isfinite(x) else None for x in kept_mm(metres))
+
+
 def error_places(
-    at: Places, error_mm: Mapping[str, Sequence[float]], compared: Sequence[str] = ()
+    at: Places,
+    error_mm: Mapping[str, Sequence[float | None]],
+    compared: Sequence[str] = (),
+    error_is: str = TRUE,
+    typical: Typical = "RMS",
 ) -> ErrorPlaces:
     """Places by how much the first and the last of the compared models differ, the widest first.
 
     Args:
         at: The places.
-        error_mm: Error of each model at each of them.
+        error_mm: Error of each model at each of them, None where it has no bound.
         compared: Names of models; of one its greatest error comes first, of none that of the first model.
+        error_is: What an error is, in words.
+        typical: What stands for a model's errors.
     """
     names = tuple(compared) or tuple(error_mm)[:1]
-    first, last = (np.array(error_mm[name]) for name in (names[0], names[-1]))
-    order = np.argsort(-(first if len(names) == 1 else np.abs(first - last)), kind="stable")
+    first, last = (_endless(error_mm[name]) for name in (names[0], names[-1]))
+    with np.errstate(invalid="ignore"):  # neither has a bound
+        apart = first if len(names) == 1 else np.nan_to_num(np.abs(first - last), nan=0.0, posinf=np.inf)
+    order = np.argsort(-apart, kind="stable")
     q = np.reshape(at.q, (len(at.run), -1))[order]
     position = np.column_stack([at.x_m, at.y_m, at.z_m])[order]
     joints, positions = tuple(at.joints[k] for k in order), tuple(map(tuple, position.tolist()))
-    sorted_mm = {name: tuple(np.array(mm)[order].tolist()) for name, mm in error_mm.items()}
-    worst = {name: int(np.argmax(mm)) for name, mm in sorted_mm.items()}
+    sorted_mm = {name: tuple(mm[k] for k in order) for name, mm in error_mm.items()}
+    bounded = {
+        name: [(mm, k) for k, mm in enumerate(own) if mm is not None] for name, own in sorted_mm.items()
+    }
+    worst = {name: max(own, key=lambda both: both[0]) for name, own in bounded.items() if own}
     return ErrorPlaces(
         compared=names,
         run=tuple(np.array(at.run)[order].tolist()),
@@ -108,5 +141,12 @@ def error_places(
         position_m=positions,
         deflection_mm=tuple(np.array(at.deflection_mm)[order].tolist()),
         error_mm=sorted_mm,
-        worst={name: WorstPlace(k, positions[k], joints[k], sorted_mm[name][k]) for name, k in worst.items()},
+        worst={name: WorstPlace(k, positions[k], joints[k], mm) for name, (mm, k) in worst.items()},
+        error_is=error_is,
+        typical=typical,
     )
+
+
+def _endless(error_mm: Sequence[float | None]) -> Array:
+    """Errors (n,) [mm], infinite where there is no bound."""
+    return np.array([np.inf if mm is None else mm for mm in error_mm])

@@ -37,13 +37,12 @@ def error_map(found: ErrorPlaces, title: str, seed: int | list[int]) -> Figure:
     scale = scale_for(found)
     norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
     for name, column in zip(found.compared, panes.T, strict=True):
-        share = scale.shares(np.array(found.error_mm[name]))
+        share = scale.shares(found.errors(name))
         for axes, (letter, shown) in zip(column, SIDES.items(), strict=True):
             _draw(axes, found, name, (position[:, shown], share))
             if axes in panes[:, 0]:
                 axes.set_ylabel(f"{letter} [m]")
-        rms = float(np.sqrt(np.mean(np.square(found.error_mm[name]))))
-        column[0].set_title(f"{name}: RMS {rms:.3f} mm", fontsize="medium")
+        column[0].set_title(f"{name}: {found.typical} {found.typical_mm(name):.3f} mm", fontsize="medium")
         column[-1].set_xlabel("x [m]")
     words = f"error [{scale.words}]"
     bar = figure.colorbar(ScalarMappable(norm, SIZES), ax=panes, label=words, fraction=0.03, pad=0.02)

@@ -41,8 +41,9 @@ def scale_of(*errors_mm: Array) -> Scale:
     """The scale of several maps: logarithmic where an error is far above the median of the best map.
 
     Args:
-        errors_mm: Of each map, (n,) [mm].
+        errors_mm: Of each map, (n,) [mm]; NaN where there is no bound.
     """
+    errors_mm = tuple(mm[np.isfinite(mm)] for mm in errors_mm if np.isfinite(mm).any())
     every = np.concatenate(errors_mm)
     low, high = float(every.min()), float(every.max())
     far = high > FAR * min(float(np.median(mm)) for mm in errors_mm)
@@ -51,7 +52,7 @@ def scale_of(*errors_mm: Array) -> Scale:
 
 def scale_for(found: ErrorPlaces) -> Scale:
     """The one scale of the models that are compared."""
-    return scale_of(*(np.array(found.error_mm[name]) for name in found.compared))
+    return scale_of(*(found.errors(name) for name in found.compared))
 
 
 def shares(errors: Array, ends: tuple[float, float]) -> Array:

@@ -17,6 +17,7 @@ from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.recording.arm import orbit, origins, reach, write_places, write_shapes
+from testbench.views.recording.camera import frame
 from testbench.views.recording.error_map import (
     ErrorMap,
     key_view,
@@ -26,7 +27,6 @@ from testbench.views.recording.error_map import (
     write_key,
 )
 from testbench.views.recording.pen import Line, Pen, snake, text_view
-from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import GCO, MEASURED, NOMINAL, Colour
 from testbench.views.scale import shares

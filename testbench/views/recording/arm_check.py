@@ -13,8 +13,9 @@ from testbench.plant.corners import RING
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.checked.words import words
 from testbench.views.recording.arm import ARROW, orbit, origins, write_places, write_shapes, write_weight
+from testbench.views.recording.camera import frame
 from testbench.views.recording.pen import Pen, text_view
-from testbench.views.recording.scene import MARKERS, frame
+from testbench.views.recording.scene import MARKERS
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import LOAD, NOISE, NOMINAL
 

@@ -11,10 +11,10 @@ import rerun.blueprint as rrb
 from testbench.bench.compare_map import RunMap
 from testbench.views.colours import SCALE
 from testbench.views.recording.arm import orbit
+from testbench.views.recording.camera import frame
 from testbench.views.recording.chart import Chart
 from testbench.views.recording.error_map import key_view, write_balls, write_key
 from testbench.views.recording.pen import Pen, snake, text_view
-from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import NOISE
 from testbench.views.scale import Scale, scale_of

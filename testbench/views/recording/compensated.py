@@ -15,9 +15,9 @@ from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
 from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
+from testbench.views.recording.camera import frame
 from testbench.views.recording.curves import Curve, Curves, alone
 from testbench.views.recording.pen import Pen, snake, text_view
-from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import LOAD, NOISE, TASK, Colour
 

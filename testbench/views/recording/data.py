@@ -16,8 +16,9 @@ from testbench.plant.shapes import Frames, body_names, rigid_frames
 from testbench.views.data.nominal import magnification, nominal_markers, stations
 from testbench.views.data.words import CheckedRuns, words
 from testbench.views.recording.arm import ARROW, orbit, origins, reach, write_places, write_shapes
+from testbench.views.recording.camera import frame
 from testbench.views.recording.pen import Pen, text_view
-from testbench.views.recording.scene import MARKERS, frame
+from testbench.views.recording.scene import MARKERS
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import LOAD, MEASURED, NOMINAL
 

@@ -1,6 +1,6 @@
 """Error maps of several models side by side: one scale for all of them, the worst place of each named."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,43 +9,49 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import FillMode
 
-from testbench.bench.error_places import ErrorPlaces
+from testbench.bench.campaign import Cell
+from testbench.bench.error_places import ErrorPlaces, WorstPlace
 from testbench.errors import Array
+from testbench.plant.shapes import rigid_frames
 from testbench.views.colours import SCALE
 from testbench.views.markdown import Words
-from testbench.views.recording.error_map import key_view, write_balls, write_key
+from testbench.views.recording.arm import orbit, origins, reach, write_places
+from testbench.views.recording.camera import frame
+from testbench.views.recording.error_map import (
+    SMALLEST,
+    key_view,
+    shades,
+    sizes,
+    write_balls,
+    write_cubes,
+    write_key,
+)
 from testbench.views.recording.pen import Pen, snake, text_view
-from testbench.views.recording.style import NOMINAL
-from testbench.views.scale import scale_for
+from testbench.views.recording.style import NOISE, NOMINAL
+from testbench.views.scale import Scale, scale_for, scale_of
 from testbench.views.schema import Column, Table, show
 
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
 BALL = 0.025  #: Radius of the largest ball over the reach of the arm [1].
+EMPTY: Mapping[str, tuple[Array, Array]] = {}
 ABOUT = 1.6  #: Radius of the shell about the place that is shown over that of the largest ball [1].
+
+
+Tasks = Mapping[str, tuple[Array, Array]]
+"""Where the robot works, (t, 3) [m], and the errors there, (t,) [mm], by model."""
 
 
 @dataclass(frozen=True)
 class WorstRow:
-    """A model of the table: its error, and where it is worst."""
+    """A model of the table: its errors, and where it is worst; None where it has no bound anywhere."""
 
     model: str
-    rms_mm: float
-    median_mm: float
-    worst_mm: float
-    place: int
+    typical_mm: float | None
+    worst_mm: float | None
+    unbounded: int
+    place: int | None
     where_m: str
     joints: str
-
-
-COLUMNS = (
-    Column("model", "model"),
-    Column("rms_mm", "RMS", "mm"),
-    Column("median_mm", "median", "mm"),
-    Column("worst_mm", "greatest", "mm"),
-    Column("place", "place", form="d"),
-    Column("where_m", "x, y, z", "m"),
-    Column("joints", "joints"),
-)
 
 
 def worst_rows(found: ErrorPlaces) -> list[WorstRow]:
@@ -55,31 +61,105 @@ def worst_rows(found: ErrorPlaces) -> list[WorstRow]:
 
 
 def _row(found: ErrorPlaces, name: str) -> WorstRow:
-    mm, worst = np.array(found.error_mm[name]), found.worst[name]
+    worst = found.worst.get(name)
     return WorstRow(
         model=name,
-        rms_mm=float(np.sqrt(np.mean(mm**2))),
-        median_mm=float(np.median(mm)),
-        worst_mm=worst.error_mm,
-        place=worst.place,
-        where_m=", ".join(f"{x:.2f}" for x in worst.position_m),
-        joints=worst.joints,
+        typical_mm=found.typical_mm(name) if worst else None,
+        worst_mm=worst.error_mm if worst else None,
+        unbounded=found.unbounded(name),
+        place=worst.place if worst else None,
+        where_m=", ".join(f"{x:.2f}" for x in worst.position_m) if worst else "",
+        joints=worst.joints if worst else "",
     )
 
 
-def write_error_maps(pen: Pen, found: ErrorPlaces, reach: float) -> None:
-    """Balls at all places, a map a compared model, and the key; `reach` is that of the arm [m]."""
-    scale, at = scale_for(found), np.array(found.position_m)
+def _table(found: ErrorPlaces) -> Table:
+    """Errors of every model, and where it is worst."""
+    rows = worst_rows(found)
+    columns = [
+        Column("model", "model"),
+        Column("typical_mm", found.typical, "mm"),
+        Column("worst_mm", "greatest", "mm"),
+        *(
+            [Column("unbounded", "places without a bound", form="d")]
+            if any(r.unbounded for r in rows)
+            else []
+        ),
+        Column("place", "place", form="d"),
+        Column("where_m", "x, y, z", "m"),
+        Column("joints", "joints"),
+    ]
+    return Table(tuple(columns), rows)
+
+
+def scale_with(found: ErrorPlaces, tasks: Tasks) -> Scale:
+    """The one scale of all maps, errors at tasks included."""
+    return scale_of(*map(found.errors, found.compared), *(mm for _, mm in tasks.values()))
+
+
+def write_error_maps(
+    pen: Pen, found: ErrorPlaces, reach: float, tasks: Tasks = EMPTY, more: str = ""
+) -> None:
+    """A map a compared model, and the key: balls at places, rings where there is no bound, cubes at tasks.
+
+    Args:
+        pen: What stands still is drawn with it.
+        found: Errors by place.
+        reach: Of the arm [m].
+        tasks: Where the robot works.
+        more: Markdown below the table.
+    """
+    scale, at = scale_with(found, tasks), np.array(found.position_m)
     for name in found.compared:
-        path, worst = f"{ROOT}/{snake(name)}", found.worst[name]
-        write_balls(pen, f"{path}/field", at, scale.shares(np.array(found.error_mm[name])), BALL * reach)
-        above = np.array([worst.position_m]) + np.array([0, 0, 3 * BALL * reach])
-        label = f"worst: {show(worst.error_mm)} mm, place {worst.place}"
-        pen.names(f"{path}/worst", above, [label], SCALE[-1])
+        path, mm = f"{ROOT}/{snake(name)}", found.errors(name)
+        known = np.isfinite(mm)
+        write_balls(pen, f"{path}/field", at[known], scale.shares(mm[known]), BALL * reach)
+        if not known.all():
+            _write_rings(pen, f"{path}/without_bound", at[~known], SMALLEST * BALL * reach)
+        if name in tasks:
+            centres, errors = tasks[name]
+            share = scale.shares(errors)
+            write_cubes(pen, f"{path}/tasks", centres, BALL * reach * sizes(share), shades(share))
+        if name in found.worst:
+            _write_worst(pen, f"{path}/worst", found.worst[name], 3 * BALL * reach)
     write_key(pen, KEY, scale)
-    table = Table(COLUMNS, worst_rows(found))
-    words = Words(Path(__file__).parent, {"map": found, "table": table, "scale": scale}, "error_maps.md.j2")
-    pen.documents({IN_WORDS: words.block("error_maps")})
+    words = _words(found, tasks, scale)
+    pen.documents({IN_WORDS: "\n\n".join(filter(None, [words.block("error_maps"), more]))})
+
+
+def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
+    """Grey rings about centres (n, 3) [m]."""
+    half, lines = np.full(centres.shape, radius), FillMode.MajorWireframe
+    rings = rr.Ellipsoids3D(centers=centres, half_sizes=half, colors=NOISE, fill_mode=lines, line_radii=-0.5)
+    pen.still(path, rings)
+
+
+def _write_worst(pen: Pen, path: str, worst: WorstPlace, above: float) -> None:
+    """The name of the worst place, some way above it [m]."""
+    at = np.array([worst.position_m]) + np.array([0, 0, above])
+    pen.names(path, at, [f"worst: {show(worst.error_mm)} mm, place {worst.place}"], SCALE[-1])
+
+
+def _words(found: ErrorPlaces, tasks: Tasks, scale: Scale) -> Words:
+    values = {"map": found, "table": _table(found), "tasks": tasks, "scale": scale}
+    return Words(Path(__file__).parent, values, "error_maps.md.j2")
+
+
+def place_words(found: ErrorPlaces) -> list[str]:
+    """Markdown of every place: the errors there, and where it is."""
+    text = _words(found, EMPTY, scale_for(found))
+    worst = {name: own.place for name, own in found.worst.items() if name in found.compared}
+    return [
+        text.block("place", place=k, worst_of=[name for name, place in worst.items() if place == k])
+        for k in range(len(found.run))
+    ]
+
+
+def write_place_arm(pen: Pen, cell: Cell, found: ErrorPlaces, reach: float) -> None:
+    """The arm at every place, a row each."""
+    frames = rigid_frames(cell.room, np.array(found.q))
+    write_places(pen, cell, frames)
+    write_here(pen, origins(cell, [cell.arm.tool], frames)[:, 0], reach)
 
 
 def write_here(pen: Pen, tool: Array, reach: float) -> None:
@@ -90,20 +170,44 @@ def write_here(pen: Pen, tool: Array, reach: float) -> None:
     pen.rows(f"{ROOT}/here", rr.Ellipsoids3D.columns(centers=tool, half_sizes=half))
 
 
-def error_maps_tab(found: ErrorPlaces, eye: rrb.EyeControls3D) -> rrb.Container:
-    """The maps side by side, their key, and the worst places in words."""
-    maps = rrb.Horizontal(*(_map_view(row, eye) for row in worst_rows(found)[: len(found.compared)]))
-    key = key_view(KEY, scale_for(found))
+def error_maps_tab(
+    found: ErrorPlaces, eye: rrb.EyeControls3D, tasks: Tasks = EMPTY, beside: Sequence[str] = ()
+) -> rrb.Container:
+    """The maps side by side, their key, and the worst places in words.
+
+    Args:
+        found: Errors by place.
+        eye: Of all maps.
+        tasks: Where the robot works.
+        beside: What else is drawn, entities under `world`.
+    """
+    views = [_map_view(row, found.typical, eye, beside) for row in worst_rows(found)[: len(found.compared)]]
+    key = key_view(KEY, scale_with(found, tasks))
     return rrb.Vertical(
-        maps, key, text_view(IN_WORDS, "Worst places"), row_shares=[12, 2, 6], name="Error map"
+        rrb.Horizontal(*views),
+        key,
+        text_view(IN_WORDS, "Worst places"),
+        row_shares=[12, 2, 6],
+        name="Error map",
     )
 
 
-def _map_view(row: WorstRow, eye: rrb.EyeControls3D) -> rrb.Spatial3DView:
-    drawn: Sequence[str] = ("arm/**", f"error_map/{snake(row.model)}/**", "error_map/here")
+def _map_view(
+    row: WorstRow, typical: str, eye: rrb.EyeControls3D, beside: Sequence[str]
+) -> rrb.Spatial3DView:
+    drawn = ("arm/**", f"error_map/{snake(row.model)}/**", "error_map/here", *beside)
+    known = "no bound" if row.typical_mm is None else f"{typical} {show(row.typical_mm)} mm"
     return rrb.Spatial3DView(
         origin="world",
         contents=[f"+ $origin/{part}" for part in drawn],
-        name=f"{row.model}: RMS {show(row.rms_mm)} mm, axes (m)",
+        name=f"{row.model}: {known}, axes (m)",
         eye_controls=eye,
     )
+
+
+def map_eye(found: ErrorPlaces, cell: Cell, further: Array, aspect: float) -> rrb.EyeControls3D:
+    """A camera that has all places, the arm at the first and further points (n, 3) [m] in view."""
+    first = rigid_frames(cell.room, np.array(found.q[:1]))
+    points = np.vstack([np.array(found.position_m), first.positions[0, 1:], further])
+    tool = origins(cell, [cell.arm.tool], first)[0, 0, :2]
+    return orbit(*frame(points, np.full(len(points), BALL * reach(first)), tool, aspect=aspect))

@@ -24,9 +24,10 @@ from testbench.views.recording.arm import (
     write_shapes,
     write_weight,
 )
+from testbench.views.recording.camera import frame
 from testbench.views.recording.error_map import ErrorMap, write_cubes, write_error_map
 from testbench.views.recording.pen import Pen
-from testbench.views.recording.scene import MARKERS, frame
+from testbench.views.recording.scene import MARKERS
 from testbench.views.recording.style import LOAD, NOISE, NOMINAL, TASK
 from testbench.views.recording.swept import Sweep
 from testbench.views.recording.tracker import HEAD, feet, write_sights, write_tracker

@@ -12,9 +12,9 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.recording.arm import orbit, origins, reach, write_places, write_shapes
+from testbench.views.recording.camera import frame
 from testbench.views.recording.data import write_load, write_markers, write_spokes
 from testbench.views.recording.pen import text_view
-from testbench.views.recording.scene import frame
 from testbench.views.recording.stream import Header, layout, recording
 
 TIMELINE = "fault"

@@ -52,7 +52,7 @@ def place_lines(drawing: Drawing) -> list[PlaceLine]:
     """One line a place, where the compared models differ most first."""
     found, names = drawing.about.map, drawing.heads[1:]
     worst = {name: found.worst[name].place for name in names}
-    errors = zip(*(found.error_mm[name] for name in names), strict=True)
+    errors = zip(*(found.errors(name).tolist() for name in names), strict=True)
     columns = (found.position_m, found.joints, found.deflection_mm, errors)
     return [
         PlaceLine(k, position, joints, sag, list(mm), [name for name in names if worst[name] == k])

@@ -16,6 +16,7 @@ from testbench.views.recording.arm import (
     write_shapes,
     write_weight,
 )
+from testbench.views.recording.camera import SIDE, frame
 from testbench.views.recording.drawing import Drawing, States
 from testbench.views.recording.error_maps import ROOT as ERROR_MAP
 from testbench.views.recording.error_maps import write_here
@@ -23,9 +24,6 @@ from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import LOAD, MEASURED, NOISE, NOMINAL
 from testbench.views.recording.tracker import HEAD, feet, write_sights, write_tracker
 
-HALF_VIEW = np.tan(np.deg2rad(27.5))  #: Tangent of half the viewer's vertical angle of view.
-ASPECT = 1.25  #: Width over height of the narrowest pane that shows the arm [1].
-SIDE = (0.35, 0.9, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
 MARKERS = "world/markers"
 APART = 2.5  #: Distance of arrows at one marker over their radius: none hides another [1].
 CLOSE, THICK = 0.85, 0.07
@@ -239,35 +237,3 @@ def map_camera(drawing: Drawing) -> tuple[Array, Array]:
     tools = drawing.bodies([drawing.cell.arm.tool], drawing.places.rigid)[:, 0]
     points = np.vstack([tools, drawing.places.rigid.positions[0, 1:]])
     return frame(points, np.full(len(points), HEAD), tools[0, :2])
-
-
-def frame(
-    points: Array,
-    radii: Array,
-    tool: Array,
-    side: tuple[float, float, float] = SIDE,
-    aspect: float = ASPECT,
-) -> tuple[Array, Array]:
-    """Eye and target, each (3,) [m], all spheres in view.
-
-    Args:
-        points: Their centres, (points, 3) [m].
-        radii: Of the spheres, (points,) [m].
-        tool: Where the arm reaches, seen from above, (2,) [m].
-        side: Where the eye is: ahead along the reach of the arm, beside it, above [1].
-        aspect: Width over height of the pane [1].
-    """
-    length = float(np.linalg.norm(tool))
-    x, y = tool / length if length > 0 else (1.0, 0.0)
-    ahead, aside, above = side
-    back = np.array([aside * y + ahead * x, -aside * x + ahead * y, above])
-    back /= np.linalg.norm(back)
-    right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
-    axes = np.column_stack([back, right, np.cross(back, right)])
-    along = points @ axes
-    low, high = (along - radii[:, None]).min(axis=0), (along + radii[:, None]).max(axis=0)
-    target = axes @ ((low + high) / 2)
-    depth, across, up = ((points - target) @ axes).T
-    wide = np.maximum(np.abs(across) / aspect, np.abs(up)) + radii
-    distance = float((depth + wide / HALF_VIEW).max())  # the point that needs most
-    return target + distance * back, target
