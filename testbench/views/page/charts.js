@@ -137,14 +137,18 @@ function fitted(text, most) {
 function drawColumn(table, k, width) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
   const names = rows.map((row) => row.cells[0].text);
-  const most = 0.42 * width - 14, left = 14 + Math.min(most, Math.max(...names.map(wide)));
+  const most = Math.max(0.42 * width, Math.min(200, 0.55 * width)) - 14, left = 14 + Math.min(most, Math.max(...names.map(wide)));
   const [line, top, right] = [21, 6, 74];
   const height = top + line * rows.length + 22;
   const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
   const x = scale(every, left, width - right);
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.head[k].title });
+  let free = -Infinity; // where the next number has room
   for (const tick of x.ticks) {
     svg.append(make("line", { class: "grid", x1: x.place(tick), x2: x.place(tick), y1: top, y2: height - 20 }));
+    const half = wide(plain(tick)) / 2;
+    if (x.place(tick) - half < free) continue;
+    free = x.place(tick) + half + 4;
     svg.append(make("text", { class: "soft", x: x.place(tick), y: height - 6, "text-anchor": "middle" }, plain(tick)));
   }
   rows.forEach((row, i) => {

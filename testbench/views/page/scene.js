@@ -98,7 +98,8 @@ class Scene {
     this.floor(pen, project);
     this.arm(pen, project, width, height);
     const own = this.data.groups[this.group];
-    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio);
+    const taken = [];
+    for (const layer of own.layers) if (!this.hidden.has(layer.name)) drawLayer(pen, project, layer, this.pose, ratio, taken);
   }
 
   floor(pen, project) {
@@ -177,14 +178,14 @@ function ofPose(rows, pose) {
 const DOTS = { dots: 4.5, specks: 1.6 };
 
 /** Dots, arrows or lines of one pose, over everything else. */
-function drawLayer(pen, project, layer, pose, ratio) {
+function drawLayer(pen, project, layer, pose, ratio, taken) {
   const from = ofPose(layer.at, pose), to = layer.to && ofPose(layer.to, pose), out = new Float32Array(6);
   for (let k = 0; k < from.length; k += 3) {
     if (from[k] === null || (to && to[k] === null)) continue;
     project(from[k] / 1e4, from[k + 1] / 1e4, from[k + 2] / 1e4, out, 0);
     if (to) project(to[k] / 1e4, to[k + 1] / 1e4, to[k + 2] / 1e4, out, 3);
     const end = to ? 3 : 0;
-    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio);
+    if (layer.labels.length) written(pen, layer.labels[k / 3], out[end] + 7 * ratio, out[end + 1] - 5 * ratio, ratio, taken);
     pen.strokeStyle = pen.fillStyle = layer.colour;
     pen.lineWidth = (layer.kind === "lines" ? 1.5 : 2.6) * ratio;
     pen.beginPath();
@@ -206,10 +207,13 @@ function inks() {
   return { ink: style.getPropertyValue("--ink"), card: style.getPropertyValue("--card") };
 }
 
-/** Text that is read over anything. */
-function written(pen, text, x, y, ratio) {
+/** Text that is read over anything; left out where it would stand on other text, in boxes that are taken. */
+function written(pen, text, x, y, ratio, taken = []) {
   const { ink, card } = inks();
   pen.font = `${12 * ratio}px system-ui, sans-serif`;
+  const box = [x, y - 11 * ratio, x + pen.measureText(text).width, y];
+  if (taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3])) return;
+  taken.push(box);
   Object.assign(pen, { lineWidth: 3 * ratio, lineJoin: "round", strokeStyle: card, fillStyle: ink });
   pen.strokeText(text, x, y);
   pen.fillText(text, x, y);
