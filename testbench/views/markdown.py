@@ -16,7 +16,7 @@ from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
 from testbench.views.gains import less, more, ratio
-from testbench.views.schema import Table, show, show_truth
+from testbench.views.schema import Table, show, show_truth, written_out
 
 TEMPLATES = Path(__file__).parent / "templates"
 NAME = "report.md.j2"
@@ -66,7 +66,7 @@ class Words:
             more: What it sees beside the values of the report, such as one row.
         """
         context = self._template.new_context(self._values | more)
-        text = "".join(self._template.blocks[name](context)).strip()
+        text = written_out("".join(self._template.blocks[name](context)).strip())
         return line(text) if name in LINES else text
 
     def summary(self, *parts: Table | str, then: Sequence[str] = ("statements",)) -> str:
@@ -98,7 +98,7 @@ class Words:
 
     def whole(self) -> str:
         """report.md."""
-        lines = self._template.render(self._values).strip().split("\n")
+        lines = written_out(self._template.render(self._values)).strip().split("\n")
         kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
         return "\n".join(line.rstrip() for line in kept) + "\n"
 

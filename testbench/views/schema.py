@@ -162,6 +162,7 @@ def _form(value: object, form: str) -> str:
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text  # never "-0.000"
 
 
+NUMBER = re.compile(r"(?<![\w.`/^-])-?\d(?:\.\d+)?e[+-]\d{2,3}(?![\w`])")
 POWER = re.compile(r"(-?\d(?:\.(\d+))?)e([+-]\d+)")
 LEAST, MOST = -3, 6  #: Powers of ten from which, and below which, a number is written out.
 
@@ -177,6 +178,11 @@ def plain(number: str) -> str:
     if LEAST <= power < MOST:
         return f"{float(number):.{max(digits - power, 0)}f}"
     return f"{size} x 10^{power}"
+
+
+def written_out(text: str) -> str:
+    """Words with every number in them as `plain` has it, whoever wrote them."""
+    return NUMBER.sub(lambda number: plain(number[0]), text)
 
 
 def show_truth(value: Share) -> str:
