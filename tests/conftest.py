@@ -8,6 +8,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from chromium import browser, open_page, pytest_pyfunc_call  # noqa: F401
+from legible import check_legible
 from matplotlib.figure import Figure
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
@@ -23,10 +24,11 @@ threadpool_limits(1)  # as every command does: several BLAS threads change resul
 
 @pytest.fixture(scope="session", autouse=True)
 def laid_out() -> Iterator[None]:
-    """Figures are laid out, with every word of theirs, and not drawn: that would double their time."""
+    """Figures are laid out and looked at, and not drawn: that would double their time."""
 
     def lay_out(figure: Figure, file: Path, **_: object) -> None:
         figure.draw_without_rendering()
+        check_legible(figure)
         Path(file).write_text("laid out")
 
     with mock.patch.object(Figure, "savefig", lay_out):

@@ -47,7 +47,7 @@ def _joints(elastic: Elastic, found: Sag) -> Iterator[Item]:
     for k, joint in enumerate(elastic.joint):
         c = joint.compliance
         if c.origin in UNSURE:
-            words = f"{joint.name}'s compliance {c.value:.3g} {c.unit}, {c.origin}"
+            words = f"{joint.name}'s compliance {1e6 * c.value:.3g} u{c.unit}, {c.origin}"
             yield Item(float(found.shares[first + k]), words)
 
 

@@ -169,13 +169,22 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     ticks = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
     axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
     axis = axes.xaxis if side == "x" else axes.yaxis
-    axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_ticks(ticks, [plain(tick) for tick in ticks])
     axis.set_ticks([], minor=True)
 
 
 def short(name: str, letters: int = 20) -> str:
     """A name that has room beside an axis."""
     return name if len(name) <= letters else f"{name[: letters - 1]}…"
+
+
+def plain(number: float) -> str:
+    """A round number for people: 0.05, 2000, and 2·10⁻⁹ for what has too many zeros."""
+    mantissa, _, power = f"{number:g}".partition("e")
+    if not power:
+        return mantissa
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
 
 
 def quiet(axes: Axes) -> None:

@@ -247,7 +247,7 @@ def test_a_pull_is_told_run_by_run(pulled, tmp_path):
     assert f"**Run 3**: {pull}. Expected" in text.block("step", row=pulled.plan[2])
     assert "hang the weight or pull, read again" in text.whole()
     assert "**No rope was checked**" in said(pulled)
-    lines = curves(figure(pulled)[0].axes[2])
+    lines = curves(figure(pulled)[0].axes[1])
     np.testing.assert_array_equal(np.transpose(lines["plan, pulled"]), [pulled.plan[2].tool_m[:2]])
     joints = [Joint(name, -99, 99, 1e-6) for name in JOINTS]
     write_poses(pulled, joints, tmp_path / "plan.csv")
@@ -338,7 +338,7 @@ def test_the_curve_of_the_figure_is_that_of_the_report(report):
 
 
 def test_every_task_of_the_figure_has_its_error(report):
-    axes = figure(report)[0].axes[1]
+    axes = figure(report)[0].axes[2]
     order = sorted(report.tasks, key=lambda row: -row.expected_error_mm)
     assert [t.get_text() for t in axes.get_xticklabels()] == [str(row.task) for row in order]
     np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), [row.expected_error_mm for row in order])
@@ -352,12 +352,12 @@ def test_every_task_of_the_figure_has_its_error(report):
 def test_the_top_view_shows_x_and_y_of_everything(report):
     report = replace(report, tracker_m=(4.5, -2.5, 1.6), base_m=[0.25, -0.75, 0.0])
     shown, candidates = figure(report)
-    axes = shown.axes[2]
+    axes = shown.axes[1]
     lines = curves(axes)
     for label, places in (
         ("2 feasible poses", candidates),
         ("tasks", [row.tool_m for row in report.tasks]),
-        ("plan, in its order", [row.tool_m for row in report.plan]),
+        ("plan, numbered", [row.tool_m for row in report.plan]),
         ("base", [report.base_m]),
         ("tracker", [report.tracker_m]),
     ):
@@ -368,7 +368,7 @@ def test_the_top_view_shows_x_and_y_of_everything(report):
         np.testing.assert_array_equal(numbers[str(row.run)], row.tool_m[:2])
     assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("m", "m")
     assert axes.get_title() == "Tool from above"
-    alone = figure(replace(report, tracker_m=None))[0].axes[2]
+    alone = figure(replace(report, tracker_m=None))[0].axes[1]
     assert "NOT checked" in alone.get_title()
     assert "tracker" not in curves(alone)
 

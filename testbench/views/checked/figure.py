@@ -1,5 +1,6 @@
 """Picture of an arm: two poses from the side with beams, tubes, markers and load; what to confirm."""
 
+from collections.abc import Sequence
 from textwrap import wrap
 
 import numpy as np
@@ -9,36 +10,48 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.bench.checked import Checked
+from testbench.bench.confirm import Item
 from testbench.errors import Array
 from testbench.plant.corners import RING, corners
 from testbench.plant.shapes import body_names, rigid_frames, visual_shapes
 from testbench.views.checked.words import listed, sag_words
 from testbench.views.colours import LOAD, NOMINAL, hexadecimal
 from testbench.views.data.words import count
-from testbench.views.figure import SOFT, quiet
+from testbench.views.figure import SOFT, page, quiet, say
 
 DARK = "#404040"
 MARKER, WEIGHT = hexadecimal(NOMINAL), hexadecimal(LOAD)
 ARROW = 0.2  #: Length of the load's arrow over the reach [1].
+MARKED = 17.0  #: Of a marker's name from it [pt].
+ROOM = 0.42  #: Height of a number to confirm [in].
 ASIDE = 30.0  #: Of a joint's number from the joint [pt].
 AXIS = 0.12  #: Length of the axes of the base over the reach [1].
 MARGIN = 0.15  #: Space around the arm over the reach [1].
 BARS = 9  #: Numbers to confirm that are shown.
-WIDTH = 62  #: Letters in a line of a doubt.
-TITLES = "Zero pose: grey shapes as drawn, lines the tubes", "Pose of median sag"
+LETTERS = 110  #: In a line of a doubt.
+TITLES = "Zero pose", "Pose of median sag"
 
 
 def picture(checked: Checked) -> Figure:
     """The arm in two poses, and what must be confirmed."""
-    figure = Figure(figsize=(17, 7), layout="constrained")
-    left, centre, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.85))
+    items, lines = listed(checked, BARS), _lines(checked)
+    room = ROOM * (len(items) + 0.5 * len(lines) + 1.2)
+    figure = page(5.3 + room)
+    above, below = figure.subfigures(2, 1, height_ratios=(4.2, room + 0.3))  # type: ignore[misc]  # stubs: one or several
+    left, centre = above.subplots(1, 2)
+    right = below.subplots()
     for k, axes in enumerate((left, centre)):
         _side(axes, checked, k)
         axes.set_title(TITLES[k], fontsize="medium")
-    _confirm(right, checked)
+    _confirm(right, items, lines)
     arm = checked.cell.arm
     words = count(len(checked.doubts), "doubt") if checked.doubts else "no doubts"
-    figure.suptitle(f"{arm.name}: {sag_words(checked)}; {words}", fontsize="large")
+    say(
+        figure,
+        f"{arm.name}: {sag_words(checked)}; {words}",
+        "Above: shapes as drawn in grey, tubes at their true diameter as lines, beam axes as arrows. Below: "
+        "numbers to confirm, by the share of the sag that hangs on them.",
+    )
     return figure
 
 
@@ -104,7 +117,8 @@ def _tool(axes: Axes, checked: Checked, place: dict[str, Array], plane: Array) -
         point = place[name] @ plane
         axes.plot(*np.transpose([tool, point]), color=MARKER, linewidth=0.8)
         axes.plot(*point, "o", color=MARKER, markersize=7)
-        _label(axes, point, name, MARKER, (16, 6))
+        out = point - tool
+        _label(axes, point, name, MARKER, tuple(MARKED * out / max(float(np.linalg.norm(out)), 1e-9)))
     hook = place[arm.load] @ plane
     down = hook - [0, ARROW * checked.reach]
     axes.plot(*np.transpose([tool, hook]), color=WEIGHT, linewidth=0.8)
@@ -156,21 +170,23 @@ def _hull(points: Array) -> Array:
         return np.asarray(points[[int(along.argmin()), int(along.argmax())]])
 
 
-def _confirm(axes: Axes, checked: Checked) -> None:
-    """A bar a number, its length the share of the sag that hangs on it; doubts below."""
-    items = listed(checked, BARS)
+def _lines(checked: Checked) -> list[str]:
+    """What stands below the numbers to confirm: how many more there are, and doubts."""
+    rest = len(checked.items) - len(listed(checked, BARS))
+    found = [f"and {rest} more of less effect"] if rest else []
+    for doubt in checked.doubts:
+        found += wrap(f"Doubt: {doubt.sentence}", LETTERS)
+    return found
+
+
+def _confirm(axes: Axes, items: Sequence[Item], lines: Sequence[str]) -> None:
+    """A bar a number, its length the share of the sag that hangs on it; other lines below."""
     for k, item in enumerate(items):
         axes.text(0, k, item.words, va="bottom", parse_math=False)
         axes.barh(k + 0.2, 100 * item.share, height=0.3, color=SOFT)
         axes.text(100 * item.share + 1, k + 0.2, f"{100 * item.share:.0f} %", va="center", weight="bold")
-    rest = len(checked.items) - len(items)
-    lines = [f"and {rest} more of less effect"] if rest else []
-    for doubt in checked.doubts:
-        lines += wrap(f"Doubt: {doubt.sentence}", WIDTH)
     for k, line in enumerate(lines):
-        weight = "bold" if checked.doubts and k >= bool(rest) else "normal"
-        axes.text(0, len(items) + 0.1 + 0.5 * k, line, weight=weight, va="bottom", parse_math=False)
-    last = max(BARS, len(items) + 0.5 * len(lines)) + 0.3
-    axes.set(xlim=(0, 110), ylim=(last, -0.8), yticks=[], xticks=[])
-    axes.set_title("To confirm: share of the sag that hangs on it", loc="left", weight="bold")
+        axes.text(0, len(items) + 0.1 + 0.5 * k, line, va="bottom", parse_math=False)
+    axes.set(xlim=(0, 110), ylim=(len(items) + 0.5 * len(lines) + 0.1, -0.6), yticks=[], xticks=[])
+    axes.set_title("To confirm, and the share of the sag that hangs on it", loc="left", weight="bold")
     axes.spines[:].set_visible(False)

@@ -9,29 +9,29 @@ from testbench.bench.compensate import CorrectedProgram
 from testbench.bench.compensate_report import CompensationReport
 from testbench.errors import Array
 from testbench.views.colours import GCO, MEASURED, hexadecimal
-from testbench.views.figure import SOFT, quiet
+from testbench.views.figure import SMALL, SOFT, page, quiet, say
 from testbench.views.magnified import round_scale
 
 BEFORE, AFTER = hexadecimal(MEASURED), hexadecimal(GCO)
 SHARE = 0.12  #: Longest error as it is drawn, over the size of the path [1].
 MARKED = 40  #: Points up to which each has a dot.
 ARROWS = 25  #: Errors that are drawn as arrows.
-TITLE = 26  #: Of a title above its legend [pt].
 
 
 def overview(found: CorrectedProgram, report: CompensationReport) -> Figure:
     """Errors along the program, the path from its broad side, corrections of the joints."""
-    figure = Figure(figsize=(16, 5.6), layout="constrained")
-    grid = figure.add_gridspec(1, 3, width_ratios=(1.1, 1, 1))
-    left, centre, right = (figure.add_subfigure(grid[0, k]) for k in range(3))
-    _errors(left.subplots(), found)
-    _path(centre.subplots(), found)
-    _joints(right, found)
+    figure = page(9.2)
+    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))  # type: ignore[misc]  # stubs: one or several
+    left, right = above.subplots(1, 2)
+    _errors(left, found)
+    _path(right, found)
+    _joints(below, found)
     half = report.half_95_mm
     after = f"within {half.max:.3f} mm (95 %)" if half else "not bounded everywhere"
-    figure.suptitle(
+    say(
+        figure,
         f"{report.program}: {report.before_mm.max:.2f} mm off at most as programmed, corrected {after}",
-        fontsize="large",
+        "Errors of the loaded tool, by the model. Green: corrected; intervals are of the widest axis, 95 %.",
     )
     return figure
 
@@ -57,9 +57,14 @@ def _errors(axes: Axes, found: CorrectedProgram) -> None:
     if bad.any():
         axes.plot(at[bad], before[bad], "x", color="#404040", markersize=9, label="not corrected")
     axes.set(xlabel="point", ylabel="error of the loaded tool [mm]", ylim=(0, None))
-    axes.set_title("How far off", pad=TITLE)
-    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3, fontsize="small")
+    axes.set_title("How far off", fontsize="medium")
+    _below(axes)
     quiet(axes)
+
+
+def _below(axes: Axes) -> None:
+    """The legend of some axes, below them."""
+    axes.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=1, fontsize=SMALL)
 
 
 def _path(axes: Axes, found: CorrectedProgram) -> None:
@@ -84,10 +89,10 @@ def _path(axes: Axes, found: CorrectedProgram) -> None:
     ):
         axes.plot(path @ across, path @ up, style, color=colour, linewidth=width, markersize=3, label=label)
     axes.set(xlabel=f"{_axis(across)} [m]", ylabel=f"{_axis(up)} [m]")
-    axes.set_title("Where", pad=TITLE)
+    axes.set_title("Where", fontsize="medium")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)
-    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, fontsize="small")
+    _below(axes)
     quiet(axes)
 
 
@@ -107,7 +112,9 @@ def _joints(figure: SubFigure, found: CorrectedProgram) -> None:
     at = np.arange(1, found.program.points + 1)
     shown = np.array([joint.shown for joint in arm.joints])
     moved, units = shown * (own.q - own.start), [joint.shown_unit for joint in arm.joints]
-    strips = figure.subplots(arm.n_joints, 1, sharex=True, squeeze=False)[:, 0]
+    down = -(-arm.n_joints // 2)
+    grid = figure.subplots(down, 2, sharex=True, squeeze=False)
+    strips = grid.T.flat[: arm.n_joints]
     for k, (axes, joint) in enumerate(zip(strips, arm.joints, strict=True)):
         axes.plot(
             at, moved[:, k], "o-" if len(at) <= MARKED else "-", color=AFTER, linewidth=1.4, markersize=3
@@ -118,5 +125,8 @@ def _joints(figure: SubFigure, found: CorrectedProgram) -> None:
         axes.set_ylabel(f"{joint.name}\n[{joint.shown_unit}]", rotation=0, ha="right", va="center")
         axes.yaxis.set_major_locator(MaxNLocator(2))
         quiet(axes)
-    strips[0].set_title("Corrections of the joints", pad=TITLE)
-    strips[-1].set_xlabel("point")
+    for axes in grid.T.flat[arm.n_joints :]:
+        axes.axis("off")
+    figure.suptitle("Corrections of the joints", fontsize="medium")
+    for axes in grid[-1]:
+        axes.set_xlabel("point")

@@ -2,13 +2,13 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from testbench.bench.baselines import JOINTS
 from testbench.bench.explained import Explained, longest
 from testbench.bench.rows import MM
-from testbench.views.colours import MARKS, MEASURED, Look, hexadecimal, look
-from testbench.views.figure import SIZES, SOFT, dots, log_ticks, quiet
+from testbench.views.colours import MARKS, Look, look
+from testbench.views.figure import SIZES, SMALL, SOFT, dots, log_ticks, page, quiet, say
 from testbench.views.fits import COLUMNS
 from testbench.views.identified.report import IdentifiedReport
 from testbench.views.schema import Column, show
@@ -23,17 +23,23 @@ WIDE = 3.0  #: Largest over least error from which an axis is logarithmic [1].
 
 def overview(made: Explained, report: IdentifiedReport) -> Figure:
     """Errors of all models, residuals of the one to take, its seen directions, its intervals."""
-    figure = Figure(figsize=(16, 10), layout="constrained")
-    (models, runs), (seen, places) = figure.subplots(2, 2, width_ratios=(1, 1.35))
+    figure = page(13.5)
+    above, middle, below = figure.subfigures(3, 1, height_ratios=(1, 1, 1.15))  # type: ignore[misc]  # stubs: one or several
+    models, seen = above.subplots(1, 2)
     _models(models, made)
-    _residuals(runs, made, report)
+    _residuals(middle.subplots(), made, report)
     _seen(seen, report, _look(made, report.recommended))
-    _places(places, figure, report)
+    _places(below.subplots(), below, report)
     own = report.taken
     check = f", {own.check.rms_mm:.3f} mm where held back" if own.check else ""
-    sure = "" if own.half_width_mm is None else f"; its 95 % interval is +- {own.half_width_mm:.3f} mm"
-    title = f"{report.arm}: {report.recommended} fits to {own.fit.rms_mm:.3f} mm RMS{check}{sure}"
-    figure.suptitle(title, fontsize="large")
+    sure = "" if own.half_width_mm is None else f"; its 95 % interval is \u00b1 {own.half_width_mm:.3f} mm"
+    say(
+        figure,
+        f"{report.arm}: {report.recommended} fits to {own.fit.rms_mm:.3f} mm RMS{check}{sure}",
+        "Bold: the model to take. Filled marks: with a prior. Per cent: of each compliance told by the "
+        f"readings, beside a prior of {100 * report.seen.prior_uncertainty:.0f} %. Below: half widths of "
+        "95 % intervals of the tool's deflection.",
+    )
     return figure
 
 
@@ -55,7 +61,7 @@ def _models(axes: Axes, made: Explained) -> None:
         axes.set_xlim(0, max(1.15 * high, LEAST_MM))
     for label, model in zip(axes.get_yticklabels(), fits.models, strict=True):
         label.set_fontweight("bold" if model.name == fits.recommended else "normal")
-    axes.set_title("Models: bold is the one to take; filled with prior", fontsize="medium")
+    axes.set_title("Models", fontsize="medium")
 
 
 def _residuals(axes: Axes, made: Explained, report: IdentifiedReport) -> None:
@@ -68,7 +74,7 @@ def _residuals(axes: Axes, made: Explained, report: IdentifiedReport) -> None:
     own, left = _look(made, report.recommended), MM * np.linalg.norm(made.left[report.recommended], axis=2)
     for m, marker in enumerate(data.markers):
         at = data.seen[:, m]
-        face = own.hex if own.prior else "white"
+        face = own.face
         shape = MARKS[m % len(MARKS)]
         label = marker[:SHOWN] if m < TARGETS else None
         axes.plot(
@@ -94,14 +100,14 @@ def _residuals(axes: Axes, made: Explained, report: IdentifiedReport) -> None:
     axes.set_xlim(-0.5, data.runs - 0.5)
     axes.set_ylim(0, 1.3 * top)
     if data.runs <= NAMED:
-        axes.set_xticks(x, [str(row.run) for row in rows], fontsize="small")
+        axes.set_xticks(x, [str(row.run) for row in rows], fontsize=SMALL)
         axes.set_xlabel("run")
     else:
         axes.set_xlabel("run, in the order of the file")
     axes.set_ylabel("residual [mm]")
     held = "; grey: held back" if any(row.held_back for row in rows) else ""
     axes.set_title(f"What {report.recommended} leaves, target by target{held}", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small", ncols=3, loc="upper left")
+    axes.legend(frameon=False, fontsize=SMALL, ncols=5, loc="upper left")
     quiet(axes)
 
 
@@ -117,14 +123,12 @@ def _seen(axes: Axes, report: IdentifiedReport, own: Look) -> None:
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
     seen = report.seen
-    axes.set_xlabel(
-        f"share that the readings tell, beside a prior of {100 * seen.prior_uncertainty:.0f} % [%]"
-    )
+    axes.set_xlabel("told by the readings [%]")
     axes.set_title(f"What the runs tell: {seen.seen} of {seen.unknowns} directions", fontsize="medium")
     quiet(axes)
 
 
-def _places(axes: Axes, figure: Figure, report: IdentifiedReport) -> None:
+def _places(axes: Axes, figure: SubFigure, report: IdentifiedReport) -> None:
     """Half widths over reach and height; the worst is named."""
     found = report.map
     if found is None:
@@ -135,6 +139,7 @@ def _places(axes: Axes, figure: Figure, report: IdentifiedReport) -> None:
     reach, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
     half = np.array([np.nan if row.half_width_mm is None else row.half_width_mm for row in found.every])
     known = np.isfinite(half)
+    order = np.flatnonzero(known)[np.argsort(half[known])]  # the widest in front
     axes.plot(reach[~known], height[~known], "o", color=SOFT, markerfacecolor="none", markersize=6)
     axes.set_xlabel("distance from the arm's vertical axis [m]")
     axes.set_ylabel("height [m]")
@@ -144,10 +149,10 @@ def _places(axes: Axes, figure: Figure, report: IdentifiedReport) -> None:
     axes.set_title(f"How sure the tool's deflection is under {load}{without}", fontsize="medium")
     if found.worst is None:
         return
-    shown = axes.scatter(reach[known], height[known], c=half[known], cmap=SIZES, s=45)
+    shown = axes.scatter(reach[order], height[order], c=half[order], cmap=SIZES, s=45)
     figure.colorbar(shown, ax=axes, label="half width, 95 % [mm]")
     k = int(np.nanargmax(half))
-    mark = hexadecimal(MEASURED)
+    mark = "#202020"
     axes.plot(reach[k], height[k], "o", markersize=15, markerfacecolor="none", color=mark, markeredgewidth=2)
     side = -1 if reach[k] > reach.mean() else 1
     label = axes.annotate(

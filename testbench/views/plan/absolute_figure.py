@@ -6,23 +6,25 @@ from matplotlib.figure import Figure
 
 from testbench.bench.absolute_plan_report import AbsolutePlanReport
 from testbench.errors import Array
-from testbench.views.figure import SOFT, log_ticks, quiet
-from testbench.views.plan.figure import OURS, Top, top_view
+from testbench.views.figure import SOFT, log_ticks, page, quiet, say
+from testbench.views.plan.figure import OURS, Top, below, top_view
 
 
 def overview(report: AbsolutePlanReport, candidates: Array) -> Figure:
     """How many poses, and where they are: plan and feasible tools, (c, 3) [m]."""
-    figure = Figure(figsize=(12, 5.8), layout="constrained")
+    figure = page(6.4)
     left, right = figure.subplots(1, 2)
     _curve(left, report)
     plan = np.array([row.tool_m for row in report.plan])
     top_view(right, Top(plan, np.empty((0, 3)), candidates, np.array(report.base_m), report.tracker_m))
     for axes in (left, right):
         quiet(axes)
-    figure.suptitle(
-        f"{report.arm}, {report.unknowns.total} unknowns, {report.poses} poses: expected position error "
-        f"{report.error_mm.expected:.3f} mm, at least {report.percent} % efficient",
-        fontsize="large",
+    say(
+        figure,
+        f"{report.arm}: {report.poses} poses promise a position error of {report.error_mm.expected:.3f} mm "
+        "over the workspace",
+        f"Expected RMS errors, {report.unknowns.total} unknowns. The plan is at least {report.percent} % "
+        "efficient: no other poses of as many promise much less.",
     )
     return figure
 
@@ -47,6 +49,6 @@ def _curve(axes: Axes, report: AbsolutePlanReport) -> None:
     axes.grid(axis="y", color=SOFT, alpha=0.15)
     axes.set_xticks(poses)
     axes.set_xlabel("poses")
-    axes.set_ylabel("expected position error over the workspace [mm]")
+    axes.set_ylabel("expected position error [mm]")
     axes.set_title("What further poses bring", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small", loc="upper right")
+    below(axes, 1)

@@ -10,18 +10,21 @@ from testbench.bench.plan_report import PlanReport
 from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.views.colours import MEASURED, NOMINAL, TASK, hexadecimal
-from testbench.views.figure import SOFT, log_ticks, quiet
+from testbench.views.figure import SMALL, SOFT, log_ticks, page, quiet, say
 
 OURS, WORK, TRACKER = (hexadecimal(colour) for colour in (NOMINAL, TASK, MEASURED))
 MARGIN = 0.4  #: Space around everything in the top view [m].
+APART = 0.06  #: Least distance of two numbers over the width of the top view [1].
 NUMBERED = 20  #: Most poses whose number stands beside them.
 NAMED = 40  #: Most tasks whose number stands on the axis.
 
 
 def overview(report: PlanReport, candidates: Array) -> Figure:
     """How many poses, what the tasks get, where it all is: plan, tasks and feasible tools, (c, 3) [m]."""
-    figure = Figure(figsize=(16, 5.8), layout="constrained")
-    left, centre, right = figure.subplots(1, 3, width_ratios=(1.15, 1, 1.05))
+    figure = page(9.8)
+    above, below = figure.subfigures(2, 1, height_ratios=(1.7, 1))  # type: ignore[misc]  # stubs: one or several
+    left, right = above.subplots(1, 2)
+    centre = below.subplots()
     _poses(left, report)
     _tasks(centre, report)
     plan, tasks = (np.array([row.tool_m for row in rows]) for rows in (report.plan, report.tasks))
@@ -30,10 +33,11 @@ def overview(report: PlanReport, candidates: Array) -> Figure:
     for axes in (left, centre, right):
         quiet(axes)
     error, share = report.error_mm.expected, report.certificate.percent
-    figure.suptitle(
-        f"{report.arm}, {report.model}, {report.poses} poses: expected error at the tasks {error:.3f} mm, "
-        f"at least {share} % efficient",
-        fontsize="large",
+    say(
+        figure,
+        f"{report.arm}, {report.model}: {report.poses} poses promise an error of {error:.3f} mm at the tasks",
+        f"Expected RMS errors of the tool under the load. The plan is at least {share} % efficient: no other "
+        "poses of as many promise much less. Dashed: all tasks together.",
     )
     return figure
 
@@ -62,7 +66,13 @@ def _poses(axes: Axes, report: PlanReport) -> None:
     axes.set_xlabel("poses")
     axes.set_ylabel("expected error at the tasks [mm]")
     axes.set_title("What each further pose brings", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small", loc="upper right")
+    below(axes, 1)
+
+
+def below(axes: Axes, columns: int) -> None:
+    """The legend of some axes, below them."""
+    place = (0.5, -0.13)
+    axes.legend(frameon=False, fontsize=SMALL, loc="upper center", bbox_to_anchor=place, ncols=columns)
 
 
 def _tasks(axes: Axes, report: PlanReport) -> None:
@@ -82,7 +92,7 @@ def _tasks(axes: Axes, report: PlanReport) -> None:
     axes.set_ylim(0, 1.05 * max(e.p95 for e in errors))
     axes.set_xlim(0.3, len(rows) + 0.7)
     few = len(rows) <= NAMED
-    axes.set_xticks(x if few else [], [str(row.task) for row in rows] if few else [], fontsize="x-small")
+    axes.set_xticks(x if few else [], [str(row.task) for row in rows] if few else [], fontsize=SMALL)
     axes.set_xlabel("task, the largest error first" if few else "tasks, the largest error first")
     axes.set_ylabel("expected error [mm]")
     axes.set_title("Every task, with its 90 % interval", fontsize="medium")
@@ -110,15 +120,13 @@ def top_view(axes: Axes, top: Top) -> None:
     if len(tasks):
         axes.plot(*tasks[:, :2].T, "s", color=WORK, markersize=5, label="tasks", zorder=3)
     pulled = np.zeros(len(plan), dtype=bool) if top.pulled is None else top.pulled
-    label = "plan, in its order"
-    size = 13 if few else 5
+    label = "plan, numbered" if few else "plan"
+    size = 5
     axes.plot(*plan[~pulled, :2].T, "o", color=OURS, markersize=size, label=label, zorder=4)
     if pulled.any():
         axes.plot(
             *plan[pulled, :2].T, "D", color=OURS, markersize=size * 0.75, label="plan, pulled", zorder=4
         )
-    for k, place in enumerate(plan[:, :2] if few else [], start=1):
-        axes.annotate(str(k), place, color="white", fontsize="x-small", ha="center", va="center", zorder=5)
     axes.plot(*base, "+", color="black", markersize=12, zorder=4, label="base")
     title = "Tool from above; visibility NOT checked"
     if top.tracker is not None:
@@ -129,4 +137,31 @@ def top_view(axes: Axes, top: Top) -> None:
     (left, bottom), (right, top) = every.min(axis=0) - MARGIN, every.max(axis=0) + MARGIN
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.set_title(title, fontsize="medium")
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
+    if few:
+        _numbers(axes, plan[:, :2], APART * (right - left))
+    below(axes, 2)
+
+
+def _numbers(axes: Axes, places: Array, least: float) -> None:
+    """The number of every pose in a disc on its place, moved aside where discs would cover one another."""
+    turn = 2.4 * np.arange(len(places))  # poses at one place part by their numbers
+    at = places + 1e-3 * least * np.column_stack([np.cos(turn), np.sin(turn)])
+    for _ in range(300):
+        way = at[:, None] - at[None]
+        far = np.linalg.norm(way, axis=-1) + 2 * least * np.eye(len(at))
+        push = np.maximum(least - far, 0) / far
+        at += 0.25 * (push[..., None] * way).sum(axis=1)
+    disc = {"boxstyle": "circle,pad=0.2", "facecolor": OURS, "edgecolor": "white", "linewidth": 0.6}
+    for k, (place, own) in enumerate(zip(places, at, strict=True), start=1):
+        axes.annotate(
+            str(k),
+            place,
+            xytext=own,
+            color="white",
+            fontsize=SMALL,
+            ha="center",
+            va="center",
+            zorder=5,
+            bbox=disc,
+            arrowprops={"arrowstyle": "-", "color": OURS, "shrinkA": 0, "shrinkB": 0},
+        )

@@ -11,11 +11,11 @@ from testbench.bench.prediction import Predicted
 from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.model.vjm import body_poses
-from testbench.views.colours import GCO, MEASURED, hexadecimal
-from testbench.views.figure import SIZES, SOFT, quiet
+from testbench.views.colours import GCO, hexadecimal
+from testbench.views.figure import SIZES, SMALL, SOFT, page, quiet, say
 from testbench.views.magnified import round_scale
 
-OURS, MARK = hexadecimal(GCO), hexadecimal(MEASURED)
+OURS, MARK = hexadecimal(GCO), "#202020"
 NAMED = 30  #: Most poses whose name stands on the axis.
 ELLIPSES = 12  #: Ellipsoids that are drawn at most, from the softest tool to the stiffest.
 LARGEST = 0.09  #: Semi-axis of the largest over the width of the workspace [1].
@@ -27,34 +27,36 @@ Plane = tuple[int, int]
 
 def overview(made: Predicted) -> Figure:
     """How far every pose goes, where the tool is soft in which direction, and where in the workspace."""
-    figure = Figure(figsize=(17, 8.2), layout="constrained")
-    grid = figure.add_gridspec(2, 3, width_ratios=(0.9, 1, 1))
-    _deflections(figure.add_subplot(grid[:, 0]), made)
+    figure = page(11.5)
+    grid = figure.add_gridspec(3, 2, height_ratios=(1, 1, 1.25))
+    _deflections(figure.add_subplot(grid[0, :]), made)
     worst = MM * made.map.worst
     scale = ScalarMappable(Normalize(float(worst.min()), float(worst.max())), SIZES)
     shown, axes = _shown(made), []
     for row, (title, x, y) in enumerate(VIEWS):
-        left = figure.add_subplot(grid[row, 1])
-        right = figure.add_subplot(grid[row, 2], sharex=left, sharey=left)
+        left = figure.add_subplot(grid[row + 1, 0])
+        right = figure.add_subplot(grid[row + 1, 1], sharex=left, sharey=left)
         _ellipses(left, made, shown, scale, (x, y))
         _map(right, made, scale, (x, y))
-        left.set_title(f"Tool, {title}: {_magnified(made, shown)}", fontsize="medium")
+        left.set_title(f"Tool, {title}", fontsize="medium")
         blind = np.isinf(made.map.half).any(axis=1).mean()
         doubt = f" ({100 * blind:.0f} % not seen in some direction)" if blind else ""
-        right.set_title(f"Softest in each cell, {title}{doubt}", fontsize="medium")
+        right.set_title(f"Workspace, {title}{doubt}", fontsize="medium")
         left.set_ylabel(f"{'xyz'[y]} [m]")
         axes += [left, right]
         for one in (left, right):
             one.set_aspect("equal")
             one.set_xlabel("x [m]")
             quiet(one)
-    label = f"how far {made.map.force:,.0f} N move the tool in the worst direction [mm]"
+    label = f"how far {made.map.force:,.0f} N move the tool at most [mm]"
     figure.colorbar(scale, ax=axes, label=label, shrink=0.7, pad=0.02)
     size = MM * made.found.size[:, 0]
-    figure.suptitle(
+    say(
+        figure,
         f"{made.model.arm.name} under {made.asked.words}: the tool moves up to {size.max():.2f} mm; "
         f"{made.map.force:,.0f} N move it up to {worst.max():.2f} mm elsewhere",
-        fontsize="large",
+        f"Left: where {_magnified(made, shown)}, would bring the tool. Right: the softest pose of each cell, "
+        "the softest of all ringed.",
     )
     return figure
 
@@ -77,7 +79,7 @@ def _deflections(axes: Axes, made: Predicted) -> None:
     few = len(order) <= NAMED
     names = [made.asked.labels[k] for k in order] if few else []
     axes.set_xticks(
-        x if few else [], names, fontsize="small", rotation=90 if max(map(len, names), default=0) > 3 else 0
+        x if few else [], names, fontsize=SMALL, rotation=90 if max(map(len, names), default=0) > 3 else 0
     )
     axes.set_xlabel("pose, the largest deflection first" if few else "poses, the largest deflection first")
     axes.set_ylabel("deflection of the tool [mm]")
