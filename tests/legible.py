@@ -22,7 +22,7 @@ def check_legible(figure):
     assert not small, f"too small at 800 pixels: {small}"
     raw = [t.get_text() for t in seen if RAW.search(t.get_text())]
     assert not raw, f"not for a reader: {raw}"
-    boxes = [(t.get_text(), t.get_window_extent()) for t in seen]
+    boxes = [(t.get_text(), Text.get_window_extent(t)) for t in seen]  # of a note without its arrow
     page = figure.bbox
     cut = [
         words

@@ -26,6 +26,7 @@ WIDTH, DPI = 10.0, 160
 SMALL = 9.0  #: Least size of letters [pt].
 STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
 """Ticks of a decade by how many times the least the greatest value is at most."""
+DECADES = 6  #: Most decades of an axis that have a tick each.
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
@@ -165,8 +166,9 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     """
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
     steps = next(ticks for most, ticks in STEPS.items() if high < most * low)
+    every = -(-len(decades) // DECADES)
     low, high = low / 1.3, high * 1.3
-    ticks = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
+    ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
     axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
     axis = axes.xaxis if side == "x" else axes.yaxis
     axis.set_ticks(ticks, [plain(tick) for tick in ticks])
