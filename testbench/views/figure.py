@@ -171,7 +171,7 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
     axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
     axis = axes.xaxis if side == "x" else axes.yaxis
-    axis.set_ticks(ticks, [plain(tick) for tick in ticks])
+    axis.set_ticks(ticks, [tick_words(tick) for tick in ticks])
     axis.set_ticks([], minor=True)
 
 
@@ -180,8 +180,8 @@ def short(name: str, letters: int = 20) -> str:
     return name if len(name) <= letters else f"{name[: letters - 1]}…"
 
 
-def plain(number: float) -> str:
-    """A round number for people: 0.05, 2000, and 2·10⁻⁹ for what has too many zeros."""
+def tick_words(number: float) -> str:
+    """A round number on an axis: 0.05, 2000, and 2·10⁻⁹ for what has too many zeros."""
     mantissa, _, power = f"{number:g}".partition("e")
     if not power:
         return mantissa

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from testbench.bench.error_places import ErrorPlaces
 from testbench.views.figure import SIZES, SMALL, log_ticks, page, quiet, say
 from testbench.views.scale import scale_for
+from testbench.views.schema import plain
 
 SIDES = {"z": (0, 2), "y": (0, 1)}
 """Seen from aside and from above: what stands on the ordinate, and the axes that are drawn."""
@@ -65,7 +66,7 @@ def _draw(axes: Axes, found: ErrorPlaces, name: str, drawn: tuple[np.ndarray, np
     axes.plot(*at[worst.place], "o", markersize=10, markerfacecolor="none", color="black")
     inward = np.sign(at.mean(axis=0) - at[worst.place])
     axes.annotate(
-        f"{worst.error_mm:.3g} mm",
+        f"{plain(f'{worst.error_mm:.3g}')} mm",
         at[worst.place],
         xytext=12 * inward,
         textcoords="offset points",
@@ -81,7 +82,7 @@ def _draw(axes: Axes, found: ErrorPlaces, name: str, drawn: tuple[np.ndarray, np
 def _worst(found: ErrorPlaces) -> str:
     """How far the compared models are off at worst."""
     return "greatest error over the workspace " + ", ".join(
-        f"{name} {found.worst[name].error_mm:.3g} mm" for name in found.compared
+        f"{name} {plain(f'{found.worst[name].error_mm:.3g}')} mm" for name in found.compared
     )
 
 
