@@ -300,7 +300,7 @@ def test_where_it_was_judged_and_what_it_observes(report):
     report = part(report, "observability", seen=49, of=49, o1=0.463, o2=3.84e-5)
     text = said(report, "judged")
     assert "Tracker at 4.5, -2.5, 1.6 m, tool between 1, -1.5, 0.5 and 3, 1.5, 2.5 m." in text
-    assert "O1 0.463, O2 3.84e-05" in text
+    assert "O1 0.463, O2 3.84 x 10^-5" in text
     assert "it leaves 13 of 49" in said(part(report, "observability", seen=36), "judged").replace(
         "the plan", "it"
     )
