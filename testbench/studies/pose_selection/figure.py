@@ -110,5 +110,5 @@ def _ratios(axes: Axes, report: PoseReport) -> None:
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlabel("error, planned over random poses")
     axes.set_title("what a plan brings", fontsize="medium")
-    axes.legend(frameon=False, fontsize=SMALL, loc="upper left")
+    axes.legend(frameon=False, fontsize=SMALL, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     quiet(axes)

@@ -1,0 +1,49 @@
+"""The look that every figure of the tests gets finds what a reader could not read."""
+
+import pytest
+from legible import check_legible
+
+from testbench.views.figure import page, say
+
+
+def drawn():
+    """A figure with nothing to mend."""
+    figure = page(3)
+    axes = figure.subplots()
+    for k, name in enumerate(("one", "two")):
+        axes.plot([0, 1], [k, 1 - k], color=f"C{k}", label=name)
+    axes.legend()
+    say(figure, "Two lines cross", "Lines: made up.")
+    return figure, axes
+
+
+def looked_at(figure):
+    figure.draw_without_rendering()
+    check_legible(figure)
+
+
+def test_a_sound_figure_passes():
+    looked_at(drawn()[0])
+
+
+FAULTS = {
+    "in wide": lambda figure, axes: figure.set_figwidth(12),
+    "no title": lambda figure, axes: figure.suptitle(""),
+    "too small": lambda figure, axes: axes.set_xlabel("small", fontsize=8),
+    "not for a reader": lambda figure, axes: axes.set_xlabel("rms_mm"),
+    "ratio": lambda figure, axes: axes.set_ylabel("ratio [1]"),
+    "1e-08": lambda figure, axes: axes.set_ylabel("off by 1e-08 m"),
+    "cut": lambda figure, axes: axes.text(1, 0.5, "some long words").set_in_layout(False),
+    "over one another": lambda figure, axes: [axes.text(0.5, y, "words") for y in (0.5, 0.51)],
+    "swatches alike": lambda figure, axes: [
+        line.set_color("black") for line in axes.get_legend().legend_handles
+    ],
+}
+
+
+@pytest.mark.parametrize("said", FAULTS)
+def test_a_fault_is_found(said):
+    figure, axes = drawn()
+    FAULTS[said](figure, axes)
+    with pytest.raises(AssertionError, match=said):
+        looked_at(figure)
