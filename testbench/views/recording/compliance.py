@@ -62,8 +62,9 @@ def write_heatmap(pen: Pen, path: str, C: Array) -> None:
     """One matrix without unit, its axes named; see `heatmap_view`."""
     pen.still(f"{path}/cells", rr.Image(picture([[C]])))
     middle = np.arange(SIZE) + 0.2  # a label hangs below its point
-    pen.names(f"{path}/rows", np.column_stack([np.full(SIZE, -0.7), middle]), LABELS, NOISE)
-    pen.names(f"{path}/columns", np.column_stack([middle + 0.3, np.full(SIZE, -0.8)]), LABELS, NOISE)
+    left, above = np.full(SIZE, -0.7), np.full(SIZE, -0.8)
+    at = np.vstack([np.column_stack([left, middle]), np.column_stack([middle + 0.3, above])])
+    pen.names(f"{path}/axes", at, [*LABELS, *LABELS], NOISE)
 
 
 def heatmap_view(path: str, name: str) -> rrb.Spatial2DView:

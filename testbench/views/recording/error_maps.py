@@ -34,6 +34,7 @@ from testbench.views.schema import Column, Table, show
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
 BALL = 0.025  #: Radius of the largest ball over the reach of the arm [1].
 EMPTY: Mapping[str, tuple[Array, Array]] = {}
+CLEAR = 0.1  #: How far above all balls the worst is named, over the reach [1].
 ABOUT = 1.6  #: Radius of the shell about the place that is shown over that of the largest ball [1].
 
 
@@ -121,7 +122,8 @@ def write_error_maps(
             share = scale.shares(errors)
             write_cubes(pen, f"{path}/tasks", centres, BALL * reach * sizes(share), shades(share))
         if name in found.worst:
-            _write_worst(pen, f"{path}/worst", found.worst[name], 3 * BALL * reach)
+            top = float(at[:, 2].max())
+            _write_worst(pen, f"{path}/worst", found.worst[name], (top, CLEAR * reach))
     write_key(pen, KEY, scale)
     words = _words(found, tasks, scale)
     pen.documents({IN_WORDS: "\n\n".join(filter(None, [words.block("error_maps"), more]))})
@@ -134,10 +136,14 @@ def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
     pen.still(path, rings)
 
 
-def _write_worst(pen: Pen, path: str, worst: WorstPlace, above: float) -> None:
-    """The name of the worst place, some way above it [m]."""
-    at = np.array([worst.position_m]) + np.array([0, 0, above])
-    pen.names(path, at, [f"worst: {show(worst.error_mm)} mm, place {worst.place}"], SCALE[-1])
+def _write_worst(pen: Pen, path: str, worst: WorstPlace, clear: tuple[float, float]) -> None:
+    """The name of the worst place, with a line down to it: the top of all balls, and how far above [m]."""
+    top, above = clear
+    x, y, z = worst.position_m
+    end = (x, y, max(z, top + above / 2))  # the name hangs below its point
+    pen.still(path, rr.LineStrips3D([[worst.position_m, end]], colors=SCALE[-1], radii=-0.75))
+    label = f"worst {show(worst.error_mm)} mm, place {worst.place}"
+    pen.names(path, np.array([(x, y, top + above)]), [label], SCALE[-1])
 
 
 def _words(found: ErrorPlaces, tasks: Tasks, scale: Scale) -> Words:

@@ -18,8 +18,8 @@ from testbench.views.recording.arm import (
 )
 from testbench.views.recording.camera import SIDE, frame
 from testbench.views.recording.drawing import Drawing, States
+from testbench.views.recording.error_maps import CLEAR, write_here
 from testbench.views.recording.error_maps import ROOT as ERROR_MAP
-from testbench.views.recording.error_maps import write_here
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.style import LOAD, MEASURED, NOISE, NOMINAL
 from testbench.views.recording.tracker import HEAD, feet, write_sights, write_tracker
@@ -235,5 +235,6 @@ def loading_camera(drawing: Drawing) -> tuple[Array, Array]:
 def map_camera(drawing: Drawing) -> tuple[Array, Array]:
     """The same for the error maps: every place of the tool and the arm of the first."""
     tools = drawing.bodies([drawing.cell.arm.tool], drawing.places.rigid)[:, 0]
-    points = np.vstack([tools, drawing.places.rigid.positions[0, 1:]])
+    above = np.array([*tools[:, :2].mean(axis=0), tools[:, 2].max() + 2 * CLEAR * drawing.reach])
+    points = np.vstack([tools, drawing.places.rigid.positions[0, 1:], above])
     return frame(points, np.full(len(points), HEAD), tools[0, :2])
