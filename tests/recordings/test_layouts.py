@@ -180,7 +180,7 @@ def test_every_number_has_its_unit_in_its_path_and_its_view_in_its_title(file, c
         if {"Scalars:scalars", "BarChart:values"} & set(chunk.to_record_batch().schema.names):
             assert re.search(UNIT, chunk.entity_path), chunk.entity_path
     for origin, kind, name in views(file):
-        unit = r"\((%|1|([^()]* )?(m|mm|um|urad|s)(, logarithmic)?|.*log10 .+|1 = true diagonal)\)"
+        unit = r"\((%|1|([^()]* )?(m|mm|um|urad|s)(, logarithmic)?|.*log10 .+|1 = true( diagonal)?)\)"
         assert kind == "TextDocument" or re.search(unit, name), (origin, name)
 
 

@@ -21,6 +21,7 @@ SHADES = np.array([(90, 205, 255), (45, 110, 185), (80, 80, 80), (160, 105, 25),
 KEY = (-10.0, -1.0, 0.0, 1.0, 10.0)  #: Entries that the key shows, over the true diagonal.
 SIZE, GAP = 6, 1
 """Cells of a matrix along an edge, and cells between two."""
+KEY_ROWS = 2  #: Cells of the key downwards.
 MARGIN = 3.0  #: Room for names on the left and above [cells].
 LINKS, ALONE = "compliance/links", "compliance/key"
 
@@ -59,17 +60,38 @@ def picture(rows: Sequence[Sequence[Array]]) -> npt.NDArray[np.uint8]:
 
 
 def write_heatmap(pen: Pen, path: str, C: Array) -> None:
-    """One matrix without unit, its axes named; see `heatmap_view`."""
+    """One matrix without unit in a small pane, its axes named; see `heatmap_view`."""
     pen.still(f"{path}/cells", rr.Image(picture([[C]])))
-    middle = np.arange(SIZE) + 0.2  # a label hangs below its point
-    left, above = np.full(SIZE, -0.7), np.full(SIZE, -0.8)
-    at = np.vstack([np.column_stack([left, middle]), np.column_stack([middle + 0.3, above])])
-    pen.names(f"{path}/axes", at, [*LABELS, *LABELS], NOISE)
+    rows = np.column_stack([np.full(SIZE, -0.8), np.arange(SIZE)])  # a label hangs below its point
+    columns = np.array([(SIZE / 4, -1.2), (3 * SIZE / 4, -1.2)])  # there is no room for one each
+    heads = ["   ".join(LABELS[:3]), "  ".join(LABELS[3:])]
+    pen.names(f"{path}/names", np.vstack([rows, columns]), [*LABELS, *heads], NOISE)
 
 
 def heatmap_view(path: str, name: str) -> rrb.Spatial2DView:
     """The view of one matrix."""
-    bounds = rrb.VisualBounds2D(x_range=(-MARGIN, SIZE + 1.0), y_range=(-MARGIN / 2, SIZE + 0.5))
+    bounds = rrb.VisualBounds2D(x_range=(-1.6, SIZE + 0.2), y_range=(-1.3, SIZE + 0.2))
+    return rrb.Spatial2DView(origin=path, name=f"{name} (1 = true)", visual_bounds=bounds)
+
+
+def write_key(pen: Pen, path: str, C: Array) -> None:
+    """One matrix without unit in a large pane, every axis named, above what its colours mean."""
+    key = np.full((KEY_ROWS + GAP, SIZE, 3), NOISE, dtype=np.uint8)
+    key[GAP:, : len(KEY)] = colours(np.tile(KEY, (KEY_ROWS, 1)))
+    pen.still(f"{path}/cells", rr.Image(np.vstack([picture([[C]]), key])))
+    middle = np.arange(SIZE) + 0.2
+    left, above = np.full(SIZE, -0.7), np.full(SIZE, -0.8)
+    below = np.full(len(KEY), SIZE + GAP + KEY_ROWS - 0.1)
+    at = [np.column_stack(pair) for pair in ((left, middle), (middle + 0.3, above))]
+    at.append(np.column_stack([np.arange(len(KEY)) + 0.5, below]))
+    names = [*LABELS, *LABELS, *(f"{x:g}" for x in KEY)]
+    pen.names(f"{path}/names", np.vstack(at), names, NOISE)
+
+
+def key_view(path: str, name: str) -> rrb.Spatial2DView:
+    """The view of a key."""
+    high = SIZE + KEY_ROWS + 2.0
+    bounds = rrb.VisualBounds2D(x_range=(-MARGIN, SIZE + 1.0), y_range=(-MARGIN / 2, high))
     return rrb.Spatial2DView(origin=path, name=f"{name} (1 = true diagonal)", visual_bounds=bounds)
 
 
@@ -94,17 +116,7 @@ def write_compliances(pen: Pen, drawing: Drawing) -> None:
     left = np.column_stack([np.full(len(down), -MARGIN), down])
     pen.names(f"{LINKS}/rows", left, list(found), NOISE)
     pen.names(f"{LINKS}/columns", np.column_stack([across, np.full(len(heads), -2.0)]), heads, NOISE)
-    write_heatmap(pen, ALONE, rows[0][0])
-    _write_key(pen)
-
-
-def _write_key(pen: Pen) -> None:
-    """What colours mean, below the matrix whose axes are named."""
-    entries = np.array([KEY, KEY])
-    pen.still(f"{ALONE}/scale", rr.Transform3D(translation=[0.5, SIZE + 0.8, 0.0]))
-    pen.still(f"{ALONE}/scale/cells", rr.Image(colours(entries)))
-    at = np.column_stack([np.arange(len(KEY)) + 0.5, np.full(len(KEY), 1.9)])
-    pen.names(f"{ALONE}/scale/numbers", at, [f"{x:g}" for x in KEY], NOISE)
+    write_key(pen, ALONE, rows[0][0])
 
 
 def compliance_tab(drawing: Drawing) -> rrb.Container:
@@ -117,10 +129,6 @@ def compliance_tab(drawing: Drawing) -> rrb.Container:
         visual_bounds=rrb.VisualBounds2D(x_range=(-2.2 * MARGIN, wide), y_range=(-MARGIN, high)),
     )
     first = next(iter(link_matrices(drawing)))
-    key = rrb.Spatial2DView(
-        origin=ALONE,
-        name=f"{first}, truth, axes and colours (1 = true diagonal)",
-        visual_bounds=rrb.VisualBounds2D(x_range=(-MARGIN, SIZE + 1.0), y_range=(-MARGIN / 2, SIZE + 4.0)),
-    )
+    key = key_view(ALONE, f"{first}, truth, axes and colours")
     beside = rrb.Vertical(key, text_view("compliance_legend", "How to read it"), row_shares=[3, 2])
     return rrb.Horizontal(links, beside, column_shares=[5, 3], name="Compliance")
