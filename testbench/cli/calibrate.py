@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
@@ -19,7 +18,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.absolute.files import COMMAND, write
 from testbench.views.absolute.words import tables, words
-from testbench.views.terminal import grid, looked_at, print_answer, print_statements
+from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def command(asked: Options) -> None:
         tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
     if asked.least_squares:
         tried = replace(tried, constraint="none")
-    console = Console(highlight=False)
+    console = plain_console()
     with console.status("calibrating") as status:
         found = calibrated(cell.vjm, series, tried, notes)
         status.update("writing")
@@ -74,7 +73,7 @@ def command(asked: Options) -> None:
         f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
         *looked_at(out),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.checked import check
@@ -14,7 +13,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.checked.files import COMMAND, write
 from testbench.views.checked.words import MOST, confirm_lines, contents, sag_words
-from testbench.views.terminal import looked_at
+from testbench.views.terminal import looked_at, plain_console
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ def command(asked: Options) -> None:
     if asked.out is not None:
         check_folder(asked.out, COMMAND, own=frozenset(), inputs=[find_arm(asked.arm)], force=asked.force)
     checked = check(asked.arm)
-    console = Console(highlight=False)
+    console = plain_console()
     doubts = [f"Doubt: {doubt.sentence}" for doubt in checked.doubts]
     lines = [
         *contents(checked),
@@ -44,8 +43,8 @@ def command(asked: Options) -> None:
         "",
         *(doubts or ["No doubts about the arm."]),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
     if asked.out is not None:
         write(checked, find_arm(asked.arm), asked.out)
         lines = [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
-        console.print("\n".join(lines), soft_wrap=True, markup=False)
+        console.print("\n".join(lines), soft_wrap=True)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.bench.compare_report import LETTERS
 from testbench.errors import BenchError
@@ -36,7 +35,7 @@ def command(asked: Options) -> None:
     runs = [read_run(folder) for folder in asked.runs]
     report = compare(runs)
     write(runs, report, asked.out)
-    console, text, out = Console(highlight=False, markup=False), words(report), asked.out
+    console, text, out = terminal.plain_console(), words(report), asked.out
     terminal.print_answer(console, text)
     terminal.print_statements(console, text)
     for line in input_lines(report):

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 
 from testbench import files
 from testbench.bench.campaign import build_cell
@@ -25,7 +24,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
 from testbench.views.compensate.words import tables, words
-from testbench.views.terminal import grid, looked_at, print_answer, print_statements
+from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
 
 SIGNS = {"": 1.0, "-": -1.0}
 AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
@@ -86,7 +85,7 @@ def command(asked: Options) -> None:
         raise _unreached(asked, found)
     said = report(found, to.program.name)
     write(cell, found, said, _plain(asked), to)
-    console, text = Console(highlight=False), words(said)
+    console, text = plain_console(), words(said)
     print_answer(console, text)
     console.print(grid(tables(said)["worst"]))
     print_statements(console, text)
@@ -95,7 +94,7 @@ def command(asked: Options) -> None:
         f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
         *looked_at(to.report),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _places(asked: Options) -> Places:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
@@ -16,7 +15,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.data import words
 from testbench.views.data.files import COMMAND, write
-from testbench.views.terminal import looked_at
+from testbench.views.terminal import looked_at, plain_console
 
 group = typer.Typer(no_args_is_help=True)
 
@@ -51,14 +50,14 @@ def check(asked: Options) -> None:
     cell = build_cell(asked.arm)
     export = read(cell, asked)
     found = understand(export)
-    console = Console(highlight=False)
-    console.print("\n".join([*words.table(found), "", *words.lines(found)]), soft_wrap=True, markup=False)
+    console = plain_console()
+    console.print("\n".join([*words.table(found), "", *words.lines(found)]), soft_wrap=True)
     filed = cell
     cell, registered = register(cell, export, asked)  # after the table, which helps where no frame is found
     looks = look_at(filed, export, registered, asked)
     runs = words.CheckedRuns(asked.dataset.name, found, registered, looks)
-    console.print("\n".join(f"- {line}" for line in runs.said), soft_wrap=True, markup=False)
+    console.print("\n".join(f"- {line}" for line in runs.said), soft_wrap=True)
     if asked.out is not None:
         write(cell, runs, asked.out)
         lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
-        console.print("\n".join(lines), soft_wrap=True, markup=False)
+        console.print("\n".join(lines), soft_wrap=True)

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.bench.truths import TrueArmName
 from testbench.shell.options import Common, takes
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.trial import Options
 from testbench.studies.run import run
+from testbench.views.terminal import plain_console
 
 
 @dataclass(frozen=True)
@@ -24,4 +24,4 @@ class Demo(Options):
 @takes(Common, Demo)
 def command(common: Common, options: Demo) -> None:
     """Run the study."""
-    run(STUDY, replace(common, out=common.out or Path("runs/demo")), options, Console(highlight=False))
+    run(STUDY, replace(common, out=common.out or Path("runs/demo")), options, plain_console())

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
@@ -12,6 +11,7 @@ from testbench.cli.arguments import ArmName
 from testbench.output.place import Kind, check_file
 from testbench.plant import write_elastic
 from testbench.shell.options import Force
+from testbench.views.terminal import plain_console
 
 ELASTIC = Kind("an elastic arm", rb"<mujoco [^>]*model=\"[^\"]*_elastic\"")
 
@@ -22,5 +22,5 @@ def command(
     """Write the arm with its springs."""
     check_file(file, ELASTIC, inputs=[find_arm(arm)], force=force)
     write_elastic(build_cell(arm).arm, file)
-    console = Console(highlight=False)
+    console = plain_console()
     console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={file}", soft_wrap=True)

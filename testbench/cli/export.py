@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
@@ -19,6 +18,7 @@ from testbench.errors import BenchError, InputError
 from testbench.output.place import HEAD, INSTEAD, Kind, check_file, look
 from testbench.output.scratch import writing
 from testbench.shell.options import Force, takes
+from testbench.views.terminal import plain_console
 
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
 BESIDE = Kind("the JSON beside such a URDF", BEGINS)
@@ -57,7 +57,7 @@ def command(asked: Options) -> None:
     lines = _words(arm, done, replaced=stood)
     if not model.absolute:
         lines.append("the model is of compliances alone: its geometry is the drawing's")
-    Console(highlight=False).print("\n".join(lines), soft_wrap=True, markup=False)
+    plain_console().print("\n".join(lines), soft_wrap=True)
 
 
 def _new(urdf: Path) -> bool:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
@@ -55,11 +54,11 @@ def command(asked: Options) -> None:
     cell, found = register(cell, export, asked)
     strength = Strength(asked.uncertainty_percent / 100)
     seen = seen_report(describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength))
-    console = Console(highlight=False)
+    console = terminal.plain_console()
     console.print(terminal.grid(table(seen)))
     for sentence in (*export.notes, *found.notes, *seen.sentences):
-        console.print(f"- {sentence}", markup=False)
+        console.print(f"- {sentence}")
     if figure is not None:
         with whole_file(figure) as part:
             shares(seen).savefig(part, format="png")
-        console.print(f"figure     {figure}", soft_wrap=True, markup=False)
+        console.print(f"figure     {figure}", soft_wrap=True)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
@@ -82,7 +81,7 @@ def command(asked: Options) -> None:
     readings = {asked.dataset.name: files.digest(asked.dataset)}
     made = explained(filed, cell, found, runs, widths=asked.intervals)
     write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
-    console, out = Console(highlight=False), asked.out
+    console, out = terminal.plain_console(), asked.out
     terminal.print_words(console, views.words(found.fits), list(views.tables(found.fits).values()))
     lines = [
         f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
@@ -91,7 +90,7 @@ def command(asked: Options) -> None:
         f"next       testbench predict {out} POSES.csv",
         f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:

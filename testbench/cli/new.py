@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.bench.campaign import build_cell
 from testbench.errors import BenchError
@@ -12,6 +11,7 @@ from testbench.output.run import new_folder
 from testbench.plant.adopt.folder import write_arm
 from testbench.plant.adopt.read import read_chain
 from testbench.plant.adopt.wishes import read_wishes
+from testbench.views.terminal import plain_console
 
 
 def command(  # noqa: PLR0913
@@ -35,8 +35,8 @@ def command(  # noqa: PLR0913
         chain = read_chain(source, tip)
         notes = write_arm(chain, wishes, folder)
         arm = build_cell(folder).arm
-    console = Console(highlight=False)
+    console = plain_console()
     first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg"
     last = f"see it and what to confirm: testbench check {name}"
     for line in (first, *(f"  {note}" for note in notes), last):
-        console.print(line, soft_wrap=True, markup=False)
+        console.print(line, soft_wrap=True)

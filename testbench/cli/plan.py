@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench import plan as plans
@@ -103,10 +102,10 @@ def _plan_deflections(asked: Options, task: Path) -> None:
     with of_flag("--model"):
         structure(cell, settings.model)  # refused here, not after the search
     tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]))
-    console = Console(highlight=False)
+    console = terminal.plain_console()
     doubts = overloaded(cell.arm, settings.loads_kg), overpulled(cell.arm, settings.pulls_n)
     for doubt in filter(None, doubts):
-        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
+        console.print(f"Doubt: {doubt}", soft_wrap=True)
     with console.status("looking for feasible poses") as status:
         found = plans.search(cell, settings)
         status.update(f"choosing {settings.poses} of {len(found.q)} poses")
@@ -123,7 +122,7 @@ def _plan_deflections(asked: Options, task: Path) -> None:
         f"figure     {out / 'plan.png'}",
         *terminal.looked_at(out),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
@@ -133,9 +132,9 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
     settings = _absolute_settings(cell, asked, absolute)
     with of_flag("--model"):
         structure(cell, settings.model)
-    console = Console(highlight=False)
+    console = terminal.plain_console()
     if doubt := overloaded(cell.arm, (0.0, *settings.loads_kg)):
-        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
+        console.print(f"Doubt: {doubt}", soft_wrap=True)
     with console.status(f"choosing {settings.poses} poses"):
         planned = plan_absolute(cell, settings)
         absolute_files.write(cell, planned, folder, asked.out)
@@ -146,7 +145,7 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
         f"figure     {out / 'plan.png'}",
         *terminal.looked_at(out),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _absolute_settings(cell: Cell, asked: Options, flags: Absolute) -> AbsolutePlanSettings:

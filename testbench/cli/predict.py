@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench import files
 from testbench.arm.mjcf import GRAVITY
@@ -23,7 +22,7 @@ from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.predicted.files import COMMAND, write
 from testbench.views.predicted.words import tables, words
-from testbench.views.terminal import grid, looked_at, print_answer, print_statements
+from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def command(asked: Options) -> None:
     area = None if asked.box is None else WorkArea(*box(asked.box))
     model = load_model(asked.model, asked.arm)
     poses = read_asked(asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.load, "--load"))
-    console = Console(highlight=False)
+    console = plain_console()
     with console.status("predicting") as status:
         made = predicted(model, poses, Wanted(_push(model, asked.push), area, asked.linear))
         report = reported(made)
@@ -77,7 +76,7 @@ def command(asked: Options) -> None:
         f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'predict.png'}",
         *looked_at(out),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _push(model: ArmModel, asked: float | None) -> float:

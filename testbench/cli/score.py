@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
 from testbench.cli.arguments import MapFile, SigmaUm
 from testbench.identify.absolute.align import LEAST
 from testbench.shell.options import takes
+from testbench.views.terminal import plain_console
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ def command(asked: Options) -> None:
     if asked.json:
         typer.echo(json.dumps(asdict(found)))
         return
-    console = Console(highlight=False)
+    console = plain_console()
     lines = [
         *notes,
         f"{found.n} positions: {found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} RMS, "
         f"{found.p95_mm:.3f} for 95 %, {found.max_mm:.3f} at most",
         f"{100 * found.coverage_95:.1f} % lie inside their 95 % interval",
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.cli.arguments import RunFolder
 from testbench.errors import BenchError
 from testbench.output.place import GIF, MP4, PNG, check_file
 from testbench.shell.options import Force, takes
 from testbench.views.recording import shot
+from testbench.views.terminal import plain_console
 
 KINDS = {".png": PNG, ".gif": GIF, ".mp4": MP4}
 
@@ -52,4 +52,4 @@ def command(asked: Options) -> None:
     check_file(out, KINDS[out.suffix], inputs=[asked.folder], force=asked.force)
     sight = shot.Sight(asked.size, asked.tab, asked.timeline, asked.at)
     file = (shot.film if moving else shot.shot)(asked.folder, out, sight)
-    Console(highlight=False).print(f"{out}: {file}", soft_wrap=True)
+    plain_console().print(f"{out}: {file}", soft_wrap=True)

@@ -25,6 +25,7 @@ from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.shell.options import Force, takes
+from testbench.views.terminal import plain_console
 
 DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
@@ -79,7 +80,7 @@ def command(asked: Options, absolute: Absolute) -> None:
 
 
 def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
-    console = Console(highlight=False)
+    console = plain_console()
     q = _given_poses(cell, asked)
     masses = _one_after_the_other(cell, asked)
     _say_overload(console, cell, masses)
@@ -87,7 +88,7 @@ def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
         text = (
             f"{path}: {own.rows} rows in {len(np.unique(own.pose))} poses, targets {', '.join(own.markers)}"
         )
-        console.print(text, soft_wrap=True, markup=False)
+        console.print(text, soft_wrap=True)
 
 
 def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
@@ -120,17 +121,17 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     if trackers:
         data = by_trackers(data, trackers, asked.seed)
     write_csv(data, cell.arm, asked.out)
-    console, size = Console(highlight=False), 1e3 * np.linalg.norm(data.deflection, axis=-1)
+    console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
-    console.print(text, soft_wrap=True, markup=False)
+    console.print(text, soft_wrap=True)
 
 
 def _say_overload(
     console: Console, cell: Cell, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()
 ) -> None:
     for doubt in filter(None, (overloaded(cell.arm, masses), overpulled(cell.arm, pulls))):
-        console.print(f"Doubt: {doubt}", soft_wrap=True, markup=False)
+        console.print(f"Doubt: {doubt}", soft_wrap=True)
 
 
 def _given_poses(cell: Cell, asked: Options) -> Array | None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from testbench.cli.arguments import RunFolder
 from testbench.errors import BenchError, Interrupted
@@ -17,6 +16,7 @@ from testbench.shell.options import takes
 from testbench.shell.serve import HERE, Server
 from testbench.views.recording import viewer
 from testbench.views.recording.web import opener, web_viewer
+from testbench.views.terminal import plain_console
 
 PAGE = "report.html"
 RECORDING, FILE, VIEWER = "/recording", "/recording.rrd", "/viewer/"
@@ -70,7 +70,7 @@ def _serve(file: Path, port: int) -> None:
     with Server(content, port) as server:
         root, to = f"http://{HERE}:{server.port}", f"{server.port}:{HERE}:{server.port}"
         page = f"{root}/{PAGE}" if f"/{PAGE}" in run else f"none: {file.parent} has no {PAGE}"
-        Console(highlight=False).print(
+        plain_console().print(
             f"recording  {root}{RECORDING}\npage       {page}\n"
             f"elsewhere  ssh -C -N -L {to} {getpass.getuser()}@{os.uname().nodename}, then the same there\n"
             "Ctrl-C ends it",
@@ -85,5 +85,5 @@ def _serve(file: Path, port: int) -> None:
 def _of_run(file: Path) -> dict[str, Path]:
     """The page and the figures of a recording's run by their paths, and nothing else of its folder."""
     listed = read_manifest(file.parent).files or {PAGE}
-    own = [file.with_name(name) for name in sorted(listed) if name == PAGE or Path(name).suffix == ".png"]
-    return {f"/{path.name}": path for path in own if path.is_file() and not path.is_symlink()}
+    own = [path for path in file.parent.iterdir() if path.name == PAGE or path.suffix == ".png"]
+    return {f"/{p.name}": p for p in own if p.name in listed and p.is_file() and not p.is_symlink()}

@@ -41,7 +41,7 @@ def as_command(study: Study[O, S, W, R]) -> Any:
 
     @takes(Common, study.options)
     def body(common: Common, options: O) -> None:
-        run(study, common, options, Console(highlight=False))
+        run(study, common, options, terminal.plain_console())
 
     return body
 
@@ -100,7 +100,7 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
     ) -> list[P]:
         own = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
         with open_store(folder, own, row=row, resume=common.resume) as store:
-            show_progress(run_study(work, store, backend), pieces, words, Console())
+            show_progress(run_study(work, store, backend), pieces, words, terminal.plain_console())
             write_parquet(store, folder)
             return [found for _, rows in store.trials() for found in rows]
 

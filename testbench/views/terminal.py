@@ -12,6 +12,11 @@ from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
 
+def plain_console() -> Console:
+    """Where commands print: brackets and colons in users' names are text, neither markup nor pictures."""
+    return Console(highlight=False, markup=False, emoji=False)
+
+
 def grid(table: Table) -> RichTable:
     """A table: medians; below them 5th and 95th percentile of several trials, and the paper's numbers."""
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False, title=table.title or None)
@@ -45,11 +50,11 @@ def print_words(console: Console, words: Words, tables: list[Table]) -> None:
     """Title, tables, the answer, what else is to be said.
 
     Args:
-        console: Where to.
+        console: A plain one.
         words: Of the report.
         tables: In their order.
     """
-    console.print(words.block("title"), markup=False)
+    console.print(words.block("title"))
     for table in tables:
         console.print(grid(table))
     print_answer(console, words)
@@ -58,9 +63,9 @@ def print_words(console: Console, words: Words, tables: list[Table]) -> None:
 
 def print_answer(console: Console, words: Words) -> None:
     """The answer, and where it is worst."""
-    console.print(words.block("answer"), style="bold", markup=False)
+    console.print(words.block("answer"), style="bold")
     for text in words.worst():
-        console.print(text, markup=False)
+        console.print(text)
 
 
 def print_statements(console: Console, words: Words) -> None:
@@ -81,7 +86,7 @@ def print_places(console: Console, out: Path, *, figures: list[str], data: str =
     """Where the results are, and how to open them.
 
     Args:
-        console: Where to.
+        console: A plain one.
         out: Folder of the results.
         figures: Names of the figures.
         data: Name of the data file.
@@ -91,4 +96,4 @@ def print_places(console: Console, out: Path, *, figures: list[str], data: str =
         f"figures    {', '.join(str(out / name) for name in figures)}",
         *looked_at(out),
     ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True)

@@ -95,3 +95,10 @@ def test_a_table_on_a_page_has_the_numbers_behind_its_words():
     assert [row["marked"] for row in found["rows"]] == [False, True]
     assert [head["drawn"] for head in found["head"]] == [False, True, False]
     assert found["first"] == 1
+
+
+def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
+    numbers = [0.5, float("nan"), float("inf"), Spread(float("nan"), float("nan"), float("nan")), None]
+    rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
+    found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
+    assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]

@@ -12,7 +12,6 @@ MODEL, NAME, ARM = Column("model", "model"), Column("name", "model"), Column("ar
 POSES = Column("poses", "poses", form="d")
 ERROR = Column("error_mm", "error, own weight", "mm")
 LOADED = Column("loaded_mm", "error, payload", "mm")
-OPTIMUM = Column("optimum_mm", "noise-only optimum", "mm")
 OVER = Column("over_optimum", "over the optimum", "", ".2f")
 POSITIONS = _percent("inside.positions", "positions inside")
 PARTS = (

@@ -11,7 +11,6 @@ from testbench.views.schema import Column, Table, pivot
 MODEL = Column("model", "model")
 CAMPAIGN = Column("campaign", "campaign")
 POSES = Column("poses", "poses", form="d")
-JOB = Column("job", "job")
 REMOVED = Column("removed", "removed", "%", ".1f", scale=100)
 WORST = Column("worst", "worst case", "%", ".1f", scale=100)
 NINE = Column("nine", "cases with 90 % or more removed", "%", ".1f", scale=100)

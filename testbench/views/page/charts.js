@@ -23,6 +23,7 @@ const DEPTH = 3e3; // what is smaller than the largest by more is drawn at the e
 
 /** A scale from numbers to places; logarithmic where the largest is 20 times the smallest. */
 function scale(numbers, from, to) {
+  if (!numbers.length) return scale([0], from, to);
   let low = Math.min(...numbers), high = Math.max(...numbers);
   if (low > 0) low = Math.max(low, high / DEPTH);
   const log = low > 0 && high > 20 * low;

@@ -3,6 +3,7 @@
 import base64
 import functools
 import json
+import math
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -63,10 +64,13 @@ def _cell(column: Column, row: object) -> Json:
 
 
 def _numbers(value: object) -> tuple[float, ...]:
-    """A number alone, or a median with 5th and 95th percentile; nothing of words."""
+    """A number alone, or a median with 5th and 95th percentile; nothing of words, NaN, infinity."""
+    found: tuple[float, ...] = ()
     if isinstance(value, Spread):
-        return value.median, value.p05, value.p95
-    return (float(value),) if isinstance(value, int | float) else ()
+        found = value.median, value.p05, value.p95
+    elif isinstance(value, int | float):
+        found = (float(value),)
+    return found if all(map(math.isfinite, found)) else ()
 
 
 def embedded(png: Path) -> Markup:

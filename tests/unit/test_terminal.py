@@ -1,0 +1,30 @@
+"""What commands print: users' names as they are."""
+
+import re
+from pathlib import Path
+
+import testbench
+from testbench.views.schema import Column, Table
+from testbench.views.terminal import grid, plain_console
+
+NAMES = ("joint[/x]", "[red]two[/red]", "[bold]", ":bug:", "a\\[b]")
+"""A closing tag of nothing, which ends a program that reads tags; tags and a picture's name, which vanish."""
+
+
+def test_brackets_and_colons_in_names_are_printed_as_they_are(capsys):
+    columns = (Column("name", "model"), *(Column("value", name) for name in NAMES))
+    rows = [{"name": name, "value": name} for name in NAMES]
+    console = plain_console()
+    console.width = 200
+    console.print(grid(Table(columns, rows, title="".join(NAMES), bold=NAMES[0])))
+    console.print("".join(NAMES), soft_wrap=True)
+    title, head, *lines, last = capsys.readouterr().out.strip().splitlines()
+    assert title.strip() == last == "".join(NAMES)
+    assert head.split() == ["model", *NAMES]
+    assert [line.split()[-len(NAMES) :] for line in lines[1:]] == [[name] * len(NAMES) for name in NAMES]
+
+
+def test_all_of_the_package_prints_by_it():
+    package = Path(testbench.__file__).parent
+    makers = [p for p in package.rglob("*.py") if re.search(r"\bConsole\(", p.read_text(encoding="utf-8"))]
+    assert makers == [package / "views/terminal.py"]
