@@ -13,11 +13,21 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.model.vjm import tool_pose
 
-Typical = Literal["RMS", "median"]
-TRUE = "distance to the true deflection, RMS over the markers"
 DIGITS = 4  #: Significant digits of a length that is kept: a report shows three.
 Q_DECIMALS, M_DECIMALS = 5, 4
 """Decimals of joints [rad, m] and of tool positions [m]: a place is found again within 0.1 mm."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What an error of a map is."""
+
+    name: str  #: In a word or two.
+    words: str  #: The same at length.
+    typical: Literal["RMS", "median"]  #: What stands for a model's errors all over the workspace.
+
+
+TRUE = Meaning("error", "distance to the true deflection, RMS over the markers", "RMS")
 
 
 @dataclass(frozen=True)
@@ -55,8 +65,7 @@ class ErrorPlaces:
     deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers; without truth the predicted.
     error_mm: Mapping[str, tuple[float | None, ...]]  #: By name of the model; None where it has no bound.
     worst: Mapping[str, WorstPlace]  #: Of those with a bound, by name of the model.
-    error_is: str = TRUE  #: What an error is, in words.
-    typical: Typical = "RMS"  #: What stands for a model's errors all over the workspace.
+    means: Meaning = TRUE  #: What an error is.
 
     def errors(self, name: str) -> Array:
         """Of a model, (places,) [mm]; NaN where it has no bound."""
@@ -67,7 +76,7 @@ class ErrorPlaces:
         mm = self.errors(name)[np.isfinite(self.errors(name))]
         if not mm.size:
             return float("nan")
-        return float(np.sqrt(np.mean(mm**2)) if self.typical == "RMS" else np.median(mm))
+        return float(np.sqrt(np.mean(mm**2)) if self.means.typical == "RMS" else np.median(mm))
 
     def unbounded(self, name: str) -> int:
         """At how many places a model has no bound."""
@@ -108,8 +117,7 @@ def error_places(
     at: Places,
     error_mm: Mapping[str, Sequence[float | None]],
     compared: Sequence[str] = (),
-    error_is: str = TRUE,
-    typical: Typical = "RMS",
+    means: Meaning = TRUE,
 ) -> ErrorPlaces:
     """Places by how much the first and the last of the compared models differ, the widest first.
 
@@ -117,8 +125,7 @@ def error_places(
         at: The places.
         error_mm: Error of each model at each of them, None where it has no bound.
         compared: Names of models; of one its greatest error comes first, of none that of the first model.
-        error_is: What an error is, in words.
-        typical: What stands for a model's errors.
+        means: What an error is.
     """
     names = tuple(compared) or tuple(error_mm)[:1]
     first, last = (_endless(error_mm[name]) for name in (names[0], names[-1]))
@@ -142,8 +149,7 @@ def error_places(
         deflection_mm=tuple(np.array(at.deflection_mm)[order].tolist()),
         error_mm=sorted_mm,
         worst={name: WorstPlace(k, positions[k], joints[k], mm) for name, (mm, k) in worst.items()},
-        error_is=error_is,
-        typical=typical,
+        means=means,
     )
 
 

@@ -28,6 +28,7 @@ from testbench.views import fits as views
 from testbench.views import terminal
 from testbench.views.identified.files import COMMAND, Source, write
 
+FIGURES = ("identify.png", "error_map.png")
 OLD = frozenset((FITS,))  #: All that earlier versions left.
 
 
@@ -85,7 +86,8 @@ def command(asked: Options) -> None:
     terminal.print_words(console, views.words(found.fits), list(views.tables(found.fits).values()))
     lines = [
         f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
-        f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'identify.png'}",
+        f"report     {out / 'report.md'}, {out / 'report.json'}",
+        f"figures    {', '.join(str(out / name) for name in FIGURES if (out / name).exists())}",
         *terminal.looked_at(out),
         f"next       testbench predict {out} POSES.csv",
         f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",

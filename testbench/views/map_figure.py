@@ -7,7 +7,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from testbench.bench.error_places import ErrorPlaces
-from testbench.views.figure import SIZES, SMALL, log_ticks, page, quiet, say
+from testbench.views.figure import SIZES, SMALL, SOFT, log_ticks, page, quiet, say
 from testbench.views.scale import scale_for
 from testbench.views.schema import plain
 
@@ -19,11 +19,11 @@ HEIGHT, PANES, PANE = 2.0, 8.0, 2.9
 """Of title and caption, the width that all panes share, and that of one at most [in]."""
 
 
-def error_map(found: ErrorPlaces, title: str, seed: int | list[int]) -> Figure:
+def error_map(found: ErrorPlaces, title: str, seed: int | list[int] = 0) -> Figure:
     """A column a compared model: the reachable volume from aside and from above.
 
     Args:
-        found: Errors by place.
+        found: Errors by place, of one compared model at least with a bound.
         title: What is calibrated, under which load.
         seed: Of the report: the places are those of the first.
     """
@@ -43,25 +43,39 @@ def error_map(found: ErrorPlaces, title: str, seed: int | list[int]) -> Figure:
             _draw(axes, found, name, (position[:, shown], share))
             if axes in panes[:, 0]:
                 axes.set_ylabel(f"{letter} [m]")
-        column[0].set_title(f"{name}: {found.typical} {found.typical_mm(name):.3f} mm", fontsize="medium")
+        known = name in found.worst
+        size = f"{found.means.typical} {found.typical_mm(name):.3f} mm" if known else "no bound"
+        column[0].set_title(f"{name}: {size}", fontsize="medium")
         column[-1].set_xlabel("x [m]")
-    words = f"error [{scale.words}]"
+    words = f"{found.means.name} [{scale.words}]"
     bar = figure.colorbar(ScalarMappable(norm, SIZES), ax=panes, label=words, fraction=0.03, pad=0.02)
     if scale.logarithmic:
         log_ticks(bar.ax, "y", *scale.ends)
         bar.ax.set_ylim(*scale.ends)
     which = "" if isinstance(seed, int) else f" of seed {seed[0]}"
-    say(figure, f"{title}: {_worst(found)}", f"{_places(found)} Errors{which}: RMS over the markers, true.")
+    open_ = " Grey rings: no bound." if any(map(found.unbounded, found.compared)) else ""
+    say(
+        figure,
+        f"{title}: {_worst(found)}",
+        f"{_places(found)} {found.means.name.capitalize()}{which}: {found.means.words}.{open_}",
+    )
     return figure
 
 
 def _draw(axes: Axes, found: ErrorPlaces, name: str, drawn: tuple[np.ndarray, np.ndarray]) -> None:
     """One projection of one model: places in the plane (places, 2) [m] and on the scale (places,) [1]."""
     at, share = drawn
-    order = np.argsort(share)  # the greatest on top
+    unknown = at[np.isnan(share)]
+    if len(unknown):
+        axes.plot(*unknown.T, "o", markersize=4, markerfacecolor="none", color=SOFT)
+    order = np.argsort(share)[: len(at) - len(unknown)]  # the greatest on top
     sizes = DOT * (LEAST + (1 - LEAST) * share[order])
     x, y = at[order].T
     axes.scatter(x, y, s=sizes, c=SIZES(share[order]), linewidths=0)
+    axes.set_aspect("equal")
+    quiet(axes)
+    if name not in found.worst:
+        return
     worst = found.worst[name]
     axes.plot(*at[worst.place], "o", markersize=10, markerfacecolor="none", color="black")
     inward = np.sign(at.mean(axis=0) - at[worst.place])
@@ -75,21 +89,21 @@ def _draw(axes: Axes, found: ErrorPlaces, name: str, drawn: tuple[np.ndarray, np
         fontsize=SMALL,
         bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.5},
     )
-    axes.set_aspect("equal")
-    quiet(axes)
 
 
 def _worst(found: ErrorPlaces) -> str:
     """How far the compared models are off at worst."""
-    return "greatest error over the workspace " + ", ".join(
-        f"{name} {plain(f'{found.worst[name].error_mm:.3g}')} mm" for name in found.compared
+    return f"greatest {found.means.name} over the workspace " + ", ".join(
+        f"{name} {plain(f'{found.worst[name].error_mm:.3g}')} mm"
+        for name in found.compared
+        if name in found.worst
     )
 
 
 def _places(found: ErrorPlaces) -> str:
     """Where that is."""
     parts = []
-    for name in found.compared:
+    for name in filter(found.worst.__contains__, found.compared):
         own = found.worst[name]
         position = ", ".join(f"{x:.2f}" for x in own.position_m)
         parts.append(f"{name} at {position} m, joints {own.joints}")

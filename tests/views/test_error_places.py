@@ -55,6 +55,30 @@ def test_of_one_model_its_greatest_error_is_first(at, errors):
     assert error_places(at, errors).compared == ("MLS56",)
 
 
+def test_places_without_a_bound_come_first_and_are_drawn_as_rings(at, errors):
+    unknown = [3, 11]
+    bounded = {name: list(mm) for name, mm in errors.items()}
+    for k in unknown:
+        bounded["MLS56"][k] = None
+    found = error_places(at, bounded | {"MGCO56": [None] * COUNT}, NAMES)
+    assert sorted(found.run[:2]) == [104, 112]
+    assert (found.unbounded("MLS56"), found.unbounded("MGCO56")) == (2, COUNT)
+    assert found.worst["MLS56"].error_mm == max(mm for mm in bounded["MLS56"] if mm is not None)
+    assert "MGCO56" not in found.worst
+    assert np.isnan(found.errors("MLS56")).sum() == 2
+    assert found.typical_mm("MLS56") == pytest.approx(
+        np.sqrt(np.mean([mm**2 for mm in bounded["MLS56"] if mm is not None]))
+    )
+    figure = error_map(found, "arm", 7)
+    first, nowhere, _ = figure.axes[:3]
+    rings, _ = first.get_lines()
+    np.testing.assert_allclose(rings.get_xydata(), np.array(found.position_m)[:2, [0, 2]])
+    [dots] = first.collections
+    assert len(dots.get_offsets()) == COUNT - 2
+    assert nowhere.get_title() == "MGCO56: no bound"
+    assert "Grey rings: no bound." in figure.get_supxlabel().replace("\n", " ")
+
+
 def test_the_figure_has_every_place_from_two_sides_in_one_scale_and_names_the_worst(at, errors):
     found = error_places(at, errors, NAMES)
     figure, scale = error_map(found, "arm under 9 kg", [7, 8]), scale_for(found)
@@ -82,4 +106,4 @@ def test_the_figure_has_every_place_from_two_sides_in_one_scale_and_names_the_wo
         where = ", ".join(f"{x:.2f}" for x in worst.position_m)
         assert f"{name} {worst.error_mm:.3g} mm" in title.replace("\n", " ")
         assert f"{name} at {where} m, joints {worst.joints}" in caption
-    assert "Errors of seed 7" in caption
+    assert "Error of seed 7: distance to the true deflection" in caption

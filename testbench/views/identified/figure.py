@@ -135,9 +135,8 @@ def _places(axes: Axes, figure: SubFigure, report: IdentifiedReport) -> None:
         axes.axis("off")
         axes.text(0.5, 0.5, "no map over the workspace", ha="center", transform=axes.transAxes, color=SOFT)
         return
-    at = np.array([row.position_m for row in found.every])
+    at, half = np.array(found.errors.position_m), found.errors.errors(report.recommended)
     reach, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
-    half = np.array([np.nan if row.half_width_mm is None else row.half_width_mm for row in found.every])
     known = np.isfinite(half)
     order = np.flatnonzero(known)[np.argsort(half[known])]  # the widest in front
     axes.plot(reach[~known], height[~known], "o", color=SOFT, markerfacecolor="none", markersize=6)

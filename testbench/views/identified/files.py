@@ -42,6 +42,7 @@ def write(source: Source, made: Explained, out: Path) -> None:
     from testbench.views.identified.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.identified.page import seen  # thirds of a second
     from testbench.views.identified.scene import scene
+    from testbench.views.map_figure import error_map
     from testbench.views.recording.absolute import write_absolute
     from testbench.views.recording.stream import Header
 
@@ -54,6 +55,10 @@ def write(source: Source, made: Explained, out: Path) -> None:
         text = words(fits, report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(made, report).savefig(folder / "identify.png")
+        if report.map is not None and report.map.bounded:
+            error_map(report.map.errors, f"{report.arm} under {report.map.load}").savefig(
+                folder / "error_map.png"
+            )
         header = Header(COMMAND, json.dumps({"arm": fits.arm, **asked}, sort_keys=True), 0)
         write_absolute(folder / "recording.rrd", header, scene(source.filed, made, report))
         write_page(folder, f"{COMMAND}: {fits.arm}", text, seen(source.filed, made, report))

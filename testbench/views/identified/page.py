@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
-from testbench.bench.explained import Elsewhere, Explained, longest
+from testbench.bench.explained import Elsewhere, Explained, compared, longest
 from testbench.bench.fit_rows import Fits, Fitted
 from testbench.bench.rows import MM
 from testbench.data.dataset import Dataset, Ids
@@ -37,29 +37,18 @@ def seen(cell: Cell, made: Explained, report: IdentifiedReport) -> Seen:
     if len(some):
         runs, title = _runs(cell, made, report, models, some)
         groups.append(runs)
-    if made.elsewhere is not None:
-        groups.append(_places(cell, made.elsewhere))
+    elsewhere = _in_order(made, report)
+    if elsewhere is not None:
+        groups.append(_places(cell, elsewhere))
     lines = [_line(m, MM * longest(made.left[m.name])[some]) for m in models]
     labels, note = [str(data.run[k]) for k in some], of_all(len(some), data.runs, "runs")
     chart = RunChart(LEFT_MM, 0, labels, lines, report.noise_p95_mm, note)
     return Seen(
         scene=Scene(cell, title, groups) if groups else None,
-        map=None if made.elsewhere is None else _map(models[-1], made.elsewhere, len(groups) - 1),
+        map=None if elsewhere is None else _map(models, elsewhere, len(groups) - 1),
         runs=[chart] if len(some) else [],
         tables=_tables(fits, report),
     )
-
-
-def compared(fits: Fits) -> list[Fitted]:
-    """Least squares, GCO without prior, joints alone, where they are, and last the model to take."""
-    [taken] = [m for m in fits.models if m.name == fits.recommended]
-    others = [m for m in fits.models if not m.prior and m is not taken]
-    kinds = [
-        [m for m in others if m.structure != JOINTS and m.constraint == "none"],
-        [m for m in others if m.structure != JOINTS and m.constraint == "psd"],
-        [m for m in others if m.structure == JOINTS],
-    ]
-    return [*(kind[0] for kind in kinds if kind), taken]
 
 
 def _line(model: Fitted, values: Array) -> Line:
@@ -109,12 +98,19 @@ def _said(row: RunRow, models: list[Fitted], joints: str) -> str:
     return f"Pose {row.pose}, moves {show(row.deflection_mm)} mm. Left at the worst target: {left}. {joints}."
 
 
+def _in_order(made: Explained, report: IdentifiedReport) -> Elsewhere | None:
+    """The places in the order of the report."""
+    if made.elsewhere is None or report.map is None:
+        return None
+    return made.elsewhere.of(np.array(report.map.errors.run) - 1)
+
+
 def _places(cell: Cell, found: Elsewhere) -> Poses:
     """The arm all over the workspace."""
     sizes = zip(MM * found.deflection, MM * found.half, found.q, strict=True)
     return Poses(
         name="Workspace, under the largest load",
-        names=[f"Place {k + 1} of {len(found.q)}" for k in range(len(found.q))],
+        names=[f"Place {k} of {len(found.q)}" for k in range(len(found.q))],
         words=[
             f"The tool moves {size:.3f} mm, {f'+- {half:.3f} mm' if np.isfinite(half) else NOWHERE} (95 %). "
             f"{cell.arm.words(q)}."
@@ -127,15 +123,17 @@ def _places(cell: Cell, found: Elsewhere) -> Poses:
     )
 
 
-def _map(taken: Fitted, found: Elsewhere, group: int) -> PlaceMap:
-    half = np.where(np.isfinite(found.half), MM * found.half, np.nan)
+def _map(models: list[Fitted], found: Elsewhere, group: int) -> PlaceMap:
+    """A map a model; joints alone have none: what they leave out is in no half width."""
+    shown = [m for m in models if m.name in found.models and (m.structure != JOINTS or m is models[-1])]
+    half = [MM * found.models[m.name].half for m in shown]
     return PlaceMap(
         "Half width of the 95 % interval of the tool's deflection under the largest load (mm)",
         group,
         found.position,
-        [_line(taken, half)],
+        [_line(m, np.where(np.isfinite(mm), mm, np.nan)) for m, mm in zip(shown, half, strict=True)],
         heading="How sure it is elsewhere",
-        without=NOWHERE if np.isnan(half).any() else "",
+        without="" if np.isfinite(half).all() else NOWHERE,
     )
 
 

@@ -4,7 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
+from testbench.bench.error_places import (
+    M_DECIMALS,
+    Q_DECIMALS,
+    ErrorPlaces,
+    Meaning,
+    Places,
+    WorstPlace,
+    bounded_mm,
+    error_places,
+    kept_mm,
+)
 from testbench.bench.explained import Elsewhere, Explained, longest
 from testbench.bench.fit_rows import Fitted
 from testbench.bench.rows import MM, ErrorRow
@@ -15,6 +27,9 @@ from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.views.identifiability.report import Seen, seen_report
 
+HALF_WIDTH = Meaning(
+    "half width", "of the 95 % interval of the tool's deflection, along the axis where it is widest", "median"
+)
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with, as `testbench identifiability` does.
 
 
@@ -54,24 +69,8 @@ class RunRow:
 
 
 @dataclass(frozen=True)
-class PlaceRow:
-    """The tool in a pose; no half width where the readings leave it without a bound."""
-
-    q: list[float]
-    pose: str
-    position_m: list[float]
-    deflection_mm: float
-    half_width_mm: float | None
-
-    @property
-    def where(self) -> str:
-        """The tool's place in words."""
-        return " ".join(f"{axis} {x:.2f}" for axis, x in zip("xyz", self.position_m, strict=True)) + " m"
-
-
-@dataclass(frozen=True)
 class MapRow:
-    """How sure the deflection of the tool is over the workspace, 95 %."""
+    """How sure the deflection of the tool is over the workspace, 95 %; numbers are of the model to take."""
 
     force_N: float
     moment_Nm: float
@@ -80,8 +79,25 @@ class MapRow:
     least_mm: float | None
     median_mm: float | None
     p95_mm: float | None
-    worst: PlaceRow | None  #: Of those with a bound.
-    every: list[PlaceRow]
+    errors: ErrorPlaces  #: Half widths by model, deflections by the one to take.
+    #: How far each other model has the tool from where the one to take has it, at the same places.
+    apart_mm: dict[str, tuple[float, ...]]
+    missing: tuple[str, ...]  #: Models so soft that the load finds no equilibrium.
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a model that is compared has a bound anywhere."""
+        return any(name in self.errors.worst for name in self.errors.compared)
+
+    @property
+    def load(self) -> str:
+        """The load in words."""
+        return f"{self.force_N:.0f} N" + (f" and {self.moment_Nm:.0f} N m" if self.moment_Nm else "")
+
+    @property
+    def worst(self) -> WorstPlace | None:
+        """Where the model to take is least sure; None where it has no bound anywhere."""
+        return self.errors.worst.get(self.errors.compared[-1])
 
 
 @dataclass(frozen=True)
@@ -169,16 +185,9 @@ def _run_rows(made: Explained) -> list[RunRow]:
 def _map_row(cell: Cell, found: Elsewhere) -> MapRow:
     half = MM * found.half
     known = half[np.isfinite(half)]
-    places = [
-        PlaceRow(
-            q=found.q[k].tolist(),
-            pose=cell.arm.words(found.q[k]),
-            position_m=found.position[k].tolist(),
-            deflection_mm=MM * float(found.deflection[k]),
-            half_width_mm=float(half[k]) if np.isfinite(half[k]) else None,
-        )
-        for k in range(len(half))
-    ]
+    errors = _errors(cell, found)
+    order = np.array(errors.run) - 1
+    others = [name for name in found.models if name != found.taken]
     low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
     return MapRow(
         force_N=float(np.linalg.norm(found.load.wrench[:3])),
@@ -188,10 +197,24 @@ def _map_row(cell: Cell, found: Elsewhere) -> MapRow:
         least_mm=low,
         median_mm=middle,
         p95_mm=most,
-        worst=max(
-            (row for row in places if row.half_width_mm is not None),
-            key=lambda row: row.half_width_mm or 0.0,
-            default=None,
-        ),
-        every=places,
+        errors=errors,
+        apart_mm={name: kept_mm(found.apart(name)[order]) for name in others},
+        missing=found.missing,
     )
+
+
+def _errors(cell: Cell, found: Elsewhere) -> ErrorPlaces:
+    """Half widths by model; joints alone are not compared: what they leave out is in no half width."""
+    x, y, z = found.position.round(M_DECIMALS).T.tolist()
+    at = Places(
+        run=tuple(range(1, len(found.q) + 1)),
+        q=tuple(found.q.round(Q_DECIMALS).ravel().tolist()),
+        joints=tuple(map(cell.arm.words, found.q)),
+        x_m=tuple(x),
+        y_m=tuple(y),
+        z_m=tuple(z),
+        deflection_mm=kept_mm(found.deflection),
+    )
+    half = {name: bounded_mm(own.half) for name, own in found.models.items()}
+    shown = [name for name in half if name != JOINTS or name == found.taken]
+    return error_places(at, half, shown, HALF_WIDTH)

@@ -4,15 +4,14 @@ import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.bench.explained import Explained
-from testbench.bench.rows import MM
-from testbench.errors import Array
 from testbench.views.absolute.scene import ARROWS
 from testbench.views.colours import MEASURED, look
 from testbench.views.identified.report import IdentifiedReport
 from testbench.views.identified.words import words
+from testbench.views.markdown import Words
 from testbench.views.picked import evenly, picked
 from testbench.views.recording.absolute import AbsoluteScene, Arrows
-from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.error_maps import PlaceScene
 
 
 def scene(cell: Cell, made: Explained, report: IdentifiedReport) -> AbsoluteScene:
@@ -50,18 +49,17 @@ def scene(cell: Cell, made: Explained, report: IdentifiedReport) -> AbsoluteScen
         kind="identified",
         beside="What the runs tell",
         apart=True,
-        error_map=error_map(made),
+        plot="Left in a run; half width at a place (mm)",
+        map=_map(made, report, text),
     )
     reading = {"scales": drawn.scales, "tops": drawn.tops_mm, "shown": len(some), "total": len(data.run)}
     return drawn.saying(text.block("how_to_read", **reading)).saying(text.block("statements"))
 
 
-def error_map(made: Explained) -> ErrorMap | None:
-    """Half widths where there is a bound; None where there is none."""
-    found = made.elsewhere
-    if found is None or not np.isfinite(found.half).any():
+def _map(made: Explained, report: IdentifiedReport, text: Words) -> PlaceScene | None:
+    """Half widths of the compared models; None where there is no map, or no bound at all."""
+    found = report.map
+    if found is None or not found.bounded:
         return None
-    known = np.isfinite(found.half)
-    nowhere: Array = np.zeros((0, 3))
-    words = "95 % half width of the tool's deflection under the largest load (mm)"
-    return ErrorMap(words, found.position[known], MM * found.half[known], nowhere, np.zeros(0))
+    looks = {m.name: look(m.structure, m.constraint, m.prior).colour for m in made.found.fits.models}
+    return PlaceScene(found.errors, looks, text.block("apart"))

@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from testbench.bench.fit_rows import Fits
 from testbench.views import fits as fitted
-from testbench.views.identified.report import IdentifiedReport
+from testbench.views.identified.report import IdentifiedReport, MapRow
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
@@ -14,6 +16,14 @@ RUNS = (
     Column("pose", "pose", form="d"),
     Column("deflection_mm", "deflection", "mm"),
     Column("taken_mm", "residual", "mm"),
+)
+ELSEWHERE = (
+    Column("model", "model"),
+    Column("median_mm", "median half width", "mm"),
+    Column("greatest_mm", "greatest", "mm"),
+    Column("unbounded", "places without a bound", form="d"),
+    Column("apart_mm", "apart, median", "mm"),
+    Column("farthest_mm", "greatest", "mm"),
 )
 BLOCKS = (
     Column("component", "link or joint"),
@@ -30,7 +40,26 @@ def tables(fits: Fits, report: IdentifiedReport) -> dict[str, Table]:
         **fitted.tables(fits),
         "runs": Table(RUNS, worst),
         "seen": Table(BLOCKS, report.seen.blocks),
+        "elsewhere": Table(ELSEWHERE, elsewhere(report.map) if report.map else [], bold=report.recommended),
     }
+
+
+def elsewhere(found: MapRow) -> list[dict[str, object]]:
+    """Every model over the workspace: how sure it is, and how far it is from the one to take."""
+    rows: list[dict[str, object]] = []
+    for name in found.errors.error_mm:
+        worst, apart = found.errors.worst.get(name), found.apart_mm.get(name)
+        rows.append(
+            {
+                "model": name,
+                "median_mm": found.errors.typical_mm(name) if worst else None,
+                "greatest_mm": worst.error_mm if worst else None,
+                "unbounded": found.errors.unbounded(name),
+                "apart_mm": float(np.median(apart)) if apart else None,
+                "farthest_mm": max(apart) if apart else None,
+            }
+        )
+    return rows
 
 
 def words(fits: Fits, report: IdentifiedReport) -> Words:

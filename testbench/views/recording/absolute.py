@@ -18,13 +18,13 @@ from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.recording.arm import orbit, origins, reach, write_places, write_shapes
 from testbench.views.recording.camera import frame
-from testbench.views.recording.error_map import (
-    ErrorMap,
-    key_view,
-    map_words,
-    shades,
-    write_error_map,
-    write_key,
+from testbench.views.recording.error_map import shades
+from testbench.views.recording.error_maps import (
+    PlaceScene,
+    error_maps_tab,
+    map_eye,
+    write_here,
+    write_places_of,
 )
 from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.stream import Header, layout, recording
@@ -38,7 +38,6 @@ MOST_SCALE, LONGEST = 500.0, 0.65
 """Magnification of errors, unless those that end the colours would be longer than this share of the reach."""
 MOST_APART, LONGEST_APART = 10_000.0, 0.3
 """The same where either side has its own."""
-MAP, KEY = "world/error_map", "error_key_mm"
 TOP = 95  #: Per cent of the errors of the arm as drawn at which the colours end.
 SPECTRA = 8  #: Joints whose spectrum is drawn at most.
 ASPECT = 0.95  #: Width over height of a pane that shows the arm [1].
@@ -82,7 +81,8 @@ class AbsoluteScene:
     opens: str = "calibrated"  #: Model whose largest errors are first in worst_first.
     beside: str = "Geometry"  #: Title of that document.
     apart: bool = False  #: Whether either side has a magnification and ends of the colours of its own.
-    error_map: ErrorMap | None = None  #: Errors over the workspace, in a tab of their own.
+    plot: str = "Largest error of a pose (mm)"  #: Title of the plot below the arms.
+    map: PlaceScene | None = None  #: Errors over the workspace, in a tab of their own.
 
     def saying(self, more: str) -> "AbsoluteScene":
         """The same with more words in its summary."""
@@ -151,10 +151,10 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
             line = Line(f"error_mm/{name}", f"{title} (mm)", colour, 2.0, MarkerShape.Circle, 2.5)
             if side or not scene.apart:  # in one plot the smaller would lie flat
                 run.line(line, MM * own.longest)
-        if scene.error_map:
-            write_error_map(pen, MAP, scene.error_map, 0.03 * reach(scene.frames))
-            write_key(pen, KEY, scene.error_map.scale)
-            pen.documents({"error_words": map_words(scene.error_map)})
+        if scene.map:
+            tools = origins(scene.cell, [scene.cell.arm.tool], scene.frames)[:, 0]
+            write_here(run, tools, reach(scene.frames))
+            write_places_of(pen, scene.cell, scene.map, ("this_pose", "error_mm"))
         for row in scene.spectrum[:SPECTRA]:
             order, amplitude = np.array([(one.order, one.amplitude_urad) for one in row.orders]).T
             bars = rr.BarChart(amplitude, color=GCO, abscissa=order, widths=np.full(len(order), 0.8))
@@ -193,7 +193,7 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
     views = [_world(scene, name, title, k) for k, (name, (title, _)) in enumerate(scene.models.items())]
     plot = rrb.TimeSeriesView(
         origin="error_mm",
-        name="Largest error of a pose (mm)",
+        name=scene.plot,
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
     below = rrb.Horizontal(text_view("this_pose", "This pose"), plot, column_shares=[1, 1])
@@ -203,11 +203,8 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
         rrb.Horizontal(shown, summary, column_shares=[12, 7], name="Overview"),
         rrb.Horizontal(text_view("tables", "Tables"), text_view("geometry", scene.beside), name="Tables"),
     ]
-    if scene.error_map:
-        key = key_view(KEY, scene.error_map.scale)
-        mapped = rrb.Vertical(_map_view(scene, scene.error_map), key, row_shares=[10, 1])
-        in_words = text_view("error_words", "Error map in words")
-        tabs.append(rrb.Horizontal(mapped, in_words, column_shares=[3, 1], name="Error map"))
+    if scene.map:
+        tabs.insert(1, error_maps_tab(scene.map.found, map_eye(scene.map.found, scene.cell)))
     if scene.spectrum:
         bars = [
             rrb.BarChartView(
@@ -219,17 +216,6 @@ def _blueprint(scene: AbsoluteScene) -> rrb.Blueprint:
         ]
         tabs.append(rrb.Grid(*bars, name="Spectra"))
     return layout(*tabs, timeline=TIMELINES[0], places=len(scene.q))
-
-
-def _map_view(scene: AbsoluteScene, found: ErrorMap) -> rrb.Spatial3DView:
-    points = np.vstack([found.field, scene.frames.positions.reshape(-1, 3)])
-    eye = frame(points, np.full(len(points), 0.05 * reach(scene.frames)), np.array([1.0, 0.0]), BESIDE, 1.4)
-    return rrb.Spatial3DView(
-        origin="world",
-        contents=["+ $origin/arm/**", "+ $origin/error_map/**"],
-        name=f"Error map: {found.words}; positions in m",
-        eye_controls=orbit(*eye),
-    )
 
 
 def _world(scene: AbsoluteScene, name: str, title: str, side: int) -> rrb.Spatial3DView:

@@ -1,7 +1,7 @@
 """Error maps of several models side by side: one scale for all of them, the worst place of each named."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,20 +26,32 @@ from testbench.views.recording.error_map import (
     write_cubes,
     write_key,
 )
-from testbench.views.recording.pen import Pen, snake, text_view
-from testbench.views.recording.style import NOISE, NOMINAL
+from testbench.views.recording.pen import Line, Pen, snake, text_view
+from testbench.views.recording.style import NOISE, NOMINAL, Colour
 from testbench.views.scale import Scale, scale_for, scale_of
 from testbench.views.schema import Column, Table, show
 
+TIMELINE = "place"  #: Of the places of the workspace, from 0, where models differ most.
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
 BALL = 0.025  #: Radius of the largest ball over the reach of the arm [1].
 EMPTY: Mapping[str, tuple[Array, Array]] = {}
 CLEAR = 0.1  #: How far above all balls the worst is named, over the reach [1].
+PANE = 1.1  #: Width over height of the pane of a map where three stand side by side [1].
 ABOUT = 1.6  #: Radius of the shell about the place that is shown over that of the largest ball [1].
 
 
 Tasks = Mapping[str, tuple[Array, Array]]
 """Where the robot works, (t, 3) [m], and the errors there, (t,) [mm], by model."""
+
+
+@dataclass(frozen=True)
+class PlaceScene:
+    """Errors by place, made ready for drawing."""
+
+    found: ErrorPlaces
+    colours: Mapping[str, Colour]  #: Of the compared models.
+    more: str = ""  #: Markdown below the table of the worst places.
+    tasks: Tasks = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -79,7 +91,7 @@ def _table(found: ErrorPlaces) -> Table:
     rows = worst_rows(found)
     columns = [
         Column("model", "model"),
-        Column("typical_mm", found.typical, "mm"),
+        Column("typical_mm", found.means.typical, "mm"),
         Column("worst_mm", "greatest", "mm"),
         *(
             [Column("unbounded", "places without a bound", form="d")]
@@ -161,11 +173,29 @@ def place_words(found: ErrorPlaces) -> list[str]:
     ]
 
 
-def write_place_arm(pen: Pen, cell: Cell, found: ErrorPlaces, reach: float) -> None:
-    """The arm at every place, a row each."""
+def write_places_of(pen: Pen, cell: Cell, scene: PlaceScene, into: tuple[str, str]) -> None:
+    """The maps, and on the timeline of places the arm, the words, and the errors of the compared models.
+
+    Args:
+        pen: Of the recording.
+        cell: The arm.
+        scene: Errors by place.
+        into: Entity of the words of what is shown, and root of a plot, the unit in its name.
+    """
+    found, (words, plot) = scene.found, into
     frames = rigid_frames(cell.room, np.array(found.q))
-    write_places(pen, cell, frames)
-    write_here(pen, origins(cell, [cell.arm.tool], frames)[:, 0], reach)
+    size, count = reach(frames), np.arange(len(found.run))
+    write_error_maps(pen, found, size, scene.tasks, scene.more)
+    place = pen.on(rr.TimeColumn(TIMELINE, sequence=count))
+    write_places(place, cell, frames)
+    write_here(place, origins(cell, [cell.arm.tool], frames)[:, 0], size)
+    place.texts(words, place_words(found))
+    for name in found.compared:
+        mm = found.errors(name)
+        known = np.isfinite(mm)
+        if known.any():
+            line = Line(f"{plot}/{snake(name)}", f"{name} (mm)", scene.colours[name], 2.0)
+            pen.on(rr.TimeColumn(TIMELINE, sequence=count[known])).line(line, mm[known])
 
 
 def write_here(pen: Pen, tool: Array, reach: float) -> None:
@@ -187,7 +217,9 @@ def error_maps_tab(
         tasks: Where the robot works.
         beside: What else is drawn, entities under `world`.
     """
-    views = [_map_view(row, found.typical, eye, beside) for row in worst_rows(found)[: len(found.compared)]]
+    views = [
+        _map_view(row, found.means.typical, eye, beside) for row in worst_rows(found)[: len(found.compared)]
+    ]
     key = key_view(KEY, scale_with(found, tasks))
     return rrb.Vertical(
         rrb.Horizontal(*views),
@@ -211,9 +243,10 @@ def _map_view(
     )
 
 
-def map_eye(found: ErrorPlaces, cell: Cell, further: Array, aspect: float) -> rrb.EyeControls3D:
+def map_eye(found: ErrorPlaces, cell: Cell, further: Array | None = None) -> rrb.EyeControls3D:
     """A camera that has all places, the arm at the first and further points (n, 3) [m] in view."""
-    first = rigid_frames(cell.room, np.array(found.q[:1]))
-    points = np.vstack([np.array(found.position_m), first.positions[0, 1:], further])
+    first, at = rigid_frames(cell.room, np.array(found.q[:1])), np.array(found.position_m)
+    label = np.array([*at[:, :2].mean(axis=0), at[:, 2].max() + 2 * CLEAR * reach(first)])
+    points = np.vstack([at, label, first.positions[0, 1:], *([] if further is None else [further])])
     tool = origins(cell, [cell.arm.tool], first)[0, 0, :2]
-    return orbit(*frame(points, np.full(len(points), BALL * reach(first)), tool, aspect=aspect))
+    return orbit(*frame(points, np.full(len(points), 2 * BALL * reach(first)), tool, aspect=PANE))
