@@ -283,7 +283,7 @@ def test_the_tasks_of_the_docs_are_feasible(kr500):
 
 def test_the_page_shows_poses_and_tasks_and_a_task_that_is_clicked(planned, report, open_page):
     ends = [(row["expected_error_mm"], row["expected_error_p05_mm"]) for row in report["plan"]]
-    told = [f"{mm:.3f} ({low:.3f} to" for mm, low in ends]
+    told = ["Rehearse:", *(f"{mm:.3f} ({low:.3f} to" for mm, low in ends)]
     told += [f"{report['joints_alone_mm']:.3f}", f"{report['random_plans']['median_mm']:.3f}"]
     shown = check_page(open_page, planned / "report.html", told)
     assert said(shown).startswith("Run 1. Hang ")

@@ -92,10 +92,9 @@ def _bent(found: CorrectedProgram, some: Ids) -> Array:
 def _said(row: PointRow) -> str:
     if row.reason:
         return f"{row.before_mm:.3f} mm off as programmed; left as it is: {row.reason}."
-    half = (
-        "nothing bounds what is left" if row.half_95_mm is None else f"within {row.half_95_mm:.3f} mm (95 %)"
-    )
-    return f"{row.before_mm:.3f} mm off as programmed; corrected {half}."
+    sure = row.half_95_mm is not None
+    half = f"corrected within {row.half_95_mm:.3f} mm (95 %)" if sure else "nothing bounds what is left"
+    return f"{row.before_mm:.3f} mm off as programmed; {half}."
 
 
 def _tables(report: CompensationReport) -> list[Table]:
