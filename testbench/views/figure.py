@@ -73,20 +73,18 @@ def of_seeds(seeds: int | Sequence[int]) -> str:
     return "One seed" if isinstance(seeds, int) else f"Dots: medians, lines: 5 to 95 % of {len(seeds)} seeds"
 
 
-def least(errors: Mapping[str, Number], beside: str, unit: str = "mm", form: str = ".3f") -> str:
+def least(errors: Mapping[str, Number], beside: str) -> str:
     """Which of several errs least, and by how much another one more, as the end of a sentence.
 
     Args:
-        errors: By name; medians are compared.
+        errors: By name [mm]; medians are compared.
         beside: Name of the one to beat.
-        unit: Of the errors.
-        form: Of the numbers.
     """
     best, other = best_of(errors), middle(errors[beside])
     called = "joints alone" if beside == JOINTS else beside
     verb = "errs" if len(best.names) == 1 else "err"
-    words = f"{best.words} {verb} least, {best.value:{form}} {unit}"
-    return words if beside in best.names else f"{words}, {called} {other:{form}} {unit}"
+    words = f"{best.words} {verb} least, {best.value:.3f} mm"
+    return words if beside in best.names else f"{words}, {called} {other:.3f} mm"
 
 
 def dots(

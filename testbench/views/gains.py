@@ -1,8 +1,12 @@
 """A gain in words: 8.6 times less (3.0 to 20 in 90 %), or alike where the spread holds both."""
 
+from collections.abc import Mapping
+
 from testbench.trials.gain import Gain
 from testbench.trials.spread import Number, Spread, ends, middle
 
+UNITS = {"mm": (1.0, ".3f"), "um": (1000.0, ".0f")}
+"""So many times a number in mm, and its format, by unit."""
 SMALL = 0.04  #: Width of the ratios' interval that is not worth saying.
 
 
@@ -21,6 +25,22 @@ def more(gain: Gain, each: str = "") -> str:
     """How theirs errs beside ours."""
     low, high = ends(gain.times)
     return _words(Spread(1 / middle(gain.times), 1 / high, 1 / low), each, alike=gain.alike)
+
+
+def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
+    """One model beside others, for the title of a figure; those that are not there are left out.
+
+    Args:
+        gains: Of one model beside others, by what these are called.
+        unit: Of the errors: mm or um.
+    """
+    scale, form = UNITS[unit]
+    known = {name: own for name, own in gains.items() if own is not None}
+    ours = [f"{own.ours} {scale * middle(own.ours_mm):{form}} {unit}" for own in known.values()]
+    theirs = [
+        f"{name} {scale * middle(own.theirs_mm):{form}} {unit}, {less(own)}" for name, own in known.items()
+    ]
+    return "; ".join([*ours[:1], *theirs])
 
 
 def _words(times: Number, each: str, *, alike: bool) -> str:

@@ -337,7 +337,8 @@ def test_the_title_counts_the_trials_of_every_true_arm(report):
 def test_the_figure_draws_the_reports_numbers(report):
     drawn = figure.sensitivity(report)
     *left, right = drawn.axes
-    assert drawn.get_suptitle().startswith("KR 500, 8 poses, 50 um of noise: over the workspace ")
+    own = report.gains["gravity"].least_squares
+    assert f"{own.ours} {1e3 * own.ours_mm.median:.0f} um; least squares" in drawn.get_suptitle()
     for axes, (part, words) in zip(left, WORDS.items(), strict=True):
         assert axes.get_title() == words
         assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("um", "um")

@@ -226,16 +226,14 @@ def test_the_figure_draws_the_reports_numbers(report):
         names = [label.get_text().rpartition("  ")[0] for label in axes.get_yticklabels()]
         assert names == (list(NAMES) if axes is left else [""] * len(NAMES))
         [bars] = [x for x in axes.get_lines() if x.get_marker() == "|"]
-        assert list(bars.get_xdata()) == [middle(row.check_true.p95_mm) for row in rows]
+        assert list(bars.get_xdata()) == [middle(row.check.p95_mm) for row in rows]
         drawn = [line.get_xdata(orig=True) for line in axes.get_lines()]
         for row in rows:
-            value = row.check.p95_mm
+            value = row.check_true.p95_mm
             assert any(np.size(x) == 2 and tuple(x) == ends(value) for x in drawn)
             assert any(np.size(x) == 1 and np.ravel(x)[0] == middle(value) for x in drawn)
-        papers = [
-            line for line in axes.get_lines() if line.get_marker() == "D" and line.get_markersize() == 5
-        ]
-        assert len(papers) == (len(PAPERS) if rows is report.models else 0)
+        [papers] = [x for x in axes.get_lines() if x.get_marker() == "D" and x.get_markersize() == 5]
+        assert len(papers.get_xdata()) == (len(PAPERS) if rows is report.models else 0)
     assert unit_in(right.get_ylabel()) == "mm"
     for name in ("MGCO69", "MGCO56"):
         rows = getattr(report.order, name)

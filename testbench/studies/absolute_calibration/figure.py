@@ -34,6 +34,7 @@ from testbench.views.colours import (
     look,
 )
 from testbench.views.figure import SMALL, SOFT, Line, body, draw_line, key, log_ticks, page, quiet, say
+from testbench.views.gains import beside
 
 LOOKS = {
     GEOMETRY: Look(GREY, 0, prior=False),
@@ -65,23 +66,13 @@ def curves(report: AbsoluteCalibrationReport) -> Figure:
     key(part, (list(known.values()), list(known)), columns=3)
     say(
         figure,
-        f"Error from {report.featured} poses where nothing was measured: {_answer(report)}",
+        f"{report.featured} poses, error where nothing was measured: "
+        + "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in report.gains),
         f"RMS errors, {report.dataset.sigma_um:g} um a reading. Marks: medians; band and lines: 5 to 95 % of "
         f"{report.trials} trials, {count} arms in turn. Bars: RMS in the middle row, medians below; dashes: "
         "medians. Compliances: of joint 2, beside the true one.",
     )
     return figure
-
-
-def _answer(report: AbsoluteCalibrationReport) -> str:
-    """What cross-validation chooses beside the incumbent, arm by arm."""
-    found = []
-    for arm in report.arms:
-        ours, theirs = (
-            report.model(arm, report.featured, name).error_mm.median for name in (CHOSEN, INCUMBENT)
-        )
-        found.append(f"{arm} {ours:.3f} mm, by joint springs {theirs:.3f} mm")
-    return "; ".join(found)
 
 
 def _by_poses(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:

@@ -24,6 +24,7 @@ from testbench.trials.spread import Spread
 from testbench.views.colours import CHOICE, GREY, Look, look
 from testbench.views.colours import NOMINAL as SKY
 from testbench.views.figure import SMALL, SOFT, body, key, page, quiet, say
+from testbench.views.gains import beside
 
 LOOKS = {
     JOINTS: look("Joints", "none"),
@@ -53,12 +54,11 @@ def removed(report: CompensationReport) -> Figure:
     for axes in (*panes[:, 0], disturbed):
         axes.set_ylabel("deflection removed [%]")
     key(above, disturbed.get_legend_handles_labels(), columns=len(LOOKS))
-    ours, theirs = (report.group(m, f"{PLANNED}, {BOTH}", report.featured).removed for m in (DEFAULT, JOINTS))
+    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
     say(
         figure,
-        f"{report.arm}: from {report.featured} planned poses, weight and pull, the default removes "
-        f"{100 * ours.median:.1f} % of the deflection, joints alone {100 * theirs.median:.1f} %",
-        "Above and title: true arms that bend as a model can. Dots: medians of all points, lines: 5 to 95 % "
+        f"{report.arm}, {report.featured} planned poses, weight and pull, error left: {beside(gains)}",
+        "Title and above: true arms that bend as a model can. Dots: medians of all points, lines: 5 to 95 % "
         f"of them; {report.trials} trials, {report.force[0] / 1e3:g} to {report.force[1] / 1e3:g} kN.",
     )
     return figure

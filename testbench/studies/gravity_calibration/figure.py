@@ -16,7 +16,8 @@ from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
 from testbench.studies.gravity_calibration.trial import normalities
 from testbench.trials.spread import middle
 from testbench.views.colours import MEASURED, hexadecimal, look
-from testbench.views.figure import SMALL, SOFT, dots, log_ticks, of_seeds, page, quiet, say
+from testbench.views.figure import SMALL, SOFT, dots, least, log_ticks, of_seeds, page, quiet, say
+from testbench.views.gains import beside
 from testbench.views.map_figure import error_map
 
 SIDES = {
@@ -25,7 +26,6 @@ SIDES = {
     "check.rms_mm": "check poses, against readings",
 }
 """Columns that are drawn, where it matters first."""
-METHODS = {("psd", True): "GCO with prior", ("psd", False): "GCO", ("none", False): "least squares"}
 BINS = 24  #: Of a histogram.
 PAPERS = ("MGCO68", "MLS32")  #: The models of Fig. 5.
 
@@ -44,10 +44,12 @@ def models(report: GravityReport) -> Figure:
             if own.name == JOINTS:  # what there is to beat
                 axes.axvline(middle(column.value(own)), color=shade.hex, linewidth=0.8, linestyle=":")
         axes.set_title(words, fontsize="medium")
+    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
+    said = beside(gains) or least({m.name: m.workspace.rms_mm for m in rows}, JOINTS)
     paper = "; grey diamonds: the paper" if any(m.paper for m in rows) else ""
     say(
         figure,
-        f"{report.arm} under {report.payload_kg:g} kg, error over the workspace: {_compared(report)}",
+        f"{report.arm} under {report.payload_kg:g} kg, RMS over the workspace: {said}",
         f"RMS errors. {of_seeds(report.seed)}. Filled: with a prior; dotted line: joints alone{paper}.",
     )
     return figure
@@ -56,21 +58,6 @@ def models(report: GravityReport) -> Figure:
 def places(report: GravityReport) -> Figure:
     """Errors of the best of each method over the workspace."""
     return error_map(report.map, f"{report.arm} under {report.payload_kg:g} kg", report.seed)
-
-
-def _compared(report: GravityReport) -> str:
-    """Errors over the workspace: the best of each method, the least error first, and joints alone."""
-    own = {
-        f"{METHODS[w.constraint, w.prior]} {middle(w.rms_mm):.3f} mm": middle(w.rms_mm)
-        for w in report.winners
-        if (w.constraint, w.prior) in METHODS
-    }
-    own |= {
-        f"joints alone {middle(m.workspace.rms_mm):.3f} mm": middle(m.workspace.rms_mm)
-        for m in report.models
-        if m.name == JOINTS
-    }
-    return ", ".join(sorted(own, key=own.__getitem__))
 
 
 def residuals(campaign: Campaign, results: Sequence[Result], recommended: str) -> Figure:

@@ -23,6 +23,7 @@ from testbench.views.figure import (
     quiet,
     say,
 )
+from testbench.views.gains import beside
 from testbench.views.schema import Column
 
 BANDS = (JOINTS, "MLS56", "MGCO56", "MGCO56, GCO + prior")
@@ -50,11 +51,12 @@ def errors(report: IdentifiabilityReport) -> Figure:
     panes["c"].set_title("a prior of another scale", fontsize="medium")
     key(part, panes["b"].get_legend_handles_labels(), columns=4)
     prior = report.prior
-    found = {m.name: m.workspace.rms_mm for m in models}
+    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
+    said = beside(gains) or least({m.name: m.workspace.rms_mm for m in models}, JOINTS)
     say(
         figure,
-        f"{report.arm}, {report.dataset.poses} poses: over the workspace {least(found, JOINTS)}",
-        f"RMS errors. {of_seeds(report.seed)}; bands on the right: the same of some. Filled and dashed: with "
+        f"{report.arm}, {report.dataset.poses} poses, RMS over the workspace: {said}",
+        f"{of_seeds(report.seed)}; bands on the right: the same of some. Filled and dashed: with "
         f"a prior {prior.scale:g} times too soft, {prior.shape_percent:g} % wrong in shape.",
     )
     return figure

@@ -41,13 +41,14 @@ def loaded_stiffness(report: LoadedReport) -> Figure:
     for style, words in TRUTHS.values():
         axes.plot([], [], style, color=SOFT, linewidth=2, label=words)
     axes.legend(loc="upper left", edgecolor="none", framealpha=1)
-    heaviest = [(NAMES[method], report.line("own weight", method)[-1]) for method in METHODS]
-    words = ", ".join(f"{name} {SHARE.cell(row)} %" for name, row in heaviest)
+    heaviest = [(NAMES[method], report.line("weightless", method)[-1]) for method in METHODS]
+    words = ", ".join(f"{name} {'exact' if row.exact else SHARE.cell(row) + ' %'}" for name, row in heaviest)
     say(
         figure,
-        f"{report.arm} under {LOAD.cell(heaviest[0][1])} {LOAD.unit}, error of the deflection: {words}",
+        f"{report.arm} without weight under {LOAD.cell(heaviest[0][1])} {LOAD.unit}, error of what "
+        f"it deflects: {words}",
         f"RMS over {report.poses} poses, from the true compliances; at the right ends as a share of the "
-        "deflection. The title is of the arm that sags under its own weight.",
+        "deflection.",
     )
     return figure
 

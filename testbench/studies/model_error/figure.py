@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.bench.baselines import JOINTS
 from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
 from testbench.studies.model_error.summary import distinct
 from testbench.studies.model_error.tables import RMS
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
-from testbench.views.figure import body, key, least, log_ticks, page, quiet, say
+from testbench.views.figure import body, key, log_ticks, page, quiet, say
+from testbench.views.gains import beside
 
 STEP = 0.09  #: Between the models of one case [cases].
 
@@ -32,11 +32,10 @@ def disturbances(report: ModelErrorReport) -> Figure:
     left.set_yticks(range(len(report.sizes)), list(report.sizes))
     left.set_ylim(len(report.sizes) - 0.5, -0.5)
     key(part, left.get_legend_handles_labels(), columns=5)
-    errors = {row.model: row.all_um for row in report.together}
+    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
     say(
         figure,
-        f"{report.arm}, all disturbances together, {report.sigma_um:g} um of noise: "
-        f"{least(errors, JOINTS, 'um', '.0f')}",
+        f"{report.arm}, all disturbances together, {report.sigma_um:g} um of noise: {beside(gains, 'um')}",
         f"RMS errors over the workspace. Dots: medians, lines: 5 to 95 % of {report.trials} trials. Filled: "
         "with a prior.",
     )

@@ -13,7 +13,8 @@ from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA, distinct
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import GCO, GREY, SERIES, Look, look
-from testbench.views.figure import SMALL, SOFT, Line, draw_line, least, page, quiet, say
+from testbench.views.figure import SMALL, SOFT, Line, draw_line, page, quiet, say
+from testbench.views.gains import beside
 from testbench.views.schema import Column
 
 SHADES = (GCO, GREY, *SERIES[1:])
@@ -37,16 +38,15 @@ def sensitivity(report: NoiseReport) -> Figure:
         _finish(axes, SIGMA, report.sweeps[part])
     _instruments(panes["c"], [c for c in report.instruments if c.truth == "linear"])
     led = report.leaders["gravity"]
-    at = {row.model: row.rms_um for row in distinct(report.sweeps["gravity"]) if row.sigma_um == led.noise_um}
-    counts = [report.trials[part] for part in ("six_dof", "gravity", "instrument_linear")]
+    found = report.gains["gravity"]
+    gains = {"least squares": found.least_squares, "joints alone": found.joints}
+    counts = [str(report.trials[part]) for part in ("six_dof", "gravity", "instrument_linear")]
     say(
         figure,
-        f"{PARTS['gravity']}, {led.noise_um:g} um of noise: over the workspace "
-        f"{least(at, JOINTS, 'um', '.0f')}",
-        "RMS errors. Marks: medians of {}, {} and {} trials; bands, of some: 5 to 95 % of them. ".format(
-            *counts
-        )
-        + f"Filled and dashed: with a prior. Below {LINEAR_UM:g} um the axis is linear.",
+        f"{PARTS['gravity']}, {led.noise_um:g} um of noise: {beside(gains, 'um')}",
+        f"RMS errors over the workspace. Marks: medians of {', '.join(counts)} trials; bands, of some: 5 to "
+        "95 % of them. "
+        f"Filled and dashed: with a prior. Below {LINEAR_UM:g} um the axis is linear.",
     )
     return figure
 

@@ -9,6 +9,7 @@ from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSE
 from testbench.trials.spread import middle
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import SMALL, SOFT, Line, body, dots, draw_line, key, log_ticks, page, quiet, say
+from testbench.views.gains import less
 from testbench.views.schema import Column
 
 CRITERIA = ("test", "I", "D", "A", "E", "G", RANDOM)
@@ -43,11 +44,11 @@ def curves(report: PoseReport) -> Figure:
 
 def _headline(report: PoseReport) -> str:
     """Planned and random poses at the tasks."""
-    own = report.featured[PLANNED.name]
-    ours, theirs = middle(own.test_mm), middle(own.random_mm)
+    own = report.gains.random
+    ours, theirs = middle(own.ours_mm), middle(own.theirs_mm)
     return (
-        f"{report.arm}, {PLANNED.name}: {own.poses} poses planned for the tasks leave {ours:.3f} mm there, "
-        f"random ones {theirs:.3f} mm"
+        f"{report.arm}, {PLANNED.name}: {report.dataset.poses} planned poses leave {ours:.3f} mm at the "
+        f"tasks, random ones {theirs:.3f} mm, {less(own)}"
     )
 
 

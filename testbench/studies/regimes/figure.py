@@ -12,10 +12,11 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 
 from testbench.studies.regimes.campaigns import Kind
-from testbench.studies.regimes.report import MATTERS, MapCell, RegimesReport
+from testbench.studies.regimes.report import MapCell, RegimesReport
 from testbench.studies.regimes.tables import KINDS, OVER_EQUAL, OVER_LENT, OVER_LS
 from testbench.trials.spread import Spread
 from testbench.views.figure import SMALL, page, say
+from testbench.views.gains import beside
 from testbench.views.schema import Column
 
 ROWS: dict[Kind, tuple[Column, ...]] = {
@@ -38,22 +39,17 @@ def maps(report: RegimesReport) -> Figure:
         part = figure.add_subfigure(grid[k])
         _panels(part, report.cells[kind], columns)
         part.suptitle(KINDS[kind], fontsize="large")
+    own = report.gains
+    gains = {"least squares": own.least_squares, "joints alone": own.joints}
     say(
         figure,
-        f"Without a prior GCO errs at least {100 * (1 - MATTERS):.0f} % less than least squares in "
-        f"{_better(report, 'gravity')} under a weight, in {_better(report, 'full_pose')} under wrenches",
+        f"A weight, {report.featured_poses} poses, {report.featured_um:g} um of noise, {own.structure}: "
+        f"{beside(gains, 'um')}",
         f"Numbers: GCO's RMS error over the workspace over the other's, medians of {report.trials} trials, "
         f"{len(report.truth)} true arms in turn. Hatched: 5 to 95 % of the trials hold 1. Framed: GCO beats "
         "joints alone in most trials.",
     )
     return figure
-
-
-def _better(report: RegimesReport, kind: Kind) -> str:
-    """In how many cells the median ratio shows a gain."""
-    cells = report.cells[kind]
-    gained = sum(cell.gco_over_ls.median <= MATTERS for cell in cells)
-    return f"{gained} of {len(cells)} cells"
 
 
 def _panels(figure: SubFigure, cells: Sequence[MapCell], columns: Sequence[Column]) -> None:

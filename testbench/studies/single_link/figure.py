@@ -10,6 +10,7 @@ from testbench.studies.single_link.trial import GCO, LEAST_SQUARES
 from testbench.trials.spread import middle
 from testbench.views.colours import look
 from testbench.views.figure import SMALL, SOFT, log_ticks, page, quiet, say
+from testbench.views.gains import beside
 from testbench.views.schema import Column
 
 ROUND = 1e-3  #: Eigenvalue below which GCO stands at the boundary of what is conservative [1e-6 SI].
@@ -42,10 +43,9 @@ def single_link(report: LinkReport) -> Figure:
     loads = "six axis loads" if report.loads == "axes" else "six random loads"
     say(
         figure,
-        f"Single link: least squares has a negative eigenvalue in {_negative(ls)} of the draws, GCO in "
-        f"{_negative(ours)}; median position errors {middle(level):.1f} and "
-        f"{middle(POSITION.value(ours)):.1f} um",
-        f"Section 5.1, {loads}, {report.draws} draws of noise; grey: the paper. Right: medians of "
+        f"Single link, position error: {beside({'least squares': report.gains.least_squares}, 'um')}; a "
+        f"negative eigenvalue in {_negative(ours)} and {_negative(ls)} of the draws",
+        f"Section 5.1, {loads}, {report.draws} draws of noise, medians; grey: the paper. Right: medians of "
         f"{report.order_draws} draws. What lies beyond an end of the left axis stands in its last bin.",
     )
     return figure

@@ -8,6 +8,7 @@ from testbench.studies.which_model.tables import ERROR, METHOD
 from testbench.trials.spread import ends
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import SOFT, dots, log_ticks, page, say
+from testbench.views.gains import beside
 
 
 def methods(report: WhichModelReport) -> Figure:
@@ -24,19 +25,12 @@ def methods(report: WhichModelReport) -> Figure:
         axes.get_yticklabels()[0].set_fontweight("bold")
         log_ticks(axes, "x", low, high)
         axes.set_title(f"{own.poses} poses", fontsize="medium")
-    poses, ours, theirs = (
-        ", ".join(own)
-        for own in (
-            [str(a.poses) for a in report.advice],
-            [f"{a.default.workspace_mm.median:.3f}" for a in report.advice],
-            [f"{a.joints.workspace_mm.median:.3f}" for a in report.advice],
-        )
-    )
+    first = report.advice[0]
+    gains = {"least squares": first.gains.least_squares, "joints alone": first.gains.joints}
     say(
         figure,
-        f"{report.arm}: from {poses} poses the default errs {ours} mm over the workspace, joints alone "
-        f"{theirs} mm",
-        f"RMS errors over the family of true arms and priors. Dots: medians, lines: 5 to 95 % of "
+        f"{report.arm}, {first.poses} poses, RMS over the workspace: {beside(gains)}",
+        f"Errors over the family of true arms and priors. Dots: medians, lines: 5 to 95 % of "
         f"{report.trials} trials. Band: what testbench chooses from the readings. Filled: with a prior; grey "
         "line: joints alone.",
     )
