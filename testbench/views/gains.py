@@ -38,7 +38,7 @@ def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
     known = {name: own for name, own in gains.items() if own is not None}
     ours = [f"{own.ours} {scale * middle(own.ours_mm):{form}} {unit}" for own in known.values()]
     theirs = [
-        f"{name} {scale * middle(own.theirs_mm):{form}} {unit}, {less(own)}" for name, own in known.items()
+        f"{name} {scale * middle(own.theirs_mm):{form}} {unit}, {more(own)}" for name, own in known.items()
     ]
     return "; ".join([*ours[:1], *theirs])
 

@@ -5,7 +5,7 @@ from checks import check_page, word_faults
 
 from testbench.trials.gain import gained
 from testbench.trials.spread import Spread
-from testbench.views.gains import less, more
+from testbench.views.gains import beside, less, more
 from testbench.views.markdown import place
 from testbench.views.schema import plain, written_out
 
@@ -18,6 +18,15 @@ def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
     assert less(gain, "seed") == "seed by seed 4.0 times less (1.3 to 9.4 in 90 %)"
     assert less(gain) == "4.0 times less (1.3 to 9.4)"
     assert more(gain) == "4.0 times as much (1.3 to 9.4)"
+
+
+def test_the_title_of_a_figure_says_how_much_more_the_others_err():
+    gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 4.0])
+    known = {"least squares": gain, "joints alone": None, "both": gained("ours", "same", [0.2], [0.2])}
+    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times as much (1.3 to 9.4); both 0.200 mm, alike"
+    assert beside(known) == told
+    assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")
+    assert beside({"joints alone": None}) == ""
 
 
 def test_models_are_alike_where_the_spread_holds_both():

@@ -9,7 +9,7 @@ from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSE
 from testbench.trials.spread import middle
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import SMALL, SOFT, Line, body, dots, draw_line, key, log_ticks, page, quiet, say
-from testbench.views.gains import less
+from testbench.views.gains import more
 from testbench.views.schema import Column
 
 CRITERIA = ("test", "I", "D", "A", "E", "G", RANDOM)
@@ -48,7 +48,7 @@ def _headline(report: PoseReport) -> str:
     ours, theirs = middle(own.ours_mm), middle(own.theirs_mm)
     return (
         f"{report.arm}, {PLANNED.name}: {report.dataset.poses} planned poses leave {ours:.3f} mm at the "
-        f"tasks, random ones {theirs:.3f} mm, {less(own)}"
+        f"tasks, random ones {theirs:.3f} mm, {more(own)}"
     )
 
 

@@ -11,7 +11,7 @@ from testbench.studies.real_ur10.report import JointReport, RealReport
 from testbench.trials.spread import ends, middle
 from testbench.views.colours import MEASURED, hexadecimal
 from testbench.views.figure import SMALL, SOFT, body, key, log_ticks, page, quiet, say
-from testbench.views.gains import less
+from testbench.views.gains import more
 
 SPLITS = {"C to A": "<", "A to C": ">", "blocks": "o"}
 """Splits that are drawn, and their markers."""
@@ -48,7 +48,7 @@ def real_ur10(report: RealReport) -> Figure:
     say(
         figure,
         f"Positions of a real UR10 that were never fitted, mean: {middle(own.ours_mm):.3f} mm with joint "
-        f"errors, {middle(own.theirs_mm):.3f} mm with joint springs, {less(own)}",
+        f"errors, {middle(own.theirs_mm):.3f} mm with joint springs, {more(own)}",
         f"Public readings, series {' and '.join(words)}, of July and November 2020. Bands: 5 to 95 % of the "
         "draws. Numbers beside names: blocks of joint space held out. Below: orders from 3 on.",
     )
