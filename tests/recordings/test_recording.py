@@ -358,7 +358,7 @@ def test_error_maps_of_all_models_have_one_scale_and_name_the_worst_place(chunks
         label = columns(chunks, f"/world/error_map/{name.lower()}/worst")
         assert label["Points3D:labels"] == [[f"worst {mm.max():.3f} mm, place {worst.place}"]]
         assert label["Points3D:positions"][0][0][2] > max(z for *_, z in found.position_m)
-        assert label["Points3D:positions"][0][0][:2] == pytest.approx(worst.position_m[:2], abs=1e-6)
+        assert label["LineStrips3D:strips"][0][0][0] == pytest.approx(worst.position_m, abs=1e-6)
         assert worst.joints in document(chunks, "/error_words")
 
 

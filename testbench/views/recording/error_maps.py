@@ -35,7 +35,8 @@ TIMELINE = "place"  #: Of the places of the workspace, from 0, where models diff
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
 BALL = 0.025  #: Radius of the largest ball over the reach of the arm [1].
 EMPTY: Mapping[str, tuple[Array, Array]] = {}
-CLEAR = 0.1  #: How far above all balls the worst is named, over the reach [1].
+CLEAR, INWARD = 0.1, 0.4
+"""How far above all balls the worst is named, over the reach, and from their middle, over its own way [1]."""
 PANE = 1.1  #: Width over height of the pane of a map where three stand side by side [1].
 ABOUT = 1.6  #: Radius of the shell about the place that is shown over that of the largest ball [1].
 
@@ -134,8 +135,7 @@ def write_error_maps(
             share = scale.shares(errors)
             write_cubes(pen, f"{path}/tasks", centres, BALL * reach * sizes(share), shades(share))
         if name in found.worst:
-            top = float(at[:, 2].max())
-            _write_worst(pen, f"{path}/worst", found.worst[name], (top, CLEAR * reach))
+            _write_worst(pen, f"{path}/worst", found.worst[name], at, reach)
     write_key(pen, KEY, scale)
     words = _words(found, tasks, scale)
     pen.documents({IN_WORDS: "\n\n".join(filter(None, [words.block("error_maps"), more]))})
@@ -148,14 +148,15 @@ def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
     pen.still(path, rings)
 
 
-def _write_worst(pen: Pen, path: str, worst: WorstPlace, clear: tuple[float, float]) -> None:
-    """The name of the worst place, with a line down to it: the top of all balls, and how far above [m]."""
-    top, above = clear
-    x, y, z = worst.position_m
-    end = (x, y, max(z, top + above / 2))  # the name hangs below its point
-    pen.still(path, rr.LineStrips3D([[worst.position_m, end]], colors=SCALE[-1], radii=-0.75))
+def _write_worst(pen: Pen, path: str, worst: WorstPlace, at: Array, reach: float) -> None:
+    """The name of the worst of all places (n, 3) [m], above them and not at their edge, with a line to it."""
+    own = np.array(worst.position_m)
+    name = at.mean(axis=0) + INWARD * (own - at.mean(axis=0))
+    name[2] = at[:, 2].max() + CLEAR * reach
+    end = name - [0, 0, CLEAR * reach / 2]  # a name hangs below its point
+    pen.still(path, rr.LineStrips3D([[own, end]], colors=SCALE[-1], radii=-0.75))
     label = f"worst {show(worst.error_mm)} mm, place {worst.place}"
-    pen.names(path, np.array([(x, y, top + above)]), [label], SCALE[-1])
+    pen.names(path, name[None], [label], SCALE[-1])
 
 
 def _words(found: ErrorPlaces, tasks: Tasks, scale: Scale) -> Words:
