@@ -17,7 +17,7 @@ Colour = tuple[int, ...]
 
 NOMINAL, MEASURED, LOAD, GREY = (40, 146, 196), (213, 94, 0), (196, 106, 160), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
-SCALE: tuple[Colour, ...] = ((72, 98, 140), (36, 118, 142), (84, 134, 92), (154, 128, 40), (216, 116, 16))
+SCALE: tuple[Colour, ...] = ((78, 105, 150), (40, 122, 146), (84, 134, 92), (154, 128, 40), (216, 116, 16))
 """Of sizes, from least to greatest: blue-grey to orange, brighter all the way, seen on dark and on light."""
 TASK = (143, 119, 4)  #: Where the robot works: olive.
 LEAST_SQUARES, GCO = (194, 132, 0), (0, 136, 10)  #: The methods, and MLS56 and MGCO56.
@@ -25,17 +25,17 @@ JOINTS, JOINTS_PRIOR = (52, 98, 232), (108, 116, 192)
 """Joints alone, what most calibrations use: beside links they are no shade of a method."""
 SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
     ("none", "none"): {"56": LEAST_SQUARES, "32": (176, 106, 98)},
-    ("none", "prior"): {"56": (184, 54, 78), "68": (150, 86, 92), "153": (210, 116, 98)},
-    ("free", "none"): {"56": (150, 84, 14)},
+    ("none", "prior"): {"56": (190, 58, 80), "68": (150, 86, 92), "153": (210, 116, 98)},
+    ("free", "none"): {"56": (154, 89, 16)},
     ("psd", "none"): {
         "56": GCO,
         "68": (122, 151, 6),
         "47": (132, 150, 119),
-        "147": (103, 103, 96),
+        "147": (107, 107, 100),
         "153": (8, 162, 14),
     },
-    ("psd", "prior"): {"56": (0, 130, 104), "68": (85, 104, 10), "153": (0, 161, 154)},
-    ("psd", "least trace"): {"56": (37, 108, 93), "68": (157, 131, 83), "153": (103, 130, 159)},
+    ("psd", "prior"): {"56": (0, 130, 104), "68": (93, 112, 12), "153": (0, 161, 154)},
+    ("psd", "least trace"): {"56": (42, 115, 98), "68": (157, 131, 83), "153": (103, 130, 159)},
     ("psd", "log-det prior"): {"56": (87, 153, 100), "68": (109, 127, 41), "153": (37, 129, 143)},
 }
 """Colour by method, then by kind of structure."""
@@ -50,10 +50,10 @@ SERIES: tuple[Colour, ...] = (
     GCO,
     NOMINAL,
     LEAST_SQUARES,
-    (184, 54, 78),
-    (37, 108, 93),
+    (190, 58, 80),
+    (42, 115, 98),
     JOINTS_PRIOR,
-    (150, 84, 14),
+    (154, 89, 16),
     (0, 161, 154),
 )
 """What is no model, such as criteria, instruments and solvers."""
@@ -87,7 +87,7 @@ class Look:
         return self.hex if self.prior else "#FFFFFF"
 
 
-CHOICE = Look((6, 104, 138), MARKS.index("*"), prior=True)
+CHOICE = Look((10, 111, 147), MARKS.index("*"), prior=True)
 """What is chosen by default, whatever it is: dark teal, a star."""
 
 

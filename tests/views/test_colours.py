@@ -13,7 +13,7 @@ from testbench.views.colours import CHOICE, SCALE, SERIES, look
 from testbench.views.recording.style import drawn
 
 APART = 0.05  #: Least distance of two models' colours in OKLab: a just noticeable one is 0.02.
-GROUNDS = ((252, 252, 252), (13, 16, 17))  #: A page, and the viewer in the dark.
+GROUNDS = ((252, 252, 252), (28, 28, 30))  #: A page, and a label in the dark viewer.
 SEEN = 3.0  #: Contrast of lines and dots, WCAG 2.1, 1.4.11.
 OF_LMS = np.array([[0.4122, 0.5363, 0.0514], [0.2119, 0.6807, 0.1074], [0.0883, 0.2817, 0.6300]])
 OF_LAB = np.array([[0.2105, 0.7936, -0.0041], [1.9780, -2.4286, 0.4506], [0.0259, 0.7828, -0.8087]])
