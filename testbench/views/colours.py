@@ -17,7 +17,7 @@ Colour = tuple[int, ...]
 
 NOMINAL, MEASURED, LOAD, GREY = (40, 146, 196), (213, 94, 0), (196, 106, 160), (127, 127, 127)
 """Sky blue, vermillion, purple, grey."""
-SCALE: tuple[Colour, ...] = ((78, 105, 150), (40, 122, 146), (84, 134, 92), (154, 128, 40), (216, 116, 16))
+SCALE: tuple[Colour, ...] = ((78, 105, 150), (38, 128, 150), (82, 139, 92), (154, 128, 40), (216, 116, 16))
 """Of sizes, from least to greatest: blue-grey to orange, brighter all the way, seen on dark and on light."""
 TASK = (143, 119, 4)  #: Where the robot works: olive.
 LEAST_SQUARES, GCO = (194, 132, 0), (0, 136, 10)  #: The methods, and MLS56 and MGCO56.
