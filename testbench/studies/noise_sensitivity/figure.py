@@ -80,7 +80,7 @@ def _alike(levels: Sequence[Level]) -> dict[str, list[Level]]:
             same[0].append(name)
         else:
             found.append(([name], own))
-    return {" = ".join(names): own for names, own in found}
+    return {" =\n".join(names): own for names, own in found}
 
 
 def _finish(axes: Axes, x: Column, rows: Sequence[Level]) -> None:
