@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
 from testbench.bench.plan_report import Expected, Found, Way
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import Spread
 
 
@@ -100,6 +101,11 @@ class AbsolutePlanReport(AbsolutePlanSettings):
     hidden: list[str]
     candidates: Found
     curve: list[AbsoluteCurveRow]
+
+    @property
+    def gain(self) -> Gain:
+        """The plan beside the median of random plans."""
+        return gained("planned", "random", [self.error_mm.expected], [self.random_mm.median_mm])
 
     @property
     def together_mm(self) -> float:

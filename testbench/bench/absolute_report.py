@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from testbench.trials.gain import Gain, gained
+
 SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
 FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
 
@@ -233,6 +235,16 @@ class AbsoluteReport:
         return kept[0], kept[-1]
 
     @property
+    def gain(self) -> Gain:
+        """The calibrated arm beside the arm as drawn, by the mean distance of the readings."""
+        return _gain(self.total_after.mean_mm, self.total_before.mean_mm)
+
+    @property
+    def gain_held_out(self) -> Gain | None:
+        """All that was kept beside geometry alone, by the readings held out; None if not tried."""
+        return _gain(self.held_out_mm[1], self.held_out_mm[0]) if self.held_out_mm else None
+
+    @property
     def worse(self) -> bool:
         """Whether the calibrated arm foretells readings worse than the arm as drawn, or nothing says."""
         if self.held_out_mm is None:
@@ -248,3 +260,7 @@ class AbsoluteReport:
     def declined(self) -> list[str]:
         """Names of what does not pay."""
         return [row.name for row in self.steps if not row.kept]
+
+
+def _gain(ours: float, theirs: float) -> Gain:
+    return gained("calibrated", "before", [ours], [theirs])

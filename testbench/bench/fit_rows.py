@@ -3,11 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from testbench.bench.baselines import is_least_squares
 from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.rows import ErrorRow, FitRow
 from testbench.identify.contradiction import Unchecked
 from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Rejected
+from testbench.trials.gain import Gain, gained
+from testbench.trials.spread import middle
 
 Bound = float | None
 
@@ -88,3 +91,20 @@ class Fits:
     registration: RegistrationRow | None  #: Frames and targets; None where no frame fitted.
     #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
     scale: float | None = None
+
+    @property
+    def least_squares(self) -> str:
+        """The best of least squares without a prior in the runs held back; empty for none."""
+        plain = {
+            m.name: m.check.rms_mm
+            for m in self.models
+            if m.check is not None and is_least_squares(m.structure, m.constraint, prior=m.prior)
+        }
+        return min(plain, key=lambda name: middle(plain[name]), default="")
+
+    def beside(self, name: str) -> Gain | None:
+        """The model to take beside another one in the runs held back; None where one was not judged there."""
+        errors = {m.name: middle(m.check.rms_mm) for m in self.models if m.check is not None}
+        if name == self.recommended or not {name, self.recommended} <= errors.keys():
+            return None
+        return gained(self.recommended, name, [errors[self.recommended]], [errors[name]])

@@ -8,6 +8,7 @@ from typing import Literal
 from testbench.bench.plan_settings import PlanSettings, pull_words
 from testbench.bench.plan_unshown import Unshown
 from testbench.design.observability import Observability
+from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import Spread
 
 Way = Literal["start", "clear", "via"]
@@ -248,6 +249,19 @@ class PlanReport(PlanSettings):
     def worst(self) -> list[TaskRow]:
         """The tasks, the largest error first."""
         return sorted(self.tasks, key=lambda row: -row.expected_error_mm)
+
+    @property
+    def gain(self) -> Gain:
+        """The promise at the tasks beside what joints alone would leave."""
+        return gained(self.model, "joints alone", [self.error_mm.expected], [self.joints_alone_mm])
+
+    @property
+    def gain_random(self) -> Gain | None:
+        """The plan beside random poses, were the arm the model; None where these have no bound."""
+        random = self.random_plans
+        if random.planned_mm is None or random.median_mm is None:
+            return None
+        return gained("planned", "random", [random.planned_mm], [random.median_mm])
 
     @property
     def refusals(self) -> list[tuple[str, int]]:

@@ -81,9 +81,13 @@ def command(asked: Options) -> None:
         check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
     readings = {asked.dataset.name: files.digest(asked.dataset)}
     made = explained(filed, cell, found, runs, widths=asked.intervals)
-    write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
+    text = write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
     console, out = terminal.plain_console(), asked.out
-    terminal.print_words(console, views.words(found.fits), list(views.tables(found.fits).values()))
+    console.print(views.words(found.fits).block("title"))
+    for table in views.tables(found.fits).values():
+        console.print(terminal.grid(table))
+    terminal.print_answer(console, text)
+    terminal.print_statements(console, text)
     lines = [
         f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
         f"report     {out / 'report.md'}, {out / 'report.json'}",

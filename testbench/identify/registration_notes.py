@@ -21,7 +21,7 @@ def frame_notes(found: Registration, sag: float | None) -> Iterator[str]:
         text += f"{math.degrees(frame.angle):.3f} deg about ({about})"
         if frame.covariance.any():
             where = 1e3 * spread(frame.covariance[3:, 3:])
-            text += f"; by noise known to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
+            text += f". By noise it is known to {where:.2f} mm and {math.degrees(frame.deviation):.3f} deg"
         yield text
     yield fit_note(found, sag)
 
@@ -32,7 +32,7 @@ def fit_note(found: Registration, sag: float | None) -> str:
     if found.wild:
         text += f"; {found.wild} of {found.readings} fit worse and count less"
     known = "" if sag is None else f" the tool by {1e3 * sag:.2f} mm RMS, by the arm's folder"
-    return f"{text}; own weight alone sags{known or ' the arm'}, which harms no deflection"
+    return f"{text}. Own weight alone sags{known or ' the arm'}, which harms no deflection"
 
 
 def target_notes(found: Registration, taken: Mask) -> Iterator[str]:
@@ -42,5 +42,5 @@ def target_notes(found: Registration, taken: Mask) -> Iterator[str]:
         at = ", ".join(f"{1e3 * x:.1f}" for x in found.targets[k])
         away = float(np.linalg.norm(found.targets[k] - found.nominal[k]))
         new = "new" if math.isnan(away) else f"{1e3 * away:.1f} mm from nominal"
-        text = f"target {found.markers[k]} at ({at}) mm in the tool's frame, {new}; by noise known to"
+        text = f"target {found.markers[k]} at ({at}) mm in the tool's frame, {new}. By noise it is known to"
         yield f"{text} {1e3 * deviations[k]:.2f} mm"

@@ -20,6 +20,7 @@ from testbench.views.schema import Table, show, show_truth, written_out
 
 TEMPLATES = Path(__file__).parent / "templates"
 NAME = "report.md.j2"
+MOST = 5  #: Statements that are told at once; the others stand under "More".
 LINES = ("question", "title", "answer", "worst")  #: Blocks of one line.
 
 
@@ -122,10 +123,25 @@ def _environment(folder: Path) -> Environment:
         "true_arm": true_arm,
     }
     found.filters["prior"] = prior
+    found.filters |= {"told": told, "untold": untold}
     found.filters["counted"] = counted
     found.filters["ended"] = ended
     found.filters["against"] = against
     return found
+
+
+def told(text: str) -> str:
+    """The first statements of a list."""
+    return "\n".join(_bullets(text)[:MOST])
+
+
+def untold(text: str) -> str:
+    """The others."""
+    return "\n".join(_bullets(text)[MOST:])
+
+
+def _bullets(text: str) -> list[str]:
+    return [row for row in text.splitlines() if row.startswith("- ")]
 
 
 def line(text: str) -> str:

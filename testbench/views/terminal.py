@@ -72,6 +72,9 @@ def print_statements(console: Console, words: Words) -> None:
     """What else is to be said, a list."""
     if words.has("statements"):
         console.print(Markdown(words.block("statements")))
+    more = words.block("more").count("\n- ") + 1 if words.has("more") and words.block("more") else 0
+    if more:
+        console.print(f" {more} more under More in report.md")
 
 
 def looked_at(out: Path) -> list[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from checks import check_page
+from checks import check_markdown
 from pyarrow import parquet
 
 from testbench import files
@@ -101,7 +101,7 @@ def check_files(quick, *figures):
     assert done.stderr == ""
     for name in files - {"manifest.json"}:
         assert str(out / name) in done.stdout
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
 
 
 def check_refused(app, out, flags, said):

@@ -135,7 +135,7 @@ def test_what_was_planted_is_said_and_the_verdict_comes_first(made, report):
     words = " ".join(said.split())
     before, after = (report[f"total_{when}"]["mean_mm"] for when in ("before", "after"))
     n = report["total_after"]["n"]
-    assert words.startswith(f"flagged, {n} positions of 2 series: {before:.3f} mm -> {after:.3f} mm mean.")
+    assert words.startswith(f"flagged, {n} positions of 2 series: {after:.3f} mm mean, {before:.3f} mm as drawn; ")
     assert after < 0.2 * before
     assert "Joint springs and joint errors pay; ratio and play do not." in words
     assert re.search(r"Not read, hence extrapolated: joint_1 (4|5|6)\d to (7|8|9)\d deg\.", words), words
@@ -160,7 +160,7 @@ def test_the_recording_has_the_errors_of_the_report_and_data_in_every_view(made,
         assert kind == "TextDocument" or re.search(r"\((m|mm|urad)\)", name), name
     assert max(panes(file)) <= 8
     said = document(chunks, "/summary")
-    assert f"-> {report['total_after']['mean_mm']:.3f} mm mean" in said
+    assert f"series: {report['total_after']['mean_mm']:.3f} mm mean" in said
     after = series(chunks, "/error_mm/calibrated")
     assert after == sorted(after, reverse=True)
     assert after[0] == pytest.approx(report["total_after"]["max_mm"], rel=1e-6)
@@ -363,7 +363,7 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(poses, said, tmp_
     done = run("calibrate", "ur10", few, "--orders", 5, "--without", "links", "--out", tmp_path / "model")
     words = " ".join(done.stdout.split())
     assert f"{said} Do not use it" in re.sub(r"\d\.\d+ mm", "mm", words), words + done.stderr
-    assert re.search(r"(\. J|; j)oint errors, ratio, play and stiffening do not( pay)?\.", words), words
+    assert re.search(r"(• J|; j)oint errors, ratio, play and stiffening do not( pay)?\.", words), words
 
 
 def test_so_few_poses_that_none_can_be_held_out_have_a_report(tmp_path):

@@ -8,7 +8,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from checks import check_page
+from checks import check_markdown
 from pyarrow import parquet
 from run_here import FILES, app_of_study, check_refused, here
 
@@ -92,7 +92,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
     files = FILES | {"compensation.png"}
     assert {path.name for path in out.iterdir()} == files | {"prepared"}
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert done.stderr == ""
     for name in files - {"manifest.json"}:
         assert str(out / name) in done.stdout

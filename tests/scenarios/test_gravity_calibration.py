@@ -12,7 +12,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from checks import check_page
+from checks import check_markdown
 from chromium import DESKTOP, IDLE, PHONE
 from pyarrow import parquet
 from run_here import app_of, heed_ctrl_c, here, numbers_alone
@@ -57,7 +57,7 @@ def quick(tmp_path_factory):
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
     assert {p.name for p in out.iterdir()} - {"trials.jsonl"} == FILES
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout

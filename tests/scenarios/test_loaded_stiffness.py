@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
-from checks import check_page
+from checks import check_markdown
 from run_here import app_of, here, numbers_alone
 
 from testbench.bench.campaign import clear_poses
@@ -55,7 +55,7 @@ def rms(report, truth, method):
 def test_a_run_leaves_its_files_and_says_where(quick):
     out, done = quick
     assert {p.name for p in out.iterdir()} - STORE == FILES
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout

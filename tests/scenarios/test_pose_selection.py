@@ -6,7 +6,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from checks import check_page
+from checks import check_markdown
 from run_here import app_of, here, numbers_alone
 
 from testbench.bench.truths import CALLED
@@ -41,7 +41,7 @@ def report(quick):
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     out, done = quick
     assert {p.name for p in out.iterdir()} == FILES | {"prepared"}
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checks import check_page
+from checks import check_markdown
 from run_here import app_of, here
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,7 +42,7 @@ def mean(report, model, split):
 def test_a_run_leaves_its_files_and_a_bench_that_reads_them_knows_its_models(quick):
     out, report = quick
     assert {p.name for p in out.iterdir()} - STORE == FILES
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert (report["scenario"], report["seed"], report["arm"]) == ("real_ur10", 3, "ur10")
     assert [model["name"] for model in report["models"]] == ["geometry", SPRINGS, WAVES]
     assert all(model["conservative"] and model["min_eigenvalue"] > -1e-15 for model in report["models"])

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from checks import check_page
+from checks import check_markdown
 from run_here import app_of, here
 
 from testbench.arm.folder import load_arm
@@ -42,7 +42,7 @@ def quick(tmp_path_factory):
 def test_a_run_leaves_its_files_and_says_where_in_80_columns(quick):
     out, done = quick
     assert {p.name for p in out.iterdir()} >= FILES
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert done.stderr == ""
     for name in FILES - {"manifest.json"}:
         assert str(out / name) in done.stdout

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from checks import check_page
+from checks import check_markdown
 from run_here import app_of, here, numbers_alone
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,7 +37,7 @@ def small(tmp_path_factory):
 def test_a_run_leaves_its_files_and_says_where(small):
     out, done, _ = small
     assert {p.name for p in out.iterdir()} == FILES
-    check_page((out / "report.md").read_text())
+    check_markdown((out / "report.md").read_text())
     assert done.stderr == ""
     for name in ("report.md", "report.json", "solver_comparison.png", "dataset.csv"):
         assert name in done.stdout

@@ -286,7 +286,7 @@ def check_words(words):
     assert not faults, "\n".join(faults)
 
 
-def check_page(text):
+def check_markdown(text):
     """The same of a report.md: its first bold paragraph is the answer, then come the worst and a list."""
     parts = [part.strip() for part in text.split("\n\n")]
     first = next(k for k, part in enumerate(parts) if part.startswith("**"))

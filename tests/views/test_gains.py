@@ -1,7 +1,7 @@
 """Gains, powers of ten and places as readers see them, and the check of all words itself."""
 
 import pytest
-from checks import check_page, word_faults
+from checks import check_markdown, word_faults
 
 from testbench.trials.gain import gained
 from testbench.trials.spread import Spread
@@ -102,6 +102,6 @@ def test_the_check_of_words_sees_every_fault(block, text, fault):
 
 def test_the_blocks_of_a_page_are_found_by_their_places():
     page = "# Study\n\nTitle.\n\n**A errs less.**\n\nWorst in pose 3.\n\n- One.\n- Two.\n\n| a |\n"
-    check_page(page)
+    check_markdown(page)
     with pytest.raises(AssertionError, match="nothing is said in worst"):
-        check_page(page.replace("Worst in pose 3.\n\n", ""))
+        check_markdown(page.replace("Worst in pose 3.\n\n", ""))

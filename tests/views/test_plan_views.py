@@ -104,7 +104,8 @@ def part(report, key, **changes):
 
 
 def said(report, block="statements"):
-    return " ".join(words(report).block(block).split())
+    blocks = [block, "more"] if block == "statements" else [block]
+    return " ".join(" ".join(words(report).block(name) for name in blocks).split())
 
 
 def test_tables_show_the_numbers_of_plan_json(report):
@@ -147,14 +148,15 @@ def test_the_answer_has_error_interval_rivals_and_efficiency(report):
     report = part(report, "certificate", efficiency=0.8999)  # never rounded up
     report = replace(report, model="MGCO56", half_width_95_mm=0.678, joints_alone_mm=0.789)
     assert words(report).block("answer") == (
-        "4 poses: expected error at the tasks 0.234 mm (90 %: 0.123 to 0.345), of a deflection "
-        "along an axis +- 0.678 mm (95 %, median). Joints alone would leave 0.789 mm. Were the arm MGCO56 "
-        "and nothing else: 0.111 mm, from random poses 0.456 mm, from the best tenth of them 0.321 mm. "
-        "The plan is at least 89 % efficient."
+        "4 poses: expected error at the tasks 0.234 mm (90 %: 0.123 to 0.345), joints alone 0.789 mm; "
+        "3.4 times less. Were the arm MGCO56 and nothing else: 0.111 mm, random poses 0.456 mm, "
+        "4.1 times as much; at least 89 % efficient."
     )
+    assert "along an axis at the tasks is known to +- 0.678 mm (95 %, median)." in said(report)
+    assert "The best tenth of random poses leave 0.321 mm." in said(report)
     assert words(replace(report, criterion="D")).block("answer").endswith("89 % efficient by criterion D.")
     open_ = part(report, "random_plans", median_mm=None, best_tenth_mm=None)
-    assert "nothing else: 0.111 mm, from random poses no bound. The" in words(open_).block("answer")
+    assert "nothing else: 0.111 mm, random poses no bound; at" in words(open_).block("answer")
 
 
 @pytest.mark.parametrize(("joints", "worse"), [(0.235, True), (0.233, False)])
@@ -261,7 +263,7 @@ def test_a_pull_is_told_run_by_run(pulled, tmp_path):
 
 
 def test_the_distance_to_the_limits_is_told_joint_by_joint(report):
-    assert "stay at least so far away: swing 1.2 deg, boom 20.0 deg, arm 30.0 deg," in said(report)
+    assert "From their limits the joints stay at least swing 1.2, boom 20.0, arm 30.0," in said(report)
 
 
 def test_refusals_come_with_the_most_frequent_first(report):

@@ -13,6 +13,7 @@ from testbench.bench.stiffness_write import write_stiffness
 from testbench.output.run import whole_folder
 from testbench.views.identified.report import report_of
 from testbench.views.identified.words import words
+from testbench.views.markdown import Words
 from testbench.views.page.page import write_page
 
 COMMAND = "testbench identify"  #: As manifest.json names it.
@@ -28,13 +29,16 @@ class Source:
     asked: Mapping[str, object]  #: As plain data.
 
 
-def write(source: Source, made: Explained, out: Path) -> None:
+def write(source: Source, made: Explained, out: Path) -> Words:
     """The model, all fits, their report, figure, recording, page and manifest.json.
 
     Args:
         source: Where it comes from.
         made: What was found.
         out: Folder of the results.
+
+    Returns:
+        What there is to say.
 
     Raises:
         InputError: When they cannot be written.
@@ -64,3 +68,4 @@ def write(source: Source, made: Explained, out: Path) -> None:
         write_page(folder, f"{COMMAND}: {fits.arm}", text, seen(source.filed, made, report))
         arms = [cell.arm.rigid.parent]
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=arms)
+    return text
