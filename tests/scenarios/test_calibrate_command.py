@@ -135,7 +135,9 @@ def test_what_was_planted_is_said_and_the_verdict_comes_first(made, report):
     words = " ".join(said.split())
     before, after = (report[f"total_{when}"]["mean_mm"] for when in ("before", "after"))
     n = report["total_after"]["n"]
-    assert words.startswith(f"flagged, {n} positions of 2 series: {after:.3f} mm mean, {before:.3f} mm as drawn; ")
+    assert words.startswith(
+        f"flagged, {n} positions of 2 series: {after:.3f} mm mean, {before:.3f} mm as drawn; "
+    )
     assert after < 0.2 * before
     assert "Joint springs and joint errors pay; ratio and play do not." in words
     assert re.search(r"Not read, hence extrapolated: joint_1 (4|5|6)\d to (7|8|9)\d deg\.", words), words
