@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
+from testbench.bench.error_places import ErrorPlaces
 from testbench.bench.plan_report import Expected, Found, Way
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import Spread
@@ -101,6 +102,7 @@ class AbsolutePlanReport(AbsolutePlanSettings):
     hidden: list[str]
     candidates: Found
     curve: list[AbsoluteCurveRow]
+    map: ErrorPlaces  #: Errors over the workspace.
 
     @property
     def gain(self) -> Gain:

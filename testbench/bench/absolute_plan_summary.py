@@ -10,6 +10,7 @@ from testbench.bench import absolute_plan_report as r
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
+from testbench.bench.error_places import ErrorPlaces, Meaning, bounded_mm, error_places, places_at
 from testbench.bench.plan_report import Found, Way
 from testbench.bench.plan_summary import margins, overall, travel
 from testbench.bench.rows import MM
@@ -26,9 +27,11 @@ from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.seen import LOOSE, hidden
 from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.prior import cad_prior
-from testbench.model.vjm import chain
+from testbench.model.vjm import chain, tool_pose
 from testbench.plant import has_surroundings
 
+CALIBRATED = "calibrated"  #: Name of the arm after the calibration.
+EXPECTED = Meaning("expected error", "of the targets' positions after calibration", "RMS")
 RANDOM = 100  #: Random plans that a plan is compared with.
 COUNTS = (10, 20, 30, 50, 75, 100, 150, 200)  #: Numbers of poses for which errors are told.
 
@@ -70,7 +73,15 @@ def summary(cell: Cell, settings: AbsolutePlanSettings, judged: Judged) -> r.Abs
         hidden=list(left_open(union, chosen.q)),
         candidates=Found(len(found.q), found.drawn, found.rejected),
         curve=_curve(yardstick, settings.poses, rng),
+        map=_map(cell, judged),
     )
+
+
+def _map(cell: Cell, judged: Judged) -> ErrorPlaces:
+    """Errors over the workspace, and the sag there."""
+    q = judged.workspace
+    at = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], absolute.sag(judged.union, q))
+    return error_places(at, {CALIBRATED: bounded_mm(judged.forecast.error)}, means=EXPECTED)
 
 
 def left_open(union: Union, q: Array) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Errors of models pose by pose over a workspace: where each is worst, and where they differ most."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -85,15 +85,28 @@ class ErrorPlaces:
 
 def places(arm: Arm, data: Dataset, position: Array) -> Places:
     """Places of noise-free runs, `position` that of the tool, (runs, 3) [m]."""
+    moved = np.sqrt(np.mean(np.sum(data.deflection**2, axis=-1), axis=-1))
+    return replace(places_at(arm, data.q, position, moved), run=tuple(data.run.tolist()))
+
+
+def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
+    """Poses, numbered from 1.
+
+    Args:
+        arm: Whose they are.
+        q: Joints, (n, joints) [rad, m].
+        position: Of the unloaded tool, (n, 3) [m].
+        moved: Deflection there, (n,) [m].
+    """
     x, y, z = position.round(M_DECIMALS).T.tolist()
     return Places(
-        run=tuple(data.run.tolist()),
-        q=tuple(data.q.round(Q_DECIMALS).ravel().tolist()),
-        joints=tuple(map(arm.words, data.q)),
+        run=tuple(range(1, len(q) + 1)),
+        q=tuple(q.round(Q_DECIMALS).ravel().tolist()),
+        joints=tuple(map(arm.words, q)),
         x_m=tuple(x),
         y_m=tuple(y),
         z_m=tuple(z),
-        deflection_mm=kept_mm(np.sqrt(np.mean(np.sum(data.deflection**2, axis=-1), axis=-1))),
+        deflection_mm=kept_mm(moved),
     )
 
 

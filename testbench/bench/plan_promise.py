@@ -13,7 +13,7 @@ from testbench.errors import Array
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.model.structure import all153, joints_only
+from testbench.model.structure import Structure, all153, joints_only
 
 UNKNOWN = 0.3  #: How well an arm's compliances are known where no prior is given [1].
 
@@ -35,8 +35,13 @@ def fitted(spec: Specification, prior: Prior, q: Array, load: Ids) -> Fitted:
 
 def joints_alone(spec: Specification, prior: Prior) -> Specification:
     """The same measured to identify joint compliances alone, by least squares."""
+    return least_squares(spec, prior, joints_only(spec.experiment.vjm.arm))
+
+
+def least_squares(spec: Specification, prior: Prior, structure: Structure) -> Specification:
+    """The same measured to identify a structure by least squares; the prior only sets its units."""
     every = spec.experiment
-    own = metric(prior, every.vjm, joints_only(every.vjm.arm))
+    own = metric(prior, every.vjm, structure)
     return replace(spec, experiment=replace(every, metric=own), uncertainty=None)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from testbench.bench.error_places import ErrorPlaces
 from testbench.bench.plan_settings import PlanSettings, pull_words
 from testbench.bench.plan_unshown import Unshown
 from testbench.design.observability import Observability
@@ -206,7 +207,8 @@ class PlanReport(PlanSettings):
     plan's joints from their limits, in their units. Expected errors are root mean
     squares over arms of which every link and joint gives, within so many per cent of the folder, identified
     by the planned model; their intervals hold 90 % of the arms, the half width 95 % of the errors of a
-    deflection at the tasks along one axis. Joints alone are identified by least squares.
+    deflection at the tasks along one axis. Joints alone are identified by least squares. The map has errors
+    over the workspace under the first load, by least squares of links, joints alone and the planned model.
     """
 
     arm: str
@@ -233,6 +235,7 @@ class PlanReport(PlanSettings):
     curve: list[CurveRow]
     greedy_mm: list[float | None]
     advice: Advice
+    map: ErrorPlaces
     unshown: Unshown | None = None
 
     @property

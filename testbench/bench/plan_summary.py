@@ -9,6 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.bench import plan_report as r
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates
+from testbench.bench.plan_map import plan_map
 from testbench.bench.plan_promise import fitted, half_width, joints_alone, within
 from testbench.bench.plan_settings import PlanSettings
 from testbench.bench.plan_unshown import unshown
@@ -81,6 +82,7 @@ def summary(
         curve=[_count(others, poses) for poses in others.random],
         greedy_mm=[_finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
+        map=plan_map(cell, plan, workspace),
         unshown=unshown(plan, math.sqrt(influence.hidden) / tasks.overall),
     )
 

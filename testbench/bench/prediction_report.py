@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.bench.error_places import ErrorPlaces, Meaning, bounded_mm, error_places, places_at
 from testbench.bench.prediction import Predicted
 from testbench.bench.rows import MM
 from testbench.correct.stiffness import direction_words
@@ -47,6 +48,10 @@ class PoseRow:
         return "not seen" if self.half_mm is None else f"{self.half_mm:.3f}"
 
 
+MOVED, HALF_WIDTH = "moved by the force", "half width, 95 %"
+"""What a map tells of a place."""
+
+
 @dataclass(frozen=True)
 class MapRow:
     """The worst deflection under a force in any direction, over poses of the workspace."""
@@ -61,6 +66,7 @@ class MapRow:
     at_m: list[float]
     joints: str
     softest: str
+    errors: ErrorPlaces  #: How far the force moves the tool, the farthest first; half widths beside it.
 
 
 @dataclass(frozen=True)
@@ -163,7 +169,7 @@ def finite(value: float | None) -> float | None:
 def _map_row(made: Predicted) -> MapRow:
     found = made.map
     worst: Array = MM * found.worst
-    k = found.softest
+    k = 0  # the softest
     return MapRow(
         force_n=found.force,
         places=len(worst),
@@ -175,4 +181,14 @@ def _map_row(made: Predicted) -> MapRow:
         at_m=found.position[k].tolist(),
         joints=made.model.arm.words(found.q[k]),
         softest=direction_words(found.direction[k]),
+        errors=_places(made),
     )
+
+
+def _places(made: Predicted) -> ErrorPlaces:
+    """The softest place first."""
+    found = made.map
+    at = places_at(made.model.arm, found.q, found.position, found.worst)
+    values = {MOVED: bounded_mm(found.worst), HALF_WIDTH: bounded_mm(found.half.max(axis=1))}
+    words = f"of the tool by {found.force:,.0f} N in the worst direction, and its half width, 95 %"
+    return error_places(at, values, [MOVED], Meaning("movement", words, "median"))

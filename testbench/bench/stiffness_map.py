@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from testbench.bench.campaign import Cell, clear_poses, stream
 from testbench.correct.arm_model import ArmModel
 from testbench.correct.stiffness import give_halves, stiffness
@@ -15,7 +17,7 @@ FORCE = 1000.0  #: Where neither a flag nor the arm's payload says one [N].
 
 @dataclass(frozen=True)
 class StiffnessMap:
-    """Poses all over the workspace."""
+    """Poses all over the workspace, the softest first."""
 
     force: float  #: [N].
     q: Array  #: Joints, (places, n) [rad, m].
@@ -24,11 +26,6 @@ class StiffnessMap:
     direction: Array  #: That direction, unit vectors, (places, 3).
     #: Half widths of how far it moves the tool along the principal axes, the softest first, (places, 3) [m].
     half: Array
-
-    @property
-    def softest(self) -> int:
-        """Place where it gives most."""
-        return int(self.worst.argmax())
 
 
 def stiffness_map(
@@ -50,4 +47,7 @@ def stiffness_map(
     found = stiffness(model, q)
     position, _ = tool_pose(model.vjm, q)
     half = give_halves(model, q, found, force)
-    return StiffnessMap(force, q, position, force * found.give[:, 0], found.softest, half)
+    worst: Array = force * found.give[:, 0]
+    order = np.argsort(-worst, kind="stable")
+    every = (q, position, worst, found.softest, half)
+    return StiffnessMap(force, *(values[order] for values in every))

@@ -119,7 +119,7 @@ def _plan_deflections(asked: Options, task: Path) -> None:
     lines = [
         f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
         f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
-        f"figure     {out / 'plan.png'}",
+        f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
         *terminal.looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True)
@@ -142,7 +142,7 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
     terminal.print_words(console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]])
     lines = [
         f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}; numbers {out / 'plan.json'}",
-        f"figure     {out / 'plan.png'}",
+        f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
         *terminal.looked_at(out),
     ]
     console.print("\n".join(lines), soft_wrap=True)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.bench import plan_promise
 from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import Determinant, Linear, criterion_e
@@ -233,13 +234,15 @@ def test_promises_are_kept_where_the_model_is_linear(spec, poses):
 
 
 def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified(cell, spec, poses):
-    """Arms of 153 compliances, MuJoCo's first-order deflections: joints alone, and MGCO68 with its prior."""
+    """Arms of 153 compliances, MuJoCo's first-order deflections: least squares, and MGCO68 with its prior."""
     prior = cad_prior(cell.arm)
     whole, joints = (metric(prior, cell.vjm, s(cell.arm)) for s in (all153, joints_only))
     alone = replace(spec, experiment=replace(spec.experiment, metric=joints), uncertainty=None)
     q, load = poses[:9], np.zeros(9, dtype=int)
+    links = template56(cell.arm, name="MLS56")
     fits = {
         "joints": (alone, joints_only(cell.arm), least_squares),
+        "links": (plan_promise.least_squares(spec, prior, links), links, least_squares),
         "planned": (spec, mgco68(cell.arm), with_prior(least_squares, prior, Strength(0.3))),
     }
     setup, rng = Scenario(arm=cell.arm.name, truth="linear"), stream(8)

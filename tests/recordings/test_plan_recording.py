@@ -6,23 +6,27 @@ import numpy as np
 import pytest
 from read_back import PLACED, chunks_of, columns, document, layout, on, panes, plotted, rerun, views
 
+from testbench.bench.error_places import Meaning, error_places, places_at
 from testbench.model.vjm import chain
 from testbench.plant.shapes import body_names, rigid_frames
 from testbench.trials.spread import Spread, triple
 from testbench.views.colours import look
-from testbench.views.recording.error_map import ErrorMap, shades, sizes
+from testbench.views.recording.error_map import shades, sizes
+from testbench.views.recording.error_maps import PlaceScene
 from testbench.views.recording.plan import write_plan
 from testbench.views.recording.plan_world import PlanScene
 from testbench.views.recording.stream import Header
 from testbench.views.recording.swept import Point, Sweep
-from testbench.views.scale import shares
+from testbench.views.scale import scale_of, shares
 from testbench.views.schema import Column
 
 BUDGET = 2**20
 POSES, STATION, LOADS = 5, (4.5, -2.5, 1.6), (230.0, 460.3)
 CHART = "/other_plans_mm"
 HEADER = Header("pose_selection", "{}", 1)
-WORDS = "expected error after identification (mm)"
+MEANS = Meaning("expected error", "of a predicted deflection", "RMS")
+RIVAL, OURS = "MLS56", "ALL153 + prior"
+WITHOUT = 3  #: Places where the rival has no bound.
 
 
 def sweep():
@@ -41,7 +45,8 @@ def plan(cell, poses=POSES, candidates=300, field=40, **changes):
     rng = np.random.default_rng(7)
     lower, upper = cell.arm.limits
     q = rng.uniform(lower, upper, (poses, len(lower)))
-    some = chain(cell.vjm, rng.uniform(lower, upper, (candidates + field + 9, len(lower)))).position
+    every_q = rng.uniform(lower, upper, (candidates + field + 9, len(lower)))
+    some = chain(cell.vjm, every_q).position
     error = 0.05 + 0.02 * np.linalg.norm(some - [2, 0, 1.5], axis=1)
     every = {
         "station": STATION,
@@ -51,13 +56,21 @@ def plan(cell, poses=POSES, candidates=300, field=40, **changes):
         "pose_words": [f"**Step {k + 1}**" for k in range(poses)],
         "deflection_mm": np.linspace(3, 9, poses),
         "error_mm": np.linspace(0.2, 0.05, poses),
-        "error_map": ErrorMap(WORDS, some[9 : field + 9], error[9 : field + 9], some[:9], error[:9]),
+        "map": map_of(cell, every_q[9 : field + 9], error[9 : field + 9], (some[:9], error[:9])),
         "summary": "### Which poses?\n\n#### **These 5: 0.07 mm**",
         "tables": "### Criteria compared\n\n| D | 0.1 |",
         "sweep": sweep(),
         "sweep_words": "### How many poses are enough?",
     }
     return PlanScene(cell=cell, **every | changes)
+
+
+def map_of(cell, q, error, tasks):
+    """The rival errs three times as much, and at some places nobody knows how much."""
+    at = places_at(cell.arm, q, chain(cell.vjm, q).position, np.ones(len(q)))
+    theirs = [*[None] * WITHOUT, *(3 * error[WITHOUT:]).tolist()]
+    found = error_places(at, {RIVAL: theirs, OURS: error.tolist()}, [RIVAL, OURS], MEANS)
+    return PlaceScene(found, tasks={OURS: tasks})
 
 
 def recorded(path, scene):
@@ -120,11 +133,11 @@ def test_entities_are_few_and_in_snake_case(chunks):
 
 def test_all_that_moves_is_there_in_every_pose_of_the_run(file, chunks):
     assert layout(file)["/time_panel"]["TimePanelBlueprint:timeline"] == [["run"]]
-    moving = [c for c in chunks if not c.is_static]
-    assert {name for c in moving for name in c.timeline_names} == {"run"}
+    moving = [c for c in chunks if "run" in c.timeline_names]
+    assert {name for c in chunks for name in c.timeline_names} == {"run", "place"}
     for chunk in moving:
         assert columns([chunk], chunk.entity_path)["run"] == list(range(1, POSES + 1)), chunk.entity_path
-    assert columns(chunks, "/this_step")["TextDocument:text"][2] == ["**Step 3**"]
+    assert columns(on(chunks, "run"), "/this_step")["TextDocument:text"][2] == ["**Step 3**"]
 
 
 def test_the_arm_stands_in_the_pose_of_its_step(chunks, kr500, scene):
@@ -180,40 +193,71 @@ def brightness(colours):
     return np.asarray(colours, dtype=float) @ [0.2126, 0.7152, 0.0722]
 
 
-def test_the_greater_the_error_the_brighter_and_the_larger(chunks, scene):
-    low, high = scene.error_map.ends
+def drawn(chunks, path, kind, size):
+    """Red, green and blue of every ball or cube, and its extent."""
+    data = columns(chunks, path)
+    packed = np.array(data[f"{kind}:colors"][0], dtype=np.uint32)
+    colours = np.column_stack([packed >> shift & 255 for shift in (24, 16, 8)])
+    return colours, np.array(data[f"{kind}:{size}"][0]).reshape(len(packed), -1)[:, 0]
+
+
+def test_the_greater_the_error_the_brighter_and_the_larger_on_one_scale_for_all_maps(chunks, scene):
     assert (np.diff(brightness(shades(np.linspace(0, 1, 50)))) > 0).all()
+    found, (_, at_tasks) = scene.map.found, scene.map.tasks[OURS]
+    theirs, ours = found.errors(RIVAL), found.errors(OURS)
+    scale = scale_of(theirs, ours, at_tasks)
     for path, kind, size, mm in (
-        ("field", "Points3D", "radii", scene.error_map.field_mm),
-        ("tasks", "Boxes3D", "half_sizes", scene.error_map.tasks_mm),
+        ("mls56/field", "Points3D", "radii", theirs[np.isfinite(theirs)]),
+        ("all153_prior/field", "Points3D", "radii", ours),
+        ("all153_prior/tasks", "Boxes3D", "half_sizes", at_tasks),
     ):
-        data, order = columns(chunks, f"/world/error_map/{path}"), np.argsort(mm)
-        packed = np.array(data[f"{kind}:colors"][0], dtype=np.uint32)
-        drawn = np.column_stack([packed >> shift & 255 for shift in (24, 16, 8)])
-        assert np.array_equal(drawn, shades((mm - low) / (high - low)))
-        assert (np.diff(brightness(drawn[order])) > -1).all()  # 8-bit colours: each part rounds by a half
-        extent = np.array(data[f"{kind}:{size}"][0]).reshape(len(mm), -1)[:, 0]
+        colours, extent = drawn(chunks, f"/world/error_map/{path}", kind, size)
+        assert np.array_equal(colours, shades(scale.shares(mm)))
+        order = np.argsort(mm)
+        assert (np.diff(brightness(colours[order])) > -1).all()  # 8-bit: each part rounds by a half
         assert (np.diff(extent[order]) >= 0).all()
 
 
+def test_places_without_a_bound_are_rings_and_come_first(chunks, scene):
+    found, rings = scene.map.found, columns(chunks, "/world/error_map/mls56/without_bound")
+    at = np.array(found.position_m)
+    assert np.array(rings["Ellipsoids3D:centers"][0]) == pytest.approx(at[:WITHOUT], abs=1e-6)
+    assert "/world/error_map/all153_prior/without_bound" not in {c.entity_path for c in chunks}
+    text = document(chunks, "/error_words")
+    assert "Grey rings: no bound" in text
+    sizes = found.typical_mm(RIVAL), found.worst[RIVAL].error_mm
+    assert "| MLS56 | {:.3f} | {:.3f} | {} |".format(*sizes, WITHOUT) in text
+
+
+def test_the_arm_goes_to_every_place_and_the_worst_is_named(chunks, kr500, scene):
+    found = scene.map.found
+    frames = rigid_frames(kr500.room, np.array(found.q))
+    at = columns(on(chunks, "place"), "/world/arm/link_6")
+    assert at["place"] == list(range(len(found.run)))
+    expected = frames.positions[:, body_names(kr500.room).index("link_6")]
+    assert np.array(at["Transform3D:translation"])[:, 0] == pytest.approx(expected, abs=1e-6)
+    for name, path in ((RIVAL, "mls56"), (OURS, "all153_prior")):
+        worst = found.worst[name]
+        label = columns(chunks, f"/world/error_map/{path}/worst")["Points3D:labels"]
+        assert label == [[f"worst {worst.error_mm:.3f} mm, place {worst.place}"]]
+    said = columns(on(chunks, "place"), "/this_step")["TextDocument:text"]
+    assert said[0][0].startswith(f"**Place 0 of 40: MLS56 no bound, {OURS} ")
+    assert f"where {OURS} is worst" in said[found.worst[OURS].place][0]
+
+
 def test_equal_errors_have_one_colour(kr500, tmp_path):
-    places = np.random.default_rng(1).uniform(-1, 1, (9, 3))
-    equal = ErrorMap(WORDS, places, np.full(9, 0.1), places, np.full(9, 0.1))
     same = shares(np.full(3, 0.1), (0.1, 0.1))
     assert len(np.unique(shades(same), axis=0)) == len(np.unique(sizes(same))) == 1
-    recorded(tmp_path / "x.rrd", plan(kr500, error_map=equal))
+    q = np.random.default_rng(1).uniform(-1, 1, (9, 6))
+    equal = map_of(kr500, q, np.full(9, 0.1), (q[:, :3], np.full(9, 0.1)))
+    recorded(tmp_path / "x.rrd", plan(kr500, map=equal))
 
 
-def test_the_map_says_its_ends_with_their_unit(chunks, scene):
-    text, low, high = document(chunks, "/error_words"), *scene.error_map.ends
-    assert text.startswith("### Expected error after identification (mm)")
-    assert f"{low:.3f} mm, the least" in text
-    assert f"{high:.3f} mm, the greatest" in text
+def test_the_key_has_the_ends_of_the_scale_with_their_unit(chunks, scene):
+    found, (_, at_tasks) = scene.map.found, scene.map.tasks[OURS]
+    scale = scale_of(found.errors(RIVAL), found.errors(OURS), at_tasks)
     numbers = columns(chunks, "/error_key_mm/number")["Points2D:labels"][0]
-    assert (numbers[0], numbers[-1]) == (f"{low:.3f} mm", f"{high:.3f} mm")
-    labels = columns(chunks, "/world/error_map/label")["Points3D:labels"][0]
-    assert f"greatest {scene.error_map.field_mm.max():.3f} mm" in labels
-    assert f"worst task {scene.error_map.tasks_mm.max():.3f} mm" in labels
+    assert (numbers[0], numbers[-1]) == tuple(f"{mm:.3f} mm" for mm in scale.ends)
 
 
 def test_the_summary_is_the_callers_with_colours_and_scrubbing(chunks, scene):

@@ -21,7 +21,7 @@ ARM = ROOT / "models" / "ur10"
 POSES = 14
 FLAGS = ["--absolute", "--model", "Joints", "--orders", 1, "--poses", POSES, "--candidates", 60]
 FLAGS += ["--load", 5, "--tracker", "2.5,-1.5,1.2", "--seed", 3]
-FILES = "manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html".split()
+FILES = "error_map.png manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html".split()
 
 
 def run(*args):

@@ -32,7 +32,8 @@ POSES = 6
 FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 200]
 FLAGS += ["--tracker", "4.5,-2.5,1.6", "--seed", 3]
 FILES = (
-    "manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html tasks_expected.csv".split()
+    "error_map.png manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html "
+    "tasks_expected.csv".split()
 )
 
 
@@ -75,7 +76,7 @@ def report(planned):
     return json.loads((planned / "plan.json").read_text())
 
 
-def test_a_plan_is_seven_files(planned):
+def test_a_plan_is_nine_files(planned):
     assert sorted(p.name for p in planned.iterdir()) == FILES
     assert json.loads((planned / "manifest.json").read_text())["scenario"]["loads_kg"] == [460.0, 150.0]
 
@@ -101,6 +102,19 @@ def test_the_plan_beats_random_ones_and_respects_its_bound(report):
     assert all(a >= b for a, b in pairwise(greedy))
     assert report["advice"]["fewest"] == next(k for k, e in enumerate(greedy, 1) if e <= 0.1)
     assert report["directions"]["seen"] <= report["directions"]["shown"] <= 153
+
+
+def test_the_map_has_the_errors_over_the_workspace_beside_those_of_least_squares_and_joints(report):
+    found = report["map"]
+    assert found["compared"] == ["MLS56", "Joints", "ALL153 + prior"]
+    errors = {name: np.array(found["error_mm"][name]) for name in found["compared"]}
+    rms = {name: np.sqrt(np.mean(mm**2)) for name, mm in errors.items()}
+    assert rms["ALL153 + prior"] == pytest.approx(report["workspace_error_mm"]["expected"], rel=1e-3)
+    assert rms["ALL153 + prior"] < min(rms["MLS56"], rms["Joints"])
+    for name, mm in errors.items():
+        worst = found["worst"][name]
+        assert mm[worst["place"]] == mm.max() == worst["error_mm"]
+        assert found["position_m"][worst["place"]] == worst["position_m"]
 
 
 def test_tasks_have_errors_between_their_ends_and_the_plans_rms(report):

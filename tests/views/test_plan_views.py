@@ -13,6 +13,7 @@ from checks import bands, check_report, check_table, curves, tables_of, unit_in
 from made_up import fill, filled
 
 from testbench.arm.folder import Joint
+from testbench.bench.error_places import Places, error_places
 from testbench.bench.plan import Planned
 from testbench.bench.plan_input import FORCE, read_payload, read_pulls
 from testbench.bench.plan_report import CurveRow, Expected, PlanReport, PoseRow, TaskRow
@@ -26,7 +27,7 @@ from testbench.views.recording.plan import write_plan
 from testbench.views.recording.stream import Header
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
-from read_back import PLACED, chunks_of, columns, document, plotted
+from read_back import PLACED, chunks_of, columns, document, on, plotted
 
 JOINTS = ["swing", "boom", "arm", "roll", "bend", "turn"]
 POSES, TASKS, MOST = 4, 7, 9
@@ -72,6 +73,7 @@ def report(rng):
         greedy_mm=error,
         curve=[fill(CurveRow, rng, **row) for row in counts],
         error_mm=Expected(0.234, 0.123, 0.345),
+        map=places_of(rng),
         loads_kg=(460.0, 150.5),
         pulls_n=(),
         unshown=None,
@@ -132,7 +134,9 @@ def test_the_page_shows_declared_tables_and_the_terminal_has_room(report):
     assert page.startswith(
         f"# Calibration plan: heavy, {report.model}, 460 or 150.5 kg\n\n**4 poses: expected"
     )
-    assert len(tables_of(page)) == 3
+    assert len(tables_of(page)) == 4
+    [_, _, (head, rows), _] = tables_of(page)
+    assert (head[0], [row[0] for row in rows]) == ("model", ["MLS56", "ALL153 + prior"])
     assert f"Criterion test: mean square error at the tasks. Seed {report.seed}." in page
 
 
@@ -397,14 +401,21 @@ def test_the_files_hold_the_numbers_of_the_report(report, tmp_path, sliding):
         assert [float(own[j.column]) for j in joints] == row.q
 
 
+def places_of(rng):
+    """Errors of two models at five places, at one without a bound."""
+    x, y, z, moved = rng.uniform(-2, 2, (4, 5)).round(4).tolist()
+    q = tuple(rng.uniform(-1, 1, 30).tolist())
+    joints = tuple(f"[{k}, 2, 3] deg" for k in range(5))
+    at = Places((1, 2, 3, 4, 5), q, joints, tuple(x), tuple(y), tuple(z), tuple(moved))
+    errors = {"MLS56": [0.4, 0.9, None, 0.8, 0.7], "ALL153 + prior": [0.1, 0.3, 0.2, 0.2, 0.5]}
+    return error_places(at, errors, list(errors))
+
+
 @pytest.fixture
 def recorded(report, rng, kr500, tmp_path):
-    """The made-up report recorded, over the workspace of the heavy arm; one place there has no bound."""
-    q = rng.uniform(-1, 1, (POSES, 6))
-    spec = SimpleNamespace(workspace=rng.uniform(-1, 1, (5, 6)))
-    plan = SimpleNamespace(q=q, specification=spec)
-    errors = SimpleNamespace(error=np.array([1e-4, 3e-4, np.inf, 2e-4, 5e-4]))
-    made = scene(kr500, Planned(None, plan, errors, report), rng.uniform(-3, 3, (30, 3)))
+    """The made-up report recorded."""
+    plan = SimpleNamespace(q=rng.uniform(-1, 1, (POSES, 6)))
+    made = scene(kr500, Planned(None, plan, None, report), rng.uniform(-3, 3, (30, 3)))
     write_plan(tmp_path / "recording.rrd", Header("testbench plan", "{}", 1), made)
     return chunks_of(tmp_path / "recording.rrd")
 
@@ -424,7 +435,7 @@ def test_the_documents_of_the_recording_are_blocks_of_the_page(recorded, report)
 
 
 def test_every_step_of_the_recording_tells_its_run(recorded, report):
-    steps = columns(recorded, "/this_step")["TextDocument:text"]
+    steps = columns(on(recorded, "run"), "/this_step")["TextDocument:text"]
     for [step], row in zip(steps, report.plan, strict=True):
         angles = ", ".join(f"{j} {a:.2f}" for j, a in zip(JOINTS, row.q_shown, strict=True))
         error = [row.expected_error_mm, row.expected_error_p05_mm, row.expected_error_p95_mm]
@@ -441,17 +452,12 @@ def test_the_numbers_of_the_recording_are_those_of_the_report(recorded, report):
     for name, path in (("deflection", "expected_deflection_mm"), ("its error", "expected_error_mm")):
         expected = [getattr(row, path) for row in report.plan]
         np.testing.assert_allclose(drawn[name][:, 0], expected, rtol=PLACED)
-    every = [0.1, 0.3, 0.2, 0.5, *(row.expected_error_mm for row in report.tasks)]
-    text = document(recorded, "/error_words")
-    assert f"{min(every):.3f} mm, the least" in text
-    assert f"{max(every):.3f} mm, the greatest" in text
-    [(head, rows)] = tables_of(text)
-    assert head == ["places", "least, mm", "median, mm", "95 %, mm", "greatest, mm"]
-    for [name, least, median, _, most], errors in zip(rows, (every[:4], every[4:]), strict=True):
-        assert name in ("workspace, 4", "tasks, 7")
-        assert [least, median, most] == [f"{v:.3f}" for v in (min(errors), np.median(errors), max(errors))]
-    labels = [text for [text] in columns(recorded, "/world/load/label")["Points3D:labels"]]
-    assert labels == [f"{row.load_kg:.4g} kg" for row in report.plan]
+    [(head, rows)] = tables_of(document(recorded, "/error_words"))
+    assert head[:5] == ["model", "RMS, mm", "greatest, mm", "places without a bound", "place"]
+    assert rows[0][:4] == ["MLS56", f"{np.sqrt(np.mean(np.square([0.4, 0.9, 0.8, 0.7]))):.3f}", "0.900", "1"]
+    assert rows[1][:4] == ["ALL153 + prior", f"{np.sqrt(0.086):.3f}", "0.500", "0"]
+    cubes = columns(recorded, "/world/error_map/all153_prior/tasks")["Boxes3D:centers"][0]
+    np.testing.assert_allclose(cubes, [row.tool_m for row in report.tasks], rtol=1e-6)
 
 
 def test_the_chart_of_the_recording_tells_planned_from_random(recorded, report):

@@ -523,11 +523,13 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500,
     assert f"**{' '.join(words.block('number').split())}**" in many
     moved = 1e3 * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
     np.testing.assert_allclose(plotted(chunks, "/expected_mm")["deflection"][:, 0], moved, rtol=PLACED)
-    assert scene.error_map.tasks_mm.tolist() == [v.median for v in report.where.tasks_mm]
-    assert scene.error_map.field_mm.tolist() == [v.median for v in report.where.workspace_mm]
-    drawn = scene.error_map
-    for places, q in ((drawn.tasks, asked.scene.tasks), (drawn.field, asked.scene.workspace)):
-        np.testing.assert_allclose(places, chain(kr500.vjm, np.array(q)).position)
+    name, found = PLANNED.name, scene.map.found
+    (places, mm), order = scene.map.tasks[name], np.array(found.run) - 1
+    assert mm.tolist() == [v.median for v in report.where.tasks_mm]
+    assert list(found.error_mm[name]) == [report.where.workspace_mm[k].median for k in order]
+    np.testing.assert_allclose(places, chain(kr500.vjm, np.array(asked.scene.tasks)).position)
+    workspace = chain(kr500.vjm, np.array(asked.scene.workspace)).position
+    np.testing.assert_allclose(found.position_m, workspace[order], atol=1e-4)
     points = {(p.model, p.x): triple(p.y) for p in scene.sweep.points}
     for name, own in report.errors[PLANNED.name].items():
         for level in own:

@@ -6,6 +6,7 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
+from testbench.bench.error_places import Meaning, error_places, places_at
 from testbench.bench.rows import MM
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
@@ -16,7 +17,7 @@ from testbench.model.vjm import chain
 from testbench.studies.pose_selection.figure import LOOKS
 from testbench.studies.pose_selection.measure import Bench, build_bench
 from testbench.studies.pose_selection.report import PoseReport
-from testbench.studies.pose_selection.rows import Angles
+from testbench.studies.pose_selection.rows import Angles, Where
 from testbench.studies.pose_selection.settings import PLANNED, Settings
 from testbench.studies.pose_selection.tables import PLAN, POSES, TASKS
 from testbench.studies.pose_selection.trial import first_runs
@@ -24,11 +25,13 @@ from testbench.studies.pose_selection.ways import poses_of
 from testbench.studies.study import Run
 from testbench.trials.spread import middle
 from testbench.views.markdown import grid, line
-from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.error_maps import PlaceScene
 from testbench.views.recording.plan import write_plan
 from testbench.views.recording.plan_world import PlanScene
 from testbench.views.recording.stream import Header
 from testbench.views.recording.swept import Sweep, points
+
+ERROR = Meaning("error", "of the predicted deflection, median over the trials", "median")
 
 
 def write(run: Run[Settings, PoseReport]) -> None:
@@ -67,13 +70,7 @@ def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanS
         ],
         deflection_mm=moved,
         error_mm=error,
-        error_map=ErrorMap(
-            words="median error of the predicted deflection (mm)",
-            field=_tool(bench.cell, asked.scene.workspace),
-            field_mm=np.array([middle(v) for v in where.workspace_mm]),
-            tasks=_tool(bench.cell, asked.scene.tasks),
-            tasks_mm=np.array([middle(v) for v in where.tasks_mm]),
-        ),
+        map=_map(bench, asked, where),
         summary=words.summary(number, run.tables["recorded"], then=()),
         tables="\n\n".join(f"### {name}\n\n{text}" for name, text in tables.items()),
         sweep=Sweep(replace(POSES, unit=""), y, points(levels, PLAN, POSES, TASKS), LOOKS),
@@ -81,6 +78,18 @@ def scene(run: Run[Settings, PoseReport], bench: Bench, first: Dataset) -> PlanS
         f"#### **{line(words.block('number'))}**\n\nMedian error at the tasks, {TASKS.unit}:\n\n"
         f"{grid(run.tables['medians'])}",
     )
+
+
+def _map(bench: Bench, asked: Settings, where: Where) -> PlaceScene:
+    """Errors over the workspace and at the tasks."""
+    spec, q = bench.spec, np.array(asked.scene.workspace)
+    ahead = deflection_rows(spec.experiment, q, spec.loads[0]) @ spec.experiment.metric.expected
+    moved = np.linalg.norm(ahead, axis=1) / np.sqrt(ahead.shape[1] / 3)
+    at = places_at(bench.cell.arm, q, _tool(bench.cell, asked.scene.workspace), moved)
+    name = PLANNED.name
+    found = error_places(at, {name: [middle(v) for v in where.workspace_mm]}, means=ERROR)
+    tasks = _tool(bench.cell, asked.scene.tasks), np.array([middle(v) for v in where.tasks_mm])
+    return PlaceScene(found, tasks={name: tasks})
 
 
 def _tool(cell: Cell, q: Angles) -> Array:

@@ -7,15 +7,13 @@ import numpy as np
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
 from testbench.bench.error_places import (
-    M_DECIMALS,
-    Q_DECIMALS,
     ErrorPlaces,
     Meaning,
-    Places,
     WorstPlace,
     bounded_mm,
     error_places,
     kept_mm,
+    places_at,
 )
 from testbench.bench.explained import Elsewhere, Explained, longest
 from testbench.bench.fit_rows import Fitted
@@ -205,16 +203,7 @@ def _map_row(cell: Cell, found: Elsewhere) -> MapRow:
 
 def _errors(cell: Cell, found: Elsewhere) -> ErrorPlaces:
     """Half widths by model; joints alone are not compared: what they leave out is in no half width."""
-    x, y, z = found.position.round(M_DECIMALS).T.tolist()
-    at = Places(
-        run=tuple(range(1, len(found.q) + 1)),
-        q=tuple(found.q.round(Q_DECIMALS).ravel().tolist()),
-        joints=tuple(map(cell.arm.words, found.q)),
-        x_m=tuple(x),
-        y_m=tuple(y),
-        z_m=tuple(z),
-        deflection_mm=kept_mm(found.deflection),
-    )
+    at = places_at(cell.arm, found.q, found.position, found.deflection)
     half = {name: bounded_mm(own.half) for name, own in found.models.items()}
     shown = [name for name in half if name != JOINTS or name == found.taken]
     return error_places(at, half, shown, HALF_WIDTH)

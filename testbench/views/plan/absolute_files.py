@@ -14,6 +14,7 @@ from testbench.bench.campaign import Cell
 from testbench.data.posefile import absolute_columns
 from testbench.model.vjm import chain
 from testbench.output.run import whole_folder
+from testbench.views.map_figure import error_map
 from testbench.views.page.page import write_page
 from testbench.views.plan.absolute_figure import overview
 from testbench.views.plan.absolute_tables import words
@@ -39,6 +40,7 @@ def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
         text = words(report)
         (folder / "plan.md").write_text(text.whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png")
+        error_map(report.map, f"{report.arm}, {report.poses} poses").savefig(folder / "error_map.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
         write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, planned, tools))

@@ -7,16 +7,26 @@ import numpy as np
 from testbench.bench.absolute_plan import AbsolutePlanned
 from testbench.bench.absolute_plan_report import AbsolutePlanReport
 from testbench.bench.campaign import Cell
-from testbench.bench.rows import MM
 from testbench.errors import Array
-from testbench.model.vjm import tool_pose
 from testbench.trials.spread import Spread
-from testbench.views.page.charts import Line, PlaceMap, RunChart
+from testbench.views.page.charts import Line, RunChart
 from testbench.views.page.page import Seen
 from testbench.views.page.scene import Poses, Scene
 from testbench.views.plan.absolute_tables import tables
-from testbench.views.plan.page import AT_POSES, LOOKS, MEDIAN, ORDER, OURS, SCALE, TENTH, THIS, intervals
-from testbench.views.plan.world import World, places
+from testbench.views.plan.page import (
+    AT_POSES,
+    LOOKS,
+    MEDIAN,
+    ORDER,
+    OURS,
+    SCALE,
+    TENTH,
+    THIS,
+    around,
+    intervals,
+    place_map,
+)
+from testbench.views.plan.world import World
 from testbench.views.schema import Column, Table, show
 
 OVER = "Expected position error after calibration (mm)"
@@ -27,14 +37,10 @@ def seen(cell: Cell, planned: AbsolutePlanned, candidates: Array) -> Seen:
     report = planned.report
     tools = np.array([row.tool_m for row in report.plan])
     world = World(cell, report.tracker_m, tools, np.empty((0, 3)), candidates)
-    over, at = MM * planned.forecast.error, tool_pose(cell.vjm, planned.workspace)[0]
-    pairs = zip(over, planned.workspace, strict=True)
-    words = [f"Expected error {mm:.3f} mm. {cell.arm.words(q)}." for mm, q in pairs]
     own = Line(THIS, OURS, *intervals(report.plan))
-    around = places(world, planned.workspace, words, int(over.argmax()))
     return Seen(
-        scene=Scene(cell, SCALE, [_plan(world, planned), around]),
-        map=PlaceMap(OVER, 1, at, [Line(THIS, OURS, over)], "Where it will err"),
+        scene=Scene(cell, SCALE, [_plan(world, planned), around(world, report.map)]),
+        map=place_map(report.map, 1, OVER),
         runs=[RunChart(AT_POSES, 0, [str(row.run) for row in report.plan], [own])],
         tables=_tables(report),
     )

@@ -5,12 +5,10 @@ import numpy as np
 from testbench.bench.absolute_plan import AbsolutePlanned
 from testbench.bench.absolute_plan_report import AbsolutePlanReport
 from testbench.bench.campaign import Cell
-from testbench.bench.rows import MM
 from testbench.errors import Array
-from testbench.model.vjm import chain
 from testbench.views.plan.absolute_tables import words
 from testbench.views.plan.scene import BEST, LOOKS, RANDOM
-from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.error_maps import PlaceScene
 from testbench.views.recording.plan_world import PlanScene
 from testbench.views.recording.swept import Point, Sweep
 from testbench.views.schema import Column
@@ -28,13 +26,7 @@ def scene(cell: Cell, planned: AbsolutePlanned, candidates: Array) -> PlanScene:
         pose_words=[text.block("step", row=row) for row in report.plan],
         deflection_mm=np.array([row.expected_sag_mm for row in report.plan]),
         error_mm=np.array([row.expected_error_mm for row in report.plan]),
-        error_map=ErrorMap(
-            words="expected position error after calibration (mm)",
-            field=chain(cell.vjm, planned.workspace).position,
-            field_mm=MM * planned.forecast.error,
-            tasks=np.empty((0, 3)),
-            tasks_mm=np.empty(0),
-        ),
+        map=PlaceScene(report.map),
         summary=text.summary(then=("statements", "hidden")),
         tables=f"### Poses in the order of measuring\n\n{text.block('poses')}",
         sweep=_sweep(report),

@@ -17,6 +17,7 @@ from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
 from testbench.output.run import whole_folder
 from testbench.output.scratch import write_whole
+from testbench.views.map_figure import error_map
 from testbench.views.page.page import write_page
 from testbench.views.plan.figure import overview
 from testbench.views.plan.tables import words
@@ -44,6 +45,7 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
         text = words(report)
         (folder / "plan.md").write_text(text.whole(), encoding="utf-8")
         overview(report, tools).savefig(folder / "plan.png")
+        error_map(report.map, f"{report.arm}, {report.poses} poses").savefig(folder / "error_map.png")
         seeds = range(report.seed, report.seed + 1)
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))

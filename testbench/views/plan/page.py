@@ -10,12 +10,11 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.bench.absolute_plan_report import AbsolutePoseRow
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
+from testbench.bench.error_places import ErrorPlaces
 from testbench.bench.plan import Planned
 from testbench.bench.plan_report import PlanReport, PoseRow, Row
-from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.model.vjm import tool_pose
 from testbench.trials.spread import Spread
 from testbench.views.colours import GREY, NOMINAL, TASK, Look, look
 from testbench.views.page.charts import Line, PlaceMap, RunChart
@@ -46,12 +45,11 @@ def seen(cell: Cell, planned: Planned, candidates: Array) -> Seen:
     errors = np.array([row.expected_error_mm for row in report.tasks])
     some = picked(errors, np.arange(len(errors)))
     tasks, note = [report.tasks[k] for k in some], of_all(len(some), len(errors), "tasks")
-    over = np.where(np.isfinite(planned.workspace.error), MM * planned.workspace.error, np.nan)
     task, pose = Line("task", WORK, *intervals(tasks)), Line(THIS, OURS, *intervals(report.plan))
-    groups = _plan(world, planned), _tasks(world, planned, some), _around(world, planned, over)
+    groups = _plan(world, planned), _tasks(world, planned, some), around(world, report.map)
     return Seen(
         scene=Scene(cell, SCALE, groups),
-        map=_map(cell, planned, over),
+        map=place_map(report.map, 2, OVER),
         runs=[
             RunChart(AT_TASKS, 1, [str(row.task) for row in tasks], [task], note=note),
             RunChart(AT_POSES, 0, [str(row.run) for row in report.plan], [pose]),
@@ -98,19 +96,31 @@ def _worst(rows: Sequence[Row]) -> int:
     return int(np.argmax([row.expected_error_mm for row in rows]))
 
 
-def _around(world: World, planned: Planned, over: Array) -> Poses:
-    q = planned.plan.specification.workspace
+def around(world: World, found: ErrorPlaces) -> Poses:
+    """The arm all over the workspace, in the order of the report."""
+    names, q = found.compared, np.array(found.q)
+    every = zip(*(found.errors(name).tolist() for name in names), strict=True)
     words = [
-        f"Expected error: {NOWHERE if np.isnan(mm) else f'{mm:.3f} mm'}. {world.cell.arm.words(one)}."
-        for mm, one in zip(over, q, strict=True)
+        f"Expected error: {', '.join(map(_error, names, mm))}. {joints}."
+        for mm, joints in zip(every, found.joints, strict=True)
     ]
-    return places(world, q, words, int(np.nan_to_num(over).argmax()))
+    return places(world, q, words, 0)
 
 
-def _map(cell: Cell, planned: Planned, over: Array) -> PlaceMap:
-    at = tool_pose(cell.vjm, planned.plan.specification.workspace)[0]
-    without = NOWHERE if np.isnan(over).any() else ""
-    return PlaceMap(OVER, 2, at, [Line(THIS, OURS, over)], "Where it will err", without)
+def _error(name: str, mm: float) -> str:
+    return f"{name} {NOWHERE if np.isnan(mm) else f'{mm:.3f} mm'}"
+
+
+def place_map(found: ErrorPlaces, group: int, title: str) -> PlaceMap:
+    """Errors to expect, a map a model; `group` is that of the places in the scene."""
+    names = found.compared
+    lines = [Line(name, OURS if name == names[-1] else _look(name), found.errors(name)) for name in names]
+    without = NOWHERE if any(map(found.unbounded, names)) else ""
+    return PlaceMap(title, group, np.array(found.position_m), lines, "Where it will err", without)
+
+
+def _look(name: str) -> Look:
+    return look(name, "none")
 
 
 def _tables(report: PlanReport) -> list[Table]:

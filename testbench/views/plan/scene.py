@@ -5,12 +5,10 @@ import numpy as np
 from testbench.bench.campaign import Cell
 from testbench.bench.plan import Planned
 from testbench.bench.plan_report import PlanReport
-from testbench.bench.rows import MM
 from testbench.errors import Array
-from testbench.model.vjm import chain
 from testbench.views.colours import GREY, NOMINAL, Look
 from testbench.views.plan.tables import words
-from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.error_maps import PlaceScene
 from testbench.views.recording.plan_world import PlanScene
 from testbench.views.recording.swept import Point, Sweep
 from testbench.views.schema import Column
@@ -21,8 +19,9 @@ LOOKS = {BEST: Look(NOMINAL, 0, prior=False), RANDOM: Look(GREY, 1, prior=False)
 
 def scene(cell: Cell, planned: Planned, candidates: Array) -> PlanScene:
     """A plan, its tasks and the error to expect over the workspace; tools of feasible poses, (c, 3) [m]."""
-    report, errors, text = planned.report, planned.workspace.error, words(planned.report)
-    known = np.isfinite(errors)
+    report, text = planned.report, words(planned.report)
+    at = np.array([row.tool_m for row in report.tasks])
+    expected = np.array([row.expected_error_mm for row in report.tasks])
     sweep = _sweep(report)
     return PlanScene(
         cell=cell,
@@ -34,13 +33,7 @@ def scene(cell: Cell, planned: Planned, candidates: Array) -> PlanScene:
         pose_words=[text.block("step", row=row) for row in report.plan],
         deflection_mm=np.array([row.expected_deflection_mm for row in report.plan]),
         error_mm=np.array([row.expected_error_mm for row in report.plan]),
-        error_map=ErrorMap(
-            words="expected error after identification (mm)",
-            field=chain(cell.vjm, planned.plan.specification.workspace).position[known],
-            field_mm=MM * errors[known],
-            tasks=np.array([row.tool_m for row in report.tasks]),
-            tasks_mm=np.array([row.expected_error_mm for row in report.tasks]),
-        ),
+        map=PlaceScene(report.map, tasks={report.map.compared[-1]: (at, expected)}),
         summary=text.summary(),
         tables=f"### Poses in the order of measuring\n\n{text.block('poses')}\n\n"
         f"### Tasks\n\n{text.block('tasks')}",

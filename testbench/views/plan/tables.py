@@ -7,6 +7,7 @@ from testbench.bench.absolute_plan_report import AbsolutePlanReport
 from testbench.bench.plan_report import PlanReport
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
+from testbench.views.worst import worst_table
 
 MOST_ROWS = 40  #: Rows of the plan that are shown; plan.csv has all of them.
 MANY = 6  #: With more joints, or pulls, a terminal of 80 columns has no decimals and no travel of slides.
@@ -60,6 +61,7 @@ def tables(report: PlanReport) -> dict[str, Table]:
         ),
         "tasks": Table(TASKS, report.worst[:WORST]),
         "curve": Table(CURVE, report.curve),
+        "map": worst_table(report.map),
     }
 
 

@@ -126,7 +126,7 @@ def _ellipses(axes: Axes, made: Predicted, shown: Ids, scale: ScalarMappable, pl
 def _map(axes: Axes, made: Predicted, scale: ScalarMappable, plane: Plane) -> None:
     """The softest of the poses in every cell, and the softest of all."""
     x, y = made.map.position[:, list(plane)].T
-    worst, k = MM * made.map.worst, made.map.softest
+    worst, k = MM * made.map.worst, 0
     low, high = scale.get_clim()
     cells = axes.hexbin(x, y, C=worst, reduce_C_function=np.max, gridsize=CELLS, linewidths=0.2)
     cells.set(cmap=scale.cmap, clim=(low, high))

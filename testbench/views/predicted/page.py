@@ -96,7 +96,7 @@ def _places(made: Predicted) -> Poses:
     sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
     return Poses(
         name="Workspace",
-        names=[f"Place {k + 1} of {len(field.q)}" for k in range(len(field.q))],
+        names=[f"Place {k} of {len(field.q)}" for k in range(len(field.q))],
         words=[
             f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_sure(half)}. "
             f"{made.model.arm.words(q)}."
@@ -105,5 +105,4 @@ def _places(made: Predicted) -> Poses:
         rigid=rigid_frames(made.cell.room, field.q),
         bent=None,
         layers=[Layer("softest direction", GCO, "lines", at - way, at + way)],
-        first=field.softest,
     )

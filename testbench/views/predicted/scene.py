@@ -3,11 +3,12 @@
 import numpy as np
 
 from testbench.bench.prediction import Predicted
-from testbench.bench.prediction_report import PredictionReport, pose_row
+from testbench.bench.prediction_report import MOVED, PredictionReport, pose_row
 from testbench.bench.rows import MM
+from testbench.views.colours import GCO
 from testbench.views.picked import picked
 from testbench.views.predicted.words import words
-from testbench.views.recording.error_map import ErrorMap
+from testbench.views.recording.error_maps import PlaceScene
 from testbench.views.recording.prediction import PredictionScene
 
 
@@ -26,13 +27,7 @@ def scene(made: Predicted, report: PredictionReport) -> PredictionScene:
         tool=found.position[some, 0],
         give=field.force * made.stiffness.give[some],
         axes=made.stiffness.axes[some],
-        map=ErrorMap(
-            f"moved by {field.force:,.0f} N (mm)",
-            field.position,
-            MM * field.worst,
-            np.zeros((0, 3)),
-            np.zeros(0),
-        ),
+        map=PlaceScene(report.map.errors, {MOVED: GCO}),
         pose_words=[text.block("pose", row=pose_row(made, int(k))) for k in some],
         summary=text.summary(),
         tables=f"### Poses\n\n{text.block('worst_poses')}\n\n### Model\n\n{text.block('model')}",

@@ -154,7 +154,7 @@ def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:
         if scene.map:
             tools = origins(scene.cell, [scene.cell.arm.tool], scene.frames)[:, 0]
             write_here(run, tools, reach(scene.frames))
-            write_places_of(pen, scene.cell, scene.map, ("this_pose", "error_mm"))
+            write_places_of(pen, scene.cell, scene.map, "this_pose", "error_mm")
         for row in scene.spectrum[:SPECTRA]:
             order, amplitude = np.array([(one.order, one.amplitude_urad) for one in row.orders]).T
             bars = rr.BarChart(amplitude, color=GCO, abscissa=order, widths=np.full(len(order), 0.8))

@@ -1,6 +1,6 @@
 """Error maps of several models side by side: one scale for all of them, the worst place of each named."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,7 +29,8 @@ from testbench.views.recording.error_map import (
 from testbench.views.recording.pen import Line, Pen, snake, text_view
 from testbench.views.recording.style import NOISE, NOMINAL, Colour
 from testbench.views.scale import Scale, scale_for, scale_of
-from testbench.views.schema import Column, Table, show
+from testbench.views.schema import show
+from testbench.views.worst import WorstRow, worst_rows, worst_table
 
 TIMELINE = "place"  #: Of the places of the workspace, from 0, where models differ most.
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
@@ -50,60 +51,9 @@ class PlaceScene:
     """Errors by place, made ready for drawing."""
 
     found: ErrorPlaces
-    colours: Mapping[str, Colour]  #: Of the compared models.
+    colours: Mapping[str, Colour] = field(default_factory=dict)  #: Of the compared models, for a plot.
     more: str = ""  #: Markdown below the table of the worst places.
     tasks: Tasks = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class WorstRow:
-    """A model of the table: its errors, and where it is worst; None where it has no bound anywhere."""
-
-    model: str
-    typical_mm: float | None
-    worst_mm: float | None
-    unbounded: int
-    place: int | None
-    where_m: str
-    joints: str
-
-
-def worst_rows(found: ErrorPlaces) -> list[WorstRow]:
-    """The compared models, then the others."""
-    names = dict.fromkeys([*found.compared, *found.error_mm])
-    return [_row(found, name) for name in names]
-
-
-def _row(found: ErrorPlaces, name: str) -> WorstRow:
-    worst = found.worst.get(name)
-    return WorstRow(
-        model=name,
-        typical_mm=found.typical_mm(name) if worst else None,
-        worst_mm=worst.error_mm if worst else None,
-        unbounded=found.unbounded(name),
-        place=worst.place if worst else None,
-        where_m=", ".join(f"{x:.2f}" for x in worst.position_m) if worst else "",
-        joints=worst.joints if worst else "",
-    )
-
-
-def _table(found: ErrorPlaces) -> Table:
-    """Errors of every model, and where it is worst."""
-    rows = worst_rows(found)
-    columns = [
-        Column("model", "model"),
-        Column("typical_mm", found.means.typical, "mm"),
-        Column("worst_mm", "greatest", "mm"),
-        *(
-            [Column("unbounded", "places without a bound", form="d")]
-            if any(r.unbounded for r in rows)
-            else []
-        ),
-        Column("place", "place", form="d"),
-        Column("where_m", "x, y, z", "m"),
-        Column("joints", "joints"),
-    ]
-    return Table(tuple(columns), rows)
 
 
 def scale_with(found: ErrorPlaces, tasks: Tasks) -> Scale:
@@ -160,7 +110,7 @@ def _write_worst(pen: Pen, path: str, worst: WorstPlace, at: Array, reach: float
 
 
 def _words(found: ErrorPlaces, tasks: Tasks, scale: Scale) -> Words:
-    values = {"map": found, "table": _table(found), "tasks": tasks, "scale": scale}
+    values = {"map": found, "table": worst_table(found), "tasks": tasks, "scale": scale}
     return Words(Path(__file__).parent, values, "error_maps.md.j2")
 
 
@@ -174,16 +124,17 @@ def place_words(found: ErrorPlaces) -> list[str]:
     ]
 
 
-def write_places_of(pen: Pen, cell: Cell, scene: PlaceScene, into: tuple[str, str]) -> None:
+def write_places_of(pen: Pen, cell: Cell, scene: PlaceScene, words: str, plot: str = "") -> None:
     """The maps, and on the timeline of places the arm, the words, and the errors of the compared models.
 
     Args:
         pen: Of the recording.
         cell: The arm.
         scene: Errors by place.
-        into: Entity of the words of what is shown, and root of a plot, the unit in its name.
+        words: Entity of the words of what is shown.
+        plot: Root of a plot that has the errors too, the unit in its name; none if empty.
     """
-    found, (words, plot) = scene.found, into
+    found = scene.found
     frames = rigid_frames(cell.room, np.array(found.q))
     size, count = reach(frames), np.arange(len(found.run))
     write_error_maps(pen, found, size, scene.tasks, scene.more)
@@ -191,7 +142,7 @@ def write_places_of(pen: Pen, cell: Cell, scene: PlaceScene, into: tuple[str, st
     write_places(place, cell, frames)
     write_here(place, origins(cell, [cell.arm.tool], frames)[:, 0], size)
     place.texts(words, place_words(found))
-    for name in found.compared:
+    for name in found.compared if plot else ():
         mm = found.errors(name)
         known = np.isfinite(mm)
         if known.any():
@@ -207,20 +158,15 @@ def write_here(pen: Pen, tool: Array, reach: float) -> None:
     pen.rows(f"{ROOT}/here", rr.Ellipsoids3D.columns(centers=tool, half_sizes=half))
 
 
-def error_maps_tab(
-    found: ErrorPlaces, eye: rrb.EyeControls3D, tasks: Tasks = EMPTY, beside: Sequence[str] = ()
-) -> rrb.Container:
+def error_maps_tab(found: ErrorPlaces, eye: rrb.EyeControls3D, tasks: Tasks = EMPTY) -> rrb.Container:
     """The maps side by side, their key, and the worst places in words.
 
     Args:
         found: Errors by place.
         eye: Of all maps.
         tasks: Where the robot works.
-        beside: What else is drawn, entities under `world`.
     """
-    views = [
-        _map_view(row, found.means.typical, eye, beside) for row in worst_rows(found)[: len(found.compared)]
-    ]
+    views = [_map_view(row, found.means.typical, eye) for row in worst_rows(found)[: len(found.compared)]]
     key = key_view(KEY, scale_with(found, tasks))
     return rrb.Vertical(
         rrb.Horizontal(*views),
@@ -231,10 +177,8 @@ def error_maps_tab(
     )
 
 
-def _map_view(
-    row: WorstRow, typical: str, eye: rrb.EyeControls3D, beside: Sequence[str]
-) -> rrb.Spatial3DView:
-    drawn = ("arm/**", f"error_map/{snake(row.model)}/**", "error_map/here", *beside)
+def _map_view(row: WorstRow, typical: str, eye: rrb.EyeControls3D) -> rrb.Spatial3DView:
+    drawn = ("arm/**", f"error_map/{snake(row.model)}/**", "error_map/here")
     known = "no bound" if row.typical_mm is None else f"{typical} {show(row.typical_mm)} mm"
     return rrb.Spatial3DView(
         origin="world",

@@ -9,13 +9,13 @@ import rerun.blueprint as rrb
 from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart
 from testbench.views.recording.curves import Curve, Curves, alone
-from testbench.views.recording.error_map import key_view, map_words, write_key
+from testbench.views.recording.error_maps import write_places_of
 from testbench.views.recording.pen import text_view
-from testbench.views.recording.plan_world import MANY, PlanScene, map_view, plan_view, write_world
+from testbench.views.recording.plan_world import MANY, PlanScene, map_tab, plan_view, write_world
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import NOISE, NOMINAL
 
-TIMELINE, CHART, KEY = "run", "other_plans_mm", "error_key_mm"
+TIMELINE, CHART = "run", "other_plans_mm"
 EXPECTED = "expected_mm"
 BELOW = (360.0, 150.0)  #: Size of the pane of what to expect [ui points].
 
@@ -30,11 +30,10 @@ def write_plan(path: Path, header: Header, scene: PlanScene) -> None:
         pen.documents(
             {
                 "summary": f"{scene.summary.strip()}\n\n{words.block('how_to_read')}",
-                "error_words": map_words(scene.error_map),
             }
         )
         run.texts("this_step", scene.pose_words)
-        write_key(pen, KEY, scene.error_map.scale)
+        write_places_of(pen, scene.cell, scene.map, "this_step")
         expected.write(pen)
         expected.write_cursor(run, np.arange(1.0, scene.poses + 1))
         if scene.tables:
@@ -56,11 +55,9 @@ def _blueprint(scene: PlanScene, plot: Chart | Curves | None, expected: Curves) 
     """Plan, error map, and where there are any tables and errors over the number of poses."""
     below = rrb.Horizontal(text_view("this_step", "This step"), expected.view())
     shown = rrb.Vertical(plan_view(scene), below, row_shares=[7, 3])
-    mapped = rrb.Vertical(map_view(scene), key_view(KEY, scene.error_map.scale), row_shares=[10, 1])
-    in_words = text_view("error_words", "Error map in words")
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Horizontal(shown, text_view("summary", "Summary"), column_shares=[12, 9], name="Overview"),
-        rrb.Horizontal(mapped, in_words, column_shares=[3, 1], name="Error map"),
+        map_tab(scene),
     ]
     if scene.tables:
         tabs.append(text_view("tables", "Tables"))

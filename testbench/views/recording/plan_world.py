@@ -25,7 +25,8 @@ from testbench.views.recording.arm import (
     write_weight,
 )
 from testbench.views.recording.camera import frame
-from testbench.views.recording.error_map import ErrorMap, write_cubes, write_error_map
+from testbench.views.recording.error_map import write_cubes
+from testbench.views.recording.error_maps import PlaceScene, error_maps_tab, map_eye, write_here
 from testbench.views.recording.pen import Pen
 from testbench.views.recording.scene import MARKERS
 from testbench.views.recording.style import LOAD, NOISE, NOMINAL, TASK
@@ -36,7 +37,7 @@ MANY = 20  #: Poses beyond which they are neither numbered nor joined: numbers w
 MOST_CANDIDATES = 2000  #: Candidates drawn at most, evenly picked.
 BESIDE = (0.45, 0.9, 0.4)  #: Where the eye is: beyond the arm on the way to the tracker, beside, above [1].
 LONGER = 2.0  #: Arrow of a pull over that of a weight, which has its cube too [1].
-NARROW, WIDE = 1.6, 1.4  #: Width over height of the panes of the plan and of the error map [1].
+ASPECT = 1.6  #: Width over height of the pane of the plan [1].
 
 
 @dataclass(frozen=True)
@@ -51,13 +52,19 @@ class PlanScene:
     pose_words: Sequence[str]  #: Markdown of every pose: angles, what to expect.
     deflection_mm: Array  #: Expected deflection, (poses,) [mm].
     error_mm: Array  #: Expected error of its prediction, (poses,) [mm].
-    error_map: ErrorMap  #: Errors over the workspace and in the tasks.
+    map: PlaceScene  #: Errors over the workspace, and in the tasks.
     summary: str  #: Markdown: question, bold answer, table. Colours and how to scrub are appended.
     #: Force that pulls in place of a weight, (poses, 3) [N], zero where one hangs; None where none ever does.
     pull: Array | None = None
     tables: str = ""  #: Further tables in Markdown.
     sweep: Sweep | None = None  #: Accuracy against the number of poses.
     sweep_words: str = ""  #: The same in Markdown.
+
+    @property
+    def tasks(self) -> Array:
+        """Tool positions where the robot works, (t, 3) [m]; none where no tasks are named."""
+        every = [places for places, _ in self.map.tasks.values()]
+        return every[0] if every else np.empty((0, 3))
 
     @property
     def poses(self) -> int:
@@ -94,7 +101,7 @@ def write_world(pen: Pen, scene: PlanScene) -> None:
         write_tracker(pen, np.array(scene.station))
         write_sights(pen, np.array(scene.station), markers)
     _write_places(pen, scene, size)
-    write_error_map(pen, "world/error_map", scene.error_map, 0.03 * size)
+    write_here(pen, scene.bodies(scene.cell.arm.tool)[:, 0], size)
 
 
 def _write_load(pen: Pen, scene: PlanScene, size: float) -> None:
@@ -124,7 +131,7 @@ def _write_places(pen: Pen, scene: PlanScene, size: float) -> None:
     pen.still("world/plan/positions", points)
     if few:
         pen.still("world/plan/path", rr.LineStrips3D([tools], colors=NOMINAL, radii=-0.7))
-    tasks = scene.error_map.tasks
+    tasks = scene.tasks
     if len(tasks):
         write_cubes(pen, "world/tasks", tasks, np.full(len(tasks), 0.012 * size), TASK)
 
@@ -135,25 +142,20 @@ def plan_view(scene: PlanScene) -> rrb.Spatial3DView:
         origin="world",
         contents=["+ $origin/**", "- $origin/error_map/**"],
         name="Plan (m): tool positions in the order of measuring",
-        eye_controls=_eye(scene, np.empty((0, 3)), NARROW),
+        eye_controls=_eye(scene),
     )
 
 
-def map_view(scene: PlanScene) -> rrb.Spatial3DView:
-    """The error map, and what helps to find one's way in it."""
-    names = ("arm", "error_map", "tracker", "plan/positions")
-    return rrb.Spatial3DView(
-        origin="world",
-        contents=[f"+ $origin/{name}/**" for name in names],
-        name=f"Error map: {scene.error_map.words}; positions in m",
-        eye_controls=_eye(scene, scene.error_map.field, WIDE),
-    )
+def map_tab(scene: PlanScene) -> rrb.Container:
+    """The error maps."""
+    found = scene.map.found
+    return error_maps_tab(found, map_eye(found, scene.cell, scene.tasks), scene.map.tasks)
 
 
-def _eye(scene: PlanScene, further: Array, aspect: float) -> rrb.EyeControls3D:
-    """From beside the line from arm to tracker: poses, tasks and further points (k, 3) [m] in view."""
+def _eye(scene: PlanScene) -> rrb.EyeControls3D:
+    """From beside the line from arm to tracker, poses and tasks in view."""
     tools = scene.bodies(scene.cell.arm.tool)[:, 0]
     toward = tools.mean(axis=0) if scene.station is None else np.array(scene.station)
     legs = tools if scene.station is None else feet(toward)
-    points = np.vstack([scene.frames.positions.reshape(-1, 3), scene.error_map.tasks, further, toward, legs])
-    return orbit(*frame(points, np.full(len(points), 2 * HEAD), toward[:2], BESIDE, aspect))
+    points = np.vstack([scene.frames.positions.reshape(-1, 3), scene.tasks, toward, legs])
+    return orbit(*frame(points, np.full(len(points), 2 * HEAD), toward[:2], BESIDE, ASPECT))

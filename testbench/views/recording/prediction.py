@@ -18,7 +18,13 @@ from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
 from testbench.views.recording.camera import frame
-from testbench.views.recording.error_map import ErrorMap, key_view, write_error_map, write_key
+from testbench.views.recording.error_maps import (
+    PlaceScene,
+    error_maps_tab,
+    map_eye,
+    write_here,
+    write_places_of,
+)
 from testbench.views.recording.pen import Line, Pen, text_view
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.style import GCO, MEASURED, NOISE
@@ -27,7 +33,7 @@ TIMELINES = ("worst_first", "pose")
 LONGEST, WIDEST = 0.22, 0.18  #: Of an arrow and of a semi-axis at most, over the reach of the arm [1].
 MOST_SCALE = 1000.0  #: Magnification at most [1].
 BESIDE = (0.35, 0.9, 0.35)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
-NARROW, WIDE = 0.95, 1.25  #: Width over height of the panes of the arm and of the map [1].
+ASPECT = 1.9  #: Width over height of the pane of the arm [1].
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class PredictionScene:
     tool: Array  #: The loaded tool, (poses, 3) [m].
     give: Array  #: Semi-axes of where a force of every direction brings it, (poses, 3) [m].
     axes: Array  #: Their unit vectors as columns, (poses, 3, 3).
-    map: ErrorMap  #: How far that force moves the tool over the workspace.
+    map: PlaceScene  #: How far that force moves the tool over the workspace.
     pose_words: Sequence[str]  #: Markdown of every pose.
     summary: str  #: Markdown: question, bold answer, statements.
     tables: str  #: Markdown.
@@ -100,8 +106,8 @@ def write_prediction(path: Path, header: Header, scene: PredictionScene) -> None
         run.still("world/deflection", rr.Arrows3D.from_fields(colors=MEASURED, radii=0.006 * size))
         run.arrows("world/deflection", scene.start, scene.scale * scene.deflection)
         _write_ellipsoids(run, scene)
-        write_error_map(run, "world/map", scene.map, 0.03 * size)
-        write_key(run, "map_key_mm", scene.map.scale)
+        write_here(run, scene.start[:, 0], size)
+        write_places_of(pen, scene.cell, scene.map, "this_pose", "deflection_mm")
         _write_plot(run, scene)
 
 
@@ -134,15 +140,15 @@ def _blueprint(scene: PredictionScene) -> rrb.Blueprint:
     """The arm with its deflections, the map, and numbers beside them."""
     plot = rrb.TimeSeriesView(
         origin="deflection_mm",
-        name="Deflection of the tool (mm)",
+        name="Tool moves in a pose, at a place (mm)",
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
     below = rrb.Horizontal(text_view("this_pose", "This pose"), plot, column_shares=[1, 1])
-    field = rrb.Vertical(_map_view(scene), key_view("map_key_mm", scene.map.scale), row_shares=[8, 2])
-    shown = rrb.Vertical(rrb.Horizontal(_arm_view(scene), field), below, row_shares=[7, 3])
+    shown = rrb.Vertical(_arm_view(scene), below, row_shares=[7, 3])
     summary = text_view("summary", "Summary")
     overview = rrb.Horizontal(shown, summary, column_shares=[12, 7], name="Overview")
-    return layout(overview, text_view("tables", "Tables"), timeline=TIMELINES[0], places=len(scene.q))
+    where = error_maps_tab(scene.map.found, map_eye(scene.map.found, scene.cell))
+    return layout(overview, where, text_view("tables", "Tables"), timeline=TIMELINES[0], places=len(scene.q))
 
 
 def _arm_view(scene: PredictionScene) -> rrb.Spatial3DView:
@@ -150,22 +156,10 @@ def _arm_view(scene: PredictionScene) -> rrb.Spatial3DView:
     ends = scene.start[worst] + scene.scale * scene.deflection[worst]
     points = np.vstack([scene.frames.positions[worst], ends])
     radii = np.full(len(points), 0.2 * reach(scene.frames))
-    eye = frame(points, radii, scene.tool[worst, :2], BESIDE, NARROW)
+    eye = frame(points, radii, scene.tool[worst, :2], BESIDE, ASPECT)
     return rrb.Spatial3DView(
         origin="world",
         contents=[f"+ $origin/{part}/**" for part in ("arm", "deflection", "ellipsoid")],
         name=f"Arm (m): deflections x {scene.scale:g}, ellipsoid x {scene.give_scale:g}",
-        eye_controls=orbit(*eye),
-    )
-
-
-def _map_view(scene: PredictionScene) -> rrb.Spatial3DView:
-    points = np.vstack([scene.map.field, scene.frames.positions[scene.rank.argmin()]])
-    radii = np.full(len(points), 0.15 * reach(scene.frames))
-    eye = frame(points, radii, scene.tool[scene.rank.argmin(), :2], BESIDE, WIDE)
-    return rrb.Spatial3DView(
-        origin="world",
-        contents=[f"+ $origin/{part}/**" for part in ("arm", "map")],
-        name=f"Workspace (m): {scene.map.words}",
         eye_controls=orbit(*eye),
     )
