@@ -56,7 +56,7 @@ def test_points_of_a_tracker_are_brought_into_the_base_and_fitted(tmp_path):
     models = "--model", "Joints", "--no-intervals"
     done = run("identify", ARM, *mapped("spatialanalyzer"), *models, "--out", out)
     assert done.returncode == 0, done.stderr
-    assert "sigma 50 um is assumed" in done.stdout
+    assert "sigma 50 um is assumed" in (out / "report.md").read_text()
     done = run("identifiability", ARM, *mapped("spreadsheet"))
     assert done.returncode == 0, done.stderr
 
