@@ -10,6 +10,7 @@ import pytest
 from chromium import browser, open_page, pytest_pyfunc_call  # noqa: F401
 from legible import check_legible
 from matplotlib.figure import Figure
+from panes import blank_panes, viewer  # noqa: F401
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 

@@ -20,17 +20,23 @@ ALIKE = 3  #: Equal pictures in a row after which nothing moves any more.
 
 @contextmanager
 def opened(file: Path, size: str) -> Iterator[ViewerClient]:
-    """A viewer that shows a recording, ended with the block.
+    """A viewer that shows a recording, ended with the block; as `windowless` and `show`."""
+    with windowless(size) as client:
+        show(client, file)
+        yield client
+
+
+@contextmanager
+def windowless(size: str) -> Iterator[ViewerClient]:
+    """A viewer that shows nothing yet, ended with the block.
 
     Args:
-        file: The recording.
         size: Of the pictures, WIDTHxHEIGHT [pixel].
 
     Raises:
         BenchError: When there is no driver, or the viewer fails.
-        InputError: When the recording cannot be read.
     """
-    driver, port = str(_software_driver()), free_port()
+    driver, port = str(software_driver()), free_port()
     vulkan = {"VK_DRIVER_FILES": driver, "VK_ICD_FILENAMES": driver, "WGPU_BACKEND": "vulkan"}
     flags = ["--headless", "--hide-welcome-screen", "--window-size", size, "--port", str(port)]
     with started(flags, vulkan) as process:
@@ -39,15 +45,24 @@ def opened(file: Path, size: str) -> Iterator[ViewerClient]:
             check_runs(process)
             return _connected(f"rerun+http://{HERE}:{port}/proxy")
 
-        client = wait(connected, START, f"the viewer did not answer in {START:g} s")
-        found = client.open(str(file.absolute()))
-        if not found.store_ids and not found.loading:
-            raise InputError(file, "", f"cannot be read: {_complaint(client, file.absolute())}")
-        wait(lambda: _loaded(client), LOAD, f"the viewer did not load {file} in {LOAD:g} s")
-        yield client
+        yield wait(connected, START, f"the viewer did not answer in {START:g} s")
 
 
-def _software_driver() -> Path:
+def show(client: ViewerClient, file: Path) -> None:
+    """Open a recording and wait until it is there.
+
+    Raises:
+        BenchError: When that takes too long.
+        InputError: When the recording cannot be read.
+    """
+    found = client.open(str(file.absolute()))
+    if not found.store_ids and not found.loading:
+        raise InputError(file, "", f"cannot be read: {_complaint(client, file.absolute())}")
+    wait(lambda: _loaded(client), LOAD, f"the viewer did not load {file} in {LOAD:g} s")
+
+
+def software_driver() -> Path:
+    """Vulkan's description of lavapipe; a BenchError where it is missing."""
     found = [file for folder in DRIVERS for file in sorted(folder.glob(SOFTWARE))]
     if not found:
         needed = "install the Debian package mesa-vulkan-drivers"
@@ -101,9 +116,9 @@ def places(client: ViewerClient, timeline: str | None) -> tuple[str, int, int]:
     Raises:
         BenchError: When there is no such timeline, or nothing on it.
     """
-    shown = _shown(client)
-    name = shown.current_timeline if timeline is None else timeline
-    known = {t.name: (t.start, t.end) for t in shown.timelines}
+    front = shown(client)
+    name = front.current_timeline if timeline is None else timeline
+    known = {t.name: (t.start, t.end) for t in front.timelines}
     if name not in known:
         raise BenchError(f"--timeline: no timeline {name!r}; timelines are {', '.join(known) or 'none'}")
     start, end = known[name]
@@ -112,7 +127,8 @@ def places(client: ViewerClient, timeline: str | None) -> tuple[str, int, int]:
     return name, start, end
 
 
-def _shown(client: ViewerClient) -> Recording:
+def shown(client: ViewerClient) -> Recording:
+    """The recording in front."""
     state = client.get_state()
     return next(r for r in state.recordings if r.store_id == state.active_recording)
 
@@ -132,7 +148,7 @@ def go(client: ViewerClient, timeline: str, at: int) -> None:
 def has(client: ViewerClient, tab: str, timeline: str) -> bool:
     """Whether the recording has a tab and a timeline of these names."""
     blueprint = client.get_blueprint("recording").blueprint
-    return tab in _tabs(blueprint) and timeline in [t.name for t in _shown(client).timelines]
+    return tab in _tabs(blueprint) and timeline in [t.name for t in shown(client).timelines]
 
 
 def bring_forward(client: ViewerClient, tab: str) -> None:
