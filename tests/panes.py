@@ -169,12 +169,26 @@ def cut(blueprint: dict[str, Any], path: str, picture: Array) -> Iterator[tuple[
 
 def spans(blueprint: dict[str, Any], path: str, axis: int) -> int:
     """How many parts a container has along an axis whose lines go all through it."""
+    return 1 + len(marks(blueprint, path, axis))
+
+
+def marks(blueprint: dict[str, Any], path: str, axis: int) -> set[float]:
+    """Where lines go all through a container, across an axis, in shares of its length."""
     own = container(blueprint[f"/{path}"])
-    inner, kind = listed(own.get("contents", [])), own.get("container_kind")
+    if not own:
+        return set()
+    inner, kind = listed(own["contents"]), own["container_kind"]
     if kind == "Grid":
-        return int(own["grid_columns"] if axis else -(-len(inner) // own["grid_columns"]))
-    along = kind == ("Vertical", "Horizontal")[axis]
-    return sum(spans(blueprint, child, axis) for child in inner) if along else 1
+        count = own["grid_columns"] if axis else -(-len(inner) // own["grid_columns"])
+        return {round(k / count, 3) for k in range(1, count)}
+    found = [marks(blueprint, child, axis) for child in inner]
+    if kind != ("Vertical", "Horizontal")[axis]:
+        return set.intersection(*found)
+    shares = np.array(own.get(("row_shares", "col_shares")[axis]) or [1.0] * len(inner))
+    ends = np.cumsum(shares) / shares.sum()
+    starts = [0.0, *ends[:-1]]
+    within = {a + (b - a) * at for a, b, own in zip(starts, ends, found, strict=True) for at in own}
+    return {round(at, 3) for at in {*ends[:-1], *within}}
 
 
 def parts(picture: Array, axis: int, sizes: Sequence[int]) -> list[Array]:

@@ -36,6 +36,10 @@ def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
     assert (picture.std(axis=2) > 0.1).sum() > 500  # markers and load, in colour
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(folder, blank_panes):
+    assert blank_panes(folder / "recording.rrd") == []
+
+
 def test_beams_stand_at_their_frames_and_have_their_true_diameter(folder):
     checked, chunks = check("kr500_l480"), chunks_of(folder / "recording.rrd")
     tube = columns(chunks, "/world/tubes/link_2")["LineStrips3D:strips"]

@@ -149,6 +149,11 @@ def test_every_view_of_the_blueprint_has_data_under_its_origin_on_one_timeline(f
         assert found & TIMELINES[kind], origin
 
 
+@pytest.mark.parametrize("kind", [name for name in KINDS if name != "full_pose"])  # drawn as gravity is
+def test_no_pane_is_blank_on_any_timeline(file, blank_panes):
+    assert blank_panes(file) == []
+
+
 def test_a_tab_has_at_most_eight_panes(file):
     assert max(panes(file)) <= 8
 
