@@ -29,6 +29,10 @@ SEEN: set[str] = set()  #: Recordings that the viewer has had.
 Place = tuple[str, int]
 
 
+class Strange(Exception):
+    """A picture that is not what the layout says."""
+
+
 def letters(picture: Array) -> int:
     """Edges: some 40 a letter."""
     return int((np.abs(np.diff(picture, axis=1)).max(axis=2) > 24).sum())
@@ -60,6 +64,7 @@ class Looked:
         self.client = client
         self.blueprint = client.get_blueprint("recording").blueprint
         self.timelines = {t.name: (t.start, t.end) for t in headless.shown(client).timelines}
+        self.last = ("", b"")  # tab and picture
         self.moving: dict[str, set[str]] = {}  # timelines on which an entity changes
         for chunk in RrdReader(file).stream():
             if not chunk.is_static:
@@ -101,18 +106,27 @@ class Looked:
         """Names of the panes of the tab in front that have too little in them."""
         end = time.monotonic() + PATIENCE
         while True:
-            panes = cut(self.blueprint, tab, self.front(tab))
-            found = [name for view, part in panes for name in self.empty(view, part)]
+            try:
+                panes = cut(self.blueprint, tab, self.front(tab))
+                found = [name for view, part in panes for name in self.empty(view, part)]
+            except Strange as error:  # the tab is not there yet
+                found = [str(error)]
             if not found or time.monotonic() > end:
                 return found
 
     def front(self, tab: str) -> Array:
         """The picture of the tab in front, less its name: a view alone in its tab has no title of its own."""
-        with Image.open(io.BytesIO(self.client.take_screenshot())) as opened:
+        png = self.client.take_screenshot()
+        if tab != self.last[0] and png == self.last[1]:  # its name is not lit yet
+            raise Strange("expected another tab")
+        self.last = (tab, png)
+        with Image.open(io.BytesIO(png)) as opened:
             picture = np.asarray(opened.convert("RGB")).astype(int)
-        top, *_, bottom = rules(picture, 0)
+        bars = rules(picture, 0)
+        if len(bars) < 2:
+            raise Strange("expected the viewer's bars above and below")
         alone = tab in views(self.blueprint, tab)
-        return picture[top + TABS - alone * TITLE : bottom]
+        return picture[bars[0] + TABS - alone * TITLE : bars[-1]]
 
     def empty(self, view: str, part: Array) -> list[str]:
         """The name of a view that has too little in its part of the picture."""
@@ -157,7 +171,8 @@ def cut(blueprint: dict[str, Any], path: str, picture: Array) -> Iterator[tuple[
     inner, kind = listed(own["contents"]), own["container_kind"]
     if kind == "Grid":
         counts = [len(rules(picture, axis)) + 1 for axis in (0, 1)]
-        assert counts[0] * counts[1] >= len(inner), f"expected {len(inner)} panes in a grid of {counts}"
+        if counts[0] * counts[1] < len(inner):
+            raise Strange(f"expected {len(inner)} panes in a grid of {counts}")
         rows = parts(picture, 0, [1] * counts[0])
         cells = [cell for row in rows for cell in parts(row, 1, [1] * counts[1])]
     else:
@@ -194,7 +209,8 @@ def marks(blueprint: dict[str, Any], path: str, axis: int) -> set[float]:
 def parts(picture: Array, axis: int, sizes: Sequence[int]) -> list[Array]:
     """A picture cut along its dividing lines, so many parts of one line each together."""
     lines = rules(picture, axis)
-    assert len(lines) == sum(sizes) - 1, f"expected {sum(sizes)} panes side by side, got {len(lines) + 1}"
+    if len(lines) != sum(sizes) - 1:
+        raise Strange(f"expected {sum(sizes)} panes side by side, got {len(lines) + 1}")
     first, *others = np.split(picture, lines[np.cumsum(sizes)[:-1] - 1], axis)
     return [first, *(part[1:] if axis == 0 else part[:, 1:] for part in others)]
 

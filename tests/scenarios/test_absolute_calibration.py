@@ -18,6 +18,10 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "absolute_calibration.png")
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
+    assert blank_panes(quick[0] / "recording.rrd") == []
+
+
 def test_every_trial_has_the_rows_that_its_questions_need(rows, report):
     true = {row["true_arm"] for row in rows}
     assert true == {"real", "no joint errors", "rigid links", "kinder", "nastier"}

@@ -405,3 +405,7 @@ def test_the_page_shows_what_pays_and_opens_at_the_worst_reading_of_all(made, re
     shown = check_page(open_page, made[0] / "report.html", told)
     assert f"{report['total_after']['max_mm']:.3f} mm calibrated" in said(shown)
     assert shown.page.locator(".pane").count() == 2
+
+
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
+    assert blank_panes(made[0] / "recording.rrd") == []

@@ -413,3 +413,8 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
     assert (found.verdict, found.by, found.smaller, found.larger) == ("alike", "pairs", 5, 5)
     assert differ_paired(1.0, 2.0, {1: 1.0}, {1: 2.0}).by == "one"
     assert differ_paired(WIDE, LOW, {1: 1.0, 2: 1.0}, {1: 2.0, 3: 1.0}).by == "spreads"
+
+
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(many, folder, tmp_path, blank_panes):
+    said(tmp_path, many, calibration(folder / "fourth", range(1, 21), 1.5))
+    assert blank_panes(tmp_path / "out" / "recording.rrd") == []

@@ -103,6 +103,10 @@ def test_the_true_arm_executes_the_corrected_file_within_a_micrometre(kr500, cor
     assert left.max() < 1e-6
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(corrected, blank_panes):
+    assert blank_panes(corrected[0] / "right_report" / "recording.rrd") == []
+
+
 def test_columns_of_the_program_stand_as_they_were(corrected):
     out, _ = corrected
     head, first = (out / "right.csv").read_text().splitlines()[:2]

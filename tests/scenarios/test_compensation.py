@@ -100,6 +100,10 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     assert report["points"] == {DRILLING: 6, MILLING: 16}
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
+    assert blank_panes(quick[0] / "recording.rrd") == []
+
+
 def test_the_loop_is_exact_where_the_arm_is_as_the_model_and_not_where_it_is_disturbed(rows):
     most = {
         own: max(max(r["after_mm"]) for r in rows if (r["model"], r["arm"]) == (PERFECT, own)) for own in ARMS

@@ -25,9 +25,20 @@ def mapped(name):
     return MAPS / f"{name}.csv", "--map", MAPS / f"{name}.toml"
 
 
-def test_a_spreadsheet_is_understood_and_shown(tmp_path):
-    done = run("data", "check", ARM, *mapped("spreadsheet"), "--out", tmp_path / "seen")
+@pytest.fixture(scope="module")
+def spreadsheet(tmp_path_factory):
+    out = tmp_path_factory.mktemp("data") / "seen"
+    done = run("data", "check", ARM, *mapped("spreadsheet"), "--out", out)
     assert done.returncode == 0, done.stderr
+    return out, done
+
+
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(spreadsheet, blank_panes):
+    assert blank_panes(spreadsheet[0] / "recording.rrd") == []
+
+
+def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
+    out, done = spreadsheet
     words = " ".join(done.stdout.split())
     assert "joint 2 A2 [°] deg -126.97 to -49.95 16" in words
     assert "position P3 loaded Ziel 3 voll X [mm] ... Ziel 3 voll Z [mm] mm" in words
@@ -37,7 +48,7 @@ def test_a_spreadsheet_is_understood_and_shown(tmp_path):
     assert "text in cp1252, ';' between the cells, header in line 4" in words
     assert "readings are in the base's frame - unloaded readings fit the arm's kinematics to" in words
     assert re.search(r"deflections are (0\.9|1(\.0)?)\S* times what the arm's folder says", words)
-    assert sorted(p.name for p in (tmp_path / "seen").iterdir()) == [
+    assert sorted(p.name for p in out.iterdir()) == [
         "data.png",
         "manifest.json",
         "recording.rrd",

@@ -21,6 +21,10 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "identifiability.png", "shares.png")
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
+    assert blank_panes(quick[0] / "recording.rrd") == []
+
+
 def test_every_row_is_stored_and_the_report_counts_them(rows, report):
     fits = [row for row in rows if row["campaign.part"]]
     assert {row["seed"] for row in fits} == {report["seed"]} == {2}

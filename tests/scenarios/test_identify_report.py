@@ -65,6 +65,10 @@ def test_the_folder_is_whole_and_the_places_are_said(made):
         assert str(out / name) in said
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
+    assert blank_panes(made[0] / "recording.rrd") == []
+
+
 def test_residuals_are_readings_less_the_deflections_of_the_models(made, report, data):
     """By the compliances of models.json, not by the command's own arrays."""
     cell = tb.build_cell("kr500_l480")

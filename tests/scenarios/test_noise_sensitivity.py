@@ -44,6 +44,10 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "noise_sensitivity.png")
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
+    assert blank_panes(quick[0] / "recording.rrd") == []
+
+
 def test_every_trial_is_in_the_parquet_file(rows):
     assert {row["seed"] for row in rows} == {6, 7}
     assert sum(row["part"] == "six_dof" for row in rows) == 2 * 12 * 6

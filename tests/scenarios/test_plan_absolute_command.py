@@ -58,6 +58,10 @@ def test_a_plan_is_seven_files_with_the_answer_first(planned, report):
     assert all(f"- {words}." in (planned / "plan.md").read_text() for words in report["hidden"])
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(planned, blank_panes):
+    assert blank_panes(planned / "recording.rrd") == []
+
+
 def test_the_plan_beats_random_and_greedy_ones_and_says_how_many_unknowns_there_are(report):
     assert 0.6 < report["efficiency"] <= 1
     row = next(row for row in report["curve"] if row["poses"] == POSES)

@@ -81,6 +81,10 @@ def test_a_plan_is_nine_files(planned):
     assert json.loads((planned / "manifest.json").read_text())["scenario"]["loads_kg"] == [460.0, 150.0]
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(planned, blank_panes):
+    assert blank_panes(planned / "recording.rrd") == []
+
+
 def test_the_page_gives_the_answer_first(planned, report):
     title, _, first, *_ = (planned / "plan.md").read_text().splitlines()
     assert "kr500_l480, ALL153, 460 or 150 kg" in title

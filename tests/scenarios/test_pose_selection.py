@@ -47,6 +47,10 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
         assert str(out / name) in done.stdout
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
+    assert blank_panes(quick[0] / "recording.rrd") == []
+
+
 def test_every_plan_is_printed_with_its_certificate(report):
     assert {(p["criterion"], p["poses"]) for p in report["plans"]} == {("test", 12), ("D", 12)}
     for plan in report["plans"]:

@@ -94,6 +94,10 @@ def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500
     assert (off <= wanted.half[:, 1:]).mean() > 0.8
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
+    assert blank_panes(made[0] / "recording.rrd") == []
+
+
 def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(made):
     out, said = made
     report = json.loads((out / "report.json").read_text())

@@ -52,6 +52,10 @@ def test_a_run_leaves_its_files_and_a_bench_that_reads_them_knows_its_models(qui
         assert 0 < e["coverage_95"] <= 1
 
 
+def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
+    assert blank_panes(quick[0] / "recording.rrd") == []
+
+
 def test_joint_errors_halve_what_joint_springs_leave_where_the_joints_were(quick):
     """Errors of gears last: blocks of joint space that were never fitted show them too."""
     _, report = quick
