@@ -57,7 +57,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     seen = read_sightings(columns, arm, conditions.loaded)
     runs = pair(columns.table, conditions, seen)
     _check_once(columns, conditions, runs, seen)
-    lost = np.asarray(np.isnan(runs.before + runs.after).any(axis=-1))
+    lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
     said, sigma_note = _sigma(columns, 0, sigma)
     turned = _rotations(columns, runs)
     precision = _precision(columns, seen, runs, lost)
