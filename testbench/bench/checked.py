@@ -15,7 +15,7 @@ from testbench.bench.confirm import Item, to_confirm
 from testbench.bench.sag import Sag, sag
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
-from testbench.model.vjm import body_poses
+from testbench.model.vjm import body_poses, tool_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,17 @@ class Checked:
         if Looked(self.cell, self.elastic, self.sag).upright:
             poses[1, 0] = poses[0, 0]
         return poses
+
+    @cached_property
+    def worst(self) -> int:
+        """Which pose has the largest sag."""
+        return int(np.argmax(self.sag.size))
+
+    @property
+    def worst_place(self) -> list[float]:
+        """Where the tool is in it, without the sag [m]."""
+        position, _ = tool_pose(self.cell.vjm, self.sag.q[self.worst][None])
+        return [float(x) for x in position[0]]
 
     @property
     def beams(self) -> Array:

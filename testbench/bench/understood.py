@@ -56,6 +56,7 @@ class Understood:
     loads: tuple[LoadRow, ...]  #: The smallest first.
     downward: bool  #: Whether all forces point along -z, as hung masses do.
     deflection_mm: tuple[float, float, float]  #: Least, median, largest; NaN where every target was lost.
+    farthest: str  #: The target that moves most, as "P1 in run 3"; empty where every target was lost.
     sigma_um: float  #: Of one reading along an axis.
     how: tuple[str, ...]  #: How the text was read.
     assumed: tuple[str, ...]  #: What the file did not say.
@@ -70,6 +71,8 @@ def understand(export: Export) -> Understood:
     """What was understood of a file."""
     data, columns = export.data, export.columns
     size = MM * np.linalg.norm(data.deflection, axis=-1)[data.seen]
+    whole = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), -1.0)
+    i, k = np.unravel_index(int(whole.argmax()), whole.shape)
     spread = np.quantile(size, [0, 0.5, 1]).tolist() if len(size) else [np.nan] * 3
     return Understood(
         columns=tuple(_rows(columns)),
@@ -83,6 +86,7 @@ def understand(export: Export) -> Understood:
         loads=_loads(data),
         downward=bool((data.wrench[:, [0, 1, 3, 4, 5]] == 0).all() and (data.wrench[:, 2] <= 0).all()),
         deflection_mm=(spread[0], spread[1], spread[2]),
+        farthest=f"{data.markers[k]} in run {data.run[i]}" if len(size) else "",
         sigma_um=1e6 * data.sigma,
         how=columns.table.notes,
         assumed=export.notes,
@@ -122,5 +126,6 @@ def _row(columns: Columns, own: list[Column]) -> ColumnRow:
     unit = own[0].unit
     numbers = np.concatenate([columns.values(column) / unit.scale for column in own])
     known = numbers[np.isfinite(numbers)]
-    values = f"{known.min():.5g} to {known.max():.5g}" if len(known) else "none"
+    ends = list(dict.fromkeys(f"{x:.5g}" for x in (known.min(), known.max()))) if len(known) else ["none"]
+    values = " to ".join(ends)
     return ColumnRow(quantity, shown, unit.name, values, int(there.sum()))

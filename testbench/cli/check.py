@@ -1,6 +1,7 @@
 """testbench check ARM: what is in an arm's folder, what to confirm, what may be wrong with it."""
 
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +13,8 @@ from testbench.cli.arguments import ArmName
 from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.checked.files import COMMAND, write
-from testbench.views.checked.words import MOST, confirm_lines, contents, sag_words
-from testbench.views.terminal import looked_at, plain_console
+from testbench.views.checked.words import MOST, confirm_lines, contents, words
+from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
 
 
 @dataclass(frozen=True)
@@ -32,16 +33,19 @@ def command(asked: Options) -> None:
         check_folder(asked.out, COMMAND, own=frozenset(), inputs=[find_arm(asked.arm)], force=asked.force)
     checked = check(asked.arm)
     console = plain_console()
-    doubts = [f"Doubt: {doubt.sentence}" for doubt in checked.doubts]
+    said, (first, *rest) = words(checked), contents(checked)
+    console.print(first, soft_wrap=True)
+    print_answer(console, said)
+    print_statements(console, said)
+    apart = max(1, ceil(1e9 * checked.apart))
     lines = [
-        *contents(checked),
-        f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {checked.apart:.0e} m",
         "",
-        f"{sag_words(checked)}.",
         "To confirm, by share of the sag that hangs on it:",
         *(confirm_lines(checked, MOST) or ["  nothing"]),
         "",
-        *(doubts or ["No doubts about the arm."]),
+        "Read:",
+        *rest,
+        f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {apart} nm",
     ]
     console.print("\n".join(lines), soft_wrap=True)
     if asked.out is not None:

@@ -11,11 +11,12 @@ from testbench.bench.campaign import build_cell
 from testbench.bench.runs import files_read, look_at, read, register
 from testbench.bench.understood import understand
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.errors import BenchError
 from testbench.output.run import check_folder
 from testbench.shell.options import Force, takes
 from testbench.views.data import words
 from testbench.views.data.files import COMMAND, write
-from testbench.views.terminal import looked_at, plain_console
+from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
 
 group = typer.Typer(no_args_is_help=True)
 
@@ -51,12 +52,19 @@ def check(asked: Options) -> None:
     export = read(cell, asked)
     found = understand(export)
     console = plain_console()
-    console.print("\n".join([*words.table(found), "", *words.lines(found)]), soft_wrap=True)
+    listed = "\n".join(["", *words.table(found), "", *words.lines(found)])
     filed = cell
-    cell, registered = register(cell, export, asked)  # after the table, which helps where no frame is found
+    try:
+        cell, registered = register(cell, export, asked)
+    except BenchError:
+        console.print(listed, soft_wrap=True)  # what was understood helps where no frame is found
+        raise
     looks = look_at(filed, export, registered, asked)
     runs = words.CheckedRuns(asked.dataset.name, found, registered, looks)
-    console.print("\n".join(f"- {line}" for line in runs.said), soft_wrap=True)
+    said = words.words(runs)
+    print_answer(console, said)
+    print_statements(console, said)
+    console.print(listed, soft_wrap=True)
     if asked.out is not None:
         write(cell, runs, asked.out)
         lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markdown import Markdown
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
@@ -19,6 +20,7 @@ from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 from testbench.views.identifiability.figure import shares
 from testbench.views.identifiability.report import seen_report, table
+from testbench.views.identifiability.words import words
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class Options:
     sigma_um: SigmaUm = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
+    more: Annotated[bool, typer.Option("--more", help="Name every direction that is not seen.")] = False
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None
     force: Force = False
 
@@ -53,11 +56,13 @@ def command(asked: Options) -> None:
     export = read(cell, asked)
     cell, found = register(cell, export, asked)
     strength = Strength(asked.uncertainty_percent / 100)
-    seen = seen_report(describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength))
+    told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
+    seen, said = seen_report(told), words(told, cell.arm.name)
     console = terminal.plain_console()
-    console.print(terminal.grid(table(seen)))
-    for sentence in (*export.notes, *found.notes, *seen.sentences):
-        console.print(f"- {sentence}")
+    console.print("\n".join((*export.notes, *found.notes)), soft_wrap=True)
+    terminal.print_words(console, said, [table(seen)], "" if asked.more else "with --more")
+    if asked.more:
+        console.print(Markdown(said.block("more")))
     if figure is not None:
         with whole_file(figure) as part:
             shares(seen).savefig(part, format="png")

@@ -27,6 +27,8 @@ from testbench.views.plan import absolute_files, absolute_tables
 from testbench.views.plan.files import COMMAND, write
 from testbench.views.plan.tables import tables, words
 
+MORE = "under More in plan.md"
+
 
 @dataclass(frozen=True)
 class Options:
@@ -114,7 +116,7 @@ def _plan_deflections(asked: Options, task: Path) -> None:
         planned = plans.judge(cell, settings, found, chosen)
         status.update("writing")
         write(cell, planned, folder, task, asked.out)
-    terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]])
+    terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]], MORE)
     out = asked.out
     lines = [
         f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
@@ -139,7 +141,9 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
         planned = plan_absolute(cell, settings)
         absolute_files.write(cell, planned, folder, asked.out)
     report, out = planned.report, asked.out
-    terminal.print_words(console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]])
+    terminal.print_words(
+        console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]], MORE
+    )
     lines = [
         f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}; numbers {out / 'plan.json'}",
         f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",

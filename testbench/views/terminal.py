@@ -11,6 +11,8 @@ from testbench.trials.spread import Spread
 from testbench.views.markdown import Words
 from testbench.views.schema import Column, Table
 
+MORE = "under More in report.md"
+
 
 def plain_console() -> Console:
     """Where commands print: brackets and colons in users' names are text, neither markup nor pictures."""
@@ -46,19 +48,20 @@ def _end(column: Column, row: object, end: str) -> str:
     return column.text(getattr(value, end) if isinstance(value, Spread) else value)
 
 
-def print_words(console: Console, words: Words, tables: list[Table]) -> None:
+def print_words(console: Console, words: Words, tables: list[Table], where: str = MORE) -> None:
     """Title, tables, the answer, what else is to be said.
 
     Args:
         console: A plain one.
         words: Of the report.
         tables: In their order.
+        where: The statements that are not printed are.
     """
     console.print(words.block("title"))
     for table in tables:
         console.print(grid(table))
     print_answer(console, words)
-    print_statements(console, words)
+    print_statements(console, words, where)
 
 
 def print_answer(console: Console, words: Words) -> None:
@@ -68,13 +71,13 @@ def print_answer(console: Console, words: Words) -> None:
         console.print(text)
 
 
-def print_statements(console: Console, words: Words) -> None:
-    """What else is to be said, a list."""
+def print_statements(console: Console, words: Words, where: str = MORE) -> None:
+    """What else is to be said, a list; there are more where it says."""
     if words.has("statements"):
         console.print(Markdown(words.block("statements")))
     more = words.block("more").count("\n- ") + 1 if words.has("more") and words.block("more") else 0
     if more:
-        console.print(f" {more} more under More in report.md")
+        console.print(f" {more} more {where}")
 
 
 def looked_at(out: Path) -> list[str]:

@@ -128,7 +128,7 @@ def test_words_name_the_link_and_the_joint_that_trade(kr500, gravity):
         s = Structure.of(kr500.arm, links=links, joints=joints, entries=((3, 3), (4, 4)))
         report = report_of(kr500, s, gravity)
         assert len(report.lost_to_structure) == 1
-        assert f"no experiment tells apart: {text}" in sentences(report)
+        assert f"No experiment tells apart: {text}." in sentences(report)
 
 
 def test_joint_1_is_not_loaded_by_gravity_and_a_side_load_restores_it(kr500, gravity):
@@ -136,8 +136,8 @@ def test_joint_1_is_not_loaded_by_gravity_and_a_side_load_restores_it(kr500, gra
     report = report_of(kr500, s, gravity)
     assert (report.rank, report.rank_of_structure) == (1, 2)
     assert report.share[0] == 0.0
-    assert "not loaded in any pose: joint_1" in sentences(report)
-    assert any(text.startswith("the prior decides") and "joint_1" in text for text in sentences(report))
+    assert "Not loaded in any pose: joint_1." in sentences(report)
+    assert any(text.startswith("The prior decides") and "joint_1" in text for text in sentences(report))
     assert proposal(report, "the force as a side load along world y").rank == 2
     side = np.zeros_like(gravity.wrench)
     side[:, 1] = 4500.0
@@ -239,7 +239,7 @@ def test_data_that_see_all_say_so(single_link):
     s = Structure.of(single_link.arm, links=[single_link.arm.links[0].name])
     report = report_of(single_link, s, data)
     assert report.rank == 21
-    assert sentences(report)[0].endswith("see 21 directions of them: all")
+    assert sentences(report)[0].endswith("see 21 directions of them: all.")
 
 
 def test_data_without_load_are_a_report_not_a_crash(kr500, gravity):

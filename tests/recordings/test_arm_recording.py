@@ -59,7 +59,7 @@ def test_the_words_of_the_recording_are_what_must_be_confirmed(folder):
     chunks = chunks_of(folder / "recording.rrd")
     words = document(chunks, "/summary")
     assert "| 18 | link_2's tube 340/310 mm, E 110 GPa, assumed |" in words
-    assert "No doubts." in words
+    assert "No doubts about the arm." in words
     assert {origin for origin, *_ in views(folder / "recording.rrd")} == {"world", "summary"}
 
 

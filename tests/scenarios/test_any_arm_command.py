@@ -98,7 +98,7 @@ def test_a_payload_far_beyond_the_stated_one_is_doubted_and_hung(tmp_path):
     said = run("simulate", arm, "--poses", 3, "--loads", "10,16", "--out", out)
     assert "Doubt: 16 kg hang from an arm that states a payload of 10 kg" in said
     assert "6 runs" in said
-    assert "- Doubt: 16 kg hang" in run("data", "check", arm, out)
+    assert " • Doubt: 16 kg hang" in run("data", "check", arm, out)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -56,10 +57,15 @@ def simulated(tmp_path_factory):
 def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     done = run("check", ARM)
     assert done.returncode == 0
-    assert "joint_2: -130 to 20 deg, 7.5e-08 rad/(N m), inferred" in done.stdout
+    assert "joint_2: -130 to 20 deg, 0.075 urad/(N m), inferred" in done.stdout
     assert "markers P1, P2, P3" in done.stdout
     assert "18 %  link_2's tube 340/310 mm, E 110 GPa, assumed" in done.stdout
-    assert "No doubts about the arm." in done.stdout
+    words = " ".join(done.stdout.split())
+    sag = "460.3 kg move the tool by 3.46 mm (0.852 to 6.4 in nine of ten poses)."
+    assert f"{sag} No doubts about the arm. Most at x " in words
+    assert " m: 8.1 mm, joints at [" in words
+    assert "joint_2 does 34 % of the sag." in words
+    assert not re.search(r"\de[+-]?\d", words)
 
 
 def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):
@@ -309,7 +315,12 @@ def test_identifiability_is_said_before_any_fit(simulated, tmp_path, pixels):
         done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / "seen.png")
     assert done.returncode == 0, done.stderr
     assert "MGCO68 has 68 unknowns" in done.stdout
-    assert "what would help most" in done.stdout
+    assert "What would help most: " in done.stdout
+    assert done.stdout.count(" • ") == 5
+    named = run("identifiability", ARM, simulated / "data.csv", "--more")
+    assert "No experiment tells apart: " in named.stdout
+    assert "more with --more" in done.stdout
+    assert "more with --more" not in named.stdout
     assert (tmp_path / "seen.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -46,7 +46,9 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     assert "1471.5 N (as of 150 kg hung) in 8 runs; 4515.5 N (as of 460.3 kg hung) in 8 runs" in words
     assert "columns not read: Bemerkung" in words
     assert "text in cp1252, ';' between the cells, header in line 4" in words
-    assert "readings are in the base's frame - unloaded readings fit the arm's kinematics to" in words
+    assert "• Readings are in the base's frame. • Unloaded readings fit the arm's kinematics to" in words
+    assert words.startswith("16 runs in 8 poses, 3 targets: they move ")
+    assert re.search(r"Most moves P\d in run \d+: \S+ mm; P\d in run \d+ is read farthest from where", words)
     assert re.search(r"deflections are (0\.9|1(\.0)?)\S* times what the arm's folder says", words)
     assert sorted(p.name for p in out.iterdir()) == [
         "data.png",
@@ -135,7 +137,7 @@ def test_runs_of_an_arm_without_joints_are_looked_at(tmp_path):
     assert done.returncode == 0, done.stderr
     done = run("data", "check", "single_link", runs)
     assert done.returncode == 0, done.stderr
-    assert "no doubts about the runs" in done.stdout
+    assert "No doubts about the runs." in " ".join(done.stdout.split())
 
 
 def test_runs_without_any_load_are_refused(tmp_path):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from checks import check_words
 from rich.console import Console
 
 from testbench.bench.campaign import Scenario, simulate
@@ -13,7 +14,7 @@ from testbench.model.structure import mgco68
 from testbench.views import terminal
 from testbench.views.identifiability.figure import PRIOR_ALPHA, shares
 from testbench.views.identifiability.report import seen_report, table
-from testbench.views.identifiability.words import DECIDED
+from testbench.views.identifiability.words import DECIDED, words
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +50,11 @@ def test_sentences_carry_the_numbers_of_the_report(found):
     seen = seen_report(found)
     text = "\n".join(seen.sentences)
     assert f"{seen.unknowns} unknowns; the data ({seen.poses} poses, at most 48" in text
-    assert f"see {seen.seen} directions of them\n" in text
-    assert f"not seen are {seen.lost_to_structure} that no experiment sees" in text
+    assert f"see {seen.seen} directions of them.\n" in text
+    assert f"Not seen are {seen.lost_to_structure} that no experiment sees" in text
     assert f"{seen.lost_to_poses} lost to too few poses" in text
     assert f"about {seen.expected_error_mm:.3f} mm off" in text
-    assert f"markers move {seen.expected_deflection_mm:.3f} mm" in text
+    assert f"Markers move {seen.expected_deflection_mm:.3f} mm" in text
     assert f"under {100 * DECIDED:g} %" in text
     assert all(len(s.split()) <= 60 and s == s.strip() for s in seen.sentences)
 
@@ -62,9 +63,34 @@ def test_the_best_proposal_is_named_whichever_it_is(found):
     for best in found.proposals:
         others = [replace(p, place=2) for p in found.proposals if p is not best]
         made_up = replace(found, proposals=(replace(best, place=1), *others))
-        [line] = [s for s in seen_report(made_up).sentences if s.startswith("what would help most")]
-        assert line.startswith(f"what would help most: {best.words} (")
+        [line] = [s for s in seen_report(made_up).sentences if s.startswith("What would help most")]
+        assert line.startswith(f"What would help most: {best.words}; ")
         assert f"error {1e3 * best.error:.3f} mm" in line
+
+
+def test_the_answer_is_what_would_help_most_and_by_how_much(found):
+    said = words(found, "kr500_l480")
+    check_words(said)
+    best = found.proposals[0]
+    answer = said.block("answer")
+    assert (
+        f"be about {1e3 * found.error:.3f} mm off by these runs, of {1e3 * found.deflection:.3f} mm" in answer
+    )
+    assert (
+        f"most: {best.words}, {1e3 * best.error:.3f} mm, {found.error / best.error:.1f} times less." in answer
+    )
+    blocks = seen_report(found).blocks
+    least = min(blocks, key=lambda block: block.data_share)
+    told = f"Least is told of {least.component}: data give {100 * least.data_share:.0f} % of what"
+    assert said.block("worst").startswith(told)
+    assert f" {sum(block.decided_by_prior for block in blocks)} of the 68 unknowns" in said.block(
+        "statements"
+    )
+
+
+def test_runs_that_fix_no_scale_bound_nothing(found):
+    said = words(replace(found, error=np.inf))
+    assert said.block("answer") == "These runs bound no prediction of MGCO68: nothing fixes the scale."
 
 
 def test_the_table_is_the_report_and_fits_80_columns(found):

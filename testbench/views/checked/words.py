@@ -1,5 +1,6 @@
 """What was understood of an arm, what must be confirmed, what may be wrong, a line each."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,18 @@ from testbench.bench.checked import Checked
 from testbench.bench.confirm import Item
 from testbench.errors import Array
 from testbench.views.markdown import Words
-from testbench.views.schema import Column, Table
+from testbench.views.schema import Column, Table, show
 
 MOST = 12  #: Numbers to confirm that are listed.
 SHOWN = 0.01  #: Least share of the sag of what is listed [1].
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a link or joint does of the sag."""
+
+    name: str
+    share: float  #: [1].
 
 
 def words(checked: Checked) -> Words:
@@ -21,6 +30,8 @@ def words(checked: Checked) -> Words:
     values = {
         "checked": checked,
         "sag": sag_words(checked),
+        "most_mm": 1e3 * (checked.cell.arm.payload or 1.0) * float(checked.sag.size[checked.worst]),
+        "softest": max(_parts(checked), key=lambda part: part.share),
         "items": listed(checked, MOST),
         "contents": contents(checked),
     }
@@ -29,14 +40,19 @@ def words(checked: Checked) -> Words:
 
 def tables(checked: Checked) -> list[Table]:
     """What must be confirmed, and what each link and joint does of the sag."""
-    arm, share = checked.cell.arm, Column("share", "share of the sag that hangs on it", "%", ".0f", scale=100)
-    names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
-    parts = [{"name": name, "share": x} for name, x in zip(names, checked.sag.shares.tolist(), strict=True)]
+    share = Column("share", "share of the sag that hangs on it", "%", ".0f", scale=100)
     of_part = Column("share", "its share of the sag", "%", ".1f", scale=100)
     return [
         Table((Column("words", "number"), share), listed(checked, len(checked.items)), "To confirm"),
-        Table((Column("name", "link or joint"), of_part), parts, "What sags"),
+        Table((Column("name", "link or joint"), of_part), _parts(checked), "What sags"),
     ]
+
+
+def _parts(checked: Checked) -> list[Part]:
+    """What each link and joint does of the sag."""
+    arm, shares = checked.cell.arm, checked.sag.shares.tolist()
+    names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
+    return [Part(name, share) for name, share in zip(names, shares, strict=True)]
 
 
 def contents(checked: Checked) -> list[str]:
@@ -64,7 +80,8 @@ def sag_words(checked: Checked) -> str:
     per = payload or 1.0
     what = f"{payload:g} kg move" if payload else "each kg moves"
     low, middle, high = per * np.quantile(sizes, [0.05, 0.5, 0.95])
-    return f"{what} the tool by {middle:.3g} mm ({low:.3g} to {high:.3g} in nine of ten poses)"
+    low, middle, high = (show(float(x), ".3g") for x in (low, middle, high))
+    return f"{what} the tool by {middle} mm ({low} to {high} in nine of ten poses)"
 
 
 def confirm_lines(checked: Checked, most: int) -> list[str]:
@@ -96,7 +113,8 @@ def _link(link: LinkEntry) -> str:
 def _joint(joint: Joint, entry: JointEntry) -> str:
     low, high = (joint.shown * end for end in (joint.lower, joint.upper))
     c = entry.compliance
-    return f"{low:.0f} to {high:.0f} {joint.shown_unit}, {c.value:.3g} {c.unit}, {c.origin}"
+    value = show(1e6 * c.value, ".3g")
+    return f"{low:.0f} to {high:.0f} {joint.shown_unit}, {value} u{c.unit}, {c.origin}"
 
 
 def _place(point: Array) -> str:

@@ -3,11 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from testbench.bench.looks import Looks
-from testbench.bench.understood import Understood
+from testbench.bench.rows import MM
+from testbench.bench.understood import ColumnRow, Understood
 from testbench.identify.registered import Registered
+from testbench.identify.weighed import marker_points
+from testbench.model.vjm import tool_points
 from testbench.views.markdown import Words
-from testbench.views.schema import Column, Table
+from testbench.views.schema import Column, Table, show, written_out
 
 COLUMNS = (
     Column("quantity", "quantity"),
@@ -39,14 +44,20 @@ class CheckedRuns:
         """How the readings fit the arm."""
         scale = self.looks.scale
         factor = (
-            f"as a whole the deflections are {scale or 1:.3g} times what the arm's folder says of these loads"
+            f"the deflections are {show(scale or 1.0, '.3g')} times what the arm's folder says of these loads"
         )
         return [*self.registered.notes, *[factor] * (scale is not None)]
 
     @property
-    def said(self) -> list[str]:
-        """All that is said beside the file's own words, a line each."""
-        return [*self.notes, *([f"Doubt: {x}" for x in self.doubts] or ["no doubts about the runs"])]
+    def away(self) -> tuple[str, float] | None:
+        """The unloaded reading that fits the arm without sag worst, and how far it is off [mm]."""
+        vjm, data = self.registered.vjm, self.registered.data
+        if not data.seen.any():
+            return None
+        nominal = tool_points(vjm, data.q, marker_points(vjm, data.markers))
+        off = np.where(data.seen, np.linalg.norm(data.before - nominal, axis=-1), -1.0)
+        i, k = np.unravel_index(int(off.argmax()), off.shape)
+        return f"{data.markers[k]} in run {data.run[i]}", MM * float(off[i, k])
 
 
 def words(runs: CheckedRuns, scale: float = 1.0) -> Words:
@@ -65,16 +76,21 @@ def words(runs: CheckedRuns, scale: float = 1.0) -> Words:
 
 def columns(found: Understood) -> Table:
     """Which column is which quantity; numbers of rows are words, as there is nothing to draw."""
-    rows = [{**vars(row), "rows": str(row.rows)} for row in found.columns]
+    rows = [{**vars(row), "values": _values(row), "rows": str(row.rows)} for row in found.columns]
     return Table(COLUMNS, rows, "Which column is which quantity")
 
 
 def table(found: Understood) -> list[str]:
     """A line a quantity: columns of the file, unit, values, rows."""
     head = ("quantity", "column of the file", "unit", "values", "rows")
-    rows = [head, *((r.quantity, r.columns, r.unit, r.values, str(r.rows)) for r in found.columns)]
+    rows = [head, *((r.quantity, r.columns, r.unit, _values(r), str(r.rows)) for r in found.columns)]
     widths = [max(len(row[k]) for row in rows) + GAP for k in range(len(head))]
     return ["".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _values(row: ColumnRow) -> str:
+    """Numbers have no powers of ten that a reader must decode; words stay."""
+    return written_out(row.values) if row.unit else row.values
 
 
 def lines(found: Understood) -> list[str]:
@@ -86,7 +102,7 @@ def lines(found: Understood) -> list[str]:
         + (f", {found.stations} stations" if found.stations > 1 else ""),
         f"lost targets: {len(found.lost)} of {readings}" + (f", {listed(found.lost)}" if found.lost else ""),
         f"loads: {loads(found)}",
-        f"deflections: {deflections(found)}; sigma of a reading {found.sigma_um:g} um",
+        f"deflections: {deflections(found)}; sigma of a reading {show(found.sigma_um, 'g')} um",
         f"columns not read: {listed(found.ignored)}",
         *(f"- {note}" for note in (*found.how, *found.assumed)),
     ]
