@@ -6,19 +6,22 @@ import re
 import secrets
 import shutil
 import signal
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from testbench.errors import InputError
 
 HOST = re.sub("[^A-Za-z0-9.-]", "", os.uname().nodename)[:40]
-LIFE = secrets.token_hex(4)  #: Tells this process from an earlier one of the same number.
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What ends a command in good order: Ctrl-C, a supervisor's request, the loss of the terminal."""
+UNKNOWN = "0" * 8  #: Life of a process that cannot be looked up.
 NAME = re.compile(r"\.new-(?P<host>[A-Za-z0-9.-]*)-(?P<pid>[0-9]{1,9})-(?P<life>[0-9a-f]{8})-[0-9a-f]{8}")
 
 
 def scratch_name() -> str:
     """A name that nothing else has."""
-    return f".new-{HOST}-{os.getpid()}-{LIFE}-{secrets.token_hex(4)}"
+    return f".new-{HOST}-{os.getpid()}-{_life(os.getpid())}-{secrets.token_hex(4)}"
 
 
 def sweep(folder: Path) -> None:
@@ -30,15 +33,24 @@ def sweep(folder: Path) -> None:
 
 
 def _runs(pid: int, life: str) -> bool:
-    if pid == os.getpid():
-        return life == LIFE
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
     except (OSError, OverflowError):  # of another user
         return True
-    return True
+    return _life(pid) in (life, UNKNOWN)
+
+
+def _life(pid: int) -> str:
+    """Tells a process from an earlier one of the same number: when it began, since the machine last did."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text()
+    except OSError:  # no Linux, or another user's
+        return UNKNOWN
+    ended = stat[0] in "ZX"  # and nobody has asked about it yet
+    return "ended" if ended else f"{zlib.crc32(f'{boot}{stat[19]}'.encode()):08x}"
 
 
 @contextlib.contextmanager
@@ -110,8 +122,8 @@ def write_whole(text: str, path: Path) -> None:
 
 @contextlib.contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Ctrl-C waits for the end of the block, and never reaches processes that are started in it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Ctrl-C and its like wait for the end of the block."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
     try:
         yield
     finally:

@@ -130,10 +130,13 @@ def test_what_killed_processes_left_goes_and_what_others_make_stays(write, tmp_p
     with monkeypatch.context() as patch:
         patch.setattr(os, "getpid", os.getppid)  # a process that runs
         neighbours.append(tmp_path / scratch_name())
-    for path in (*neighbours, tmp_path / ".new-mine"):
+        patch.setattr(scratch, "_life", lambda _: "00c0ffee")  # an earlier one of its number
+        recycled = tmp_path / scratch_name()
+    for path in (*neighbours, recycled, tmp_path / ".new-mine"):
         path.touch()
     write(tmp_path)
     assert not left.exists()
+    assert not recycled.exists()
     assert all(path.exists() for path in (*neighbours, tmp_path / ".new-mine"))
 
 
