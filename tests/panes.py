@@ -1,5 +1,6 @@
 """Recordings looked at as a reader does: every tab on every timeline, pane by pane, in one viewer.
 
+Every view is taken by itself, as the viewer cuts it out of its window.
 Every pane must hold what tells it from an empty one: letters, colours of data, bodies. An empty chart has
 axes too, an empty text the word "(empty)", an empty world a floor. An arm without transforms collapses at
 its foot and still fills its pane: that is told from the file.
@@ -7,7 +8,8 @@ its foot and still fills its pane: that is told from the file.
 
 import io
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +23,12 @@ from testbench.errors import Array, BenchError
 from testbench.views.recording import headless
 
 SIZE = "1280x720"
-LINE = (53, 52, 52)  #: Colour of what divides the viewer's window, and panes.
-TABS, TITLE, EDGE = 30, 28, 4
-"""Heights of the tabs and of a pane's title, and what is left out around a pane [pixel]."""
-PATIENCE = 10.0  #: Longest wait for data that come in pieces [s].
+LINE = (53, 52, 52)  #: Colour of the lines that divide the viewer's window.
+PATIENCE, LOOKS = 20.0, 6
+"""How long [s] and how often a blank pane is looked at again: data come in pieces. Both must be over: a
+busy machine takes seconds for a picture."""
 SEEN: set[str] = set()  #: Recordings that the viewer has had.
 Place = tuple[str, int]
-
-
-class Strange(Exception):
-    """A picture that is not what the layout says."""
 
 
 def letters(picture: Array) -> int:
@@ -64,7 +62,6 @@ class Looked:
         self.client = client
         self.blueprint = client.get_blueprint("recording").blueprint
         self.timelines = {t.name: (t.start, t.end) for t in headless.shown(client).timelines}
-        self.last = ("", b"")  # tab and picture
         self.moving: dict[str, set[str]] = {}  # timelines on which an entity changes
         for chunk in RrdReader(file).stream():
             if not chunk.is_static:
@@ -74,24 +71,29 @@ class Looked:
         """Panes that are blank somewhere, and what the viewer complains of."""
         [tabbed] = [c for c in map(container, self.blueprint.values()) if c.get("container_kind") == "Tabs"]
         tabs = listed(tabbed["contents"])
-        found = [f"{pane} on opening" for pane in self.blank(tabs[0])]
+        found = [f"{pane} on opening" for view in views(self.blueprint, tabs[0]) for pane in self.blank(view)]
         for tab in tabs:
             tabbed["active_tab"] = tab
             self.client.set_blueprint(self.blueprint, "recording")
-            for timeline, at in self.places(tab):
+            for (timeline, at), shown in self.places(tab).items():
                 self.client.set_time(timeline, sequence=at, play_state="paused")
-                found += [f"{pane} on {timeline} at {at}" for pane in self.blank(tab)]
+                found += [f"{pane} on {timeline} at {at}" for view in shown for pane in self.blank(view)]
         reports = [(view.name, r.summary) for view in self.client.get_state().views for r in view.reports]
         return found + [f"{name}: {said}" for name, said in reports]
 
-    def places(self, tab: str) -> list[Place]:
-        """First, middle and last of the timelines on which a tab changes, one of the others."""
-        changes = set[str]().union(*(self.changes(view) for view in views(self.blueprint, tab)))
-        if not changes:
-            [(timeline, (first, _)), *_] = self.timelines.items()
-            return [(timeline, first)]
-        spans = {t: {a, (a + b) // 2, b} if t in changes else {a} for t, (a, b) in self.timelines.items()}
-        return [(timeline, at) for timeline, span in spans.items() for at in sorted(span)]
+    def places(self, tab: str) -> dict[Place, list[str]]:
+        """Where the views of a tab are looked at.
+
+        A view that changes: first, middle and last of the timelines on which it does, one of the others;
+        a view that never does: one place of all.
+        """
+        found: dict[Place, list[str]] = {}
+        for view in views(self.blueprint, tab):
+            changes = self.changes(view)
+            for timeline, (a, b) in list(self.timelines.items())[: None if changes else 1]:
+                for at in sorted({a, (a + b) // 2, b} if timeline in changes else {a}):
+                    found.setdefault((timeline, at), []).append(view)
+        return found
 
     def changes(self, view: str) -> set[str]:
         """Timelines on which a view changes."""
@@ -102,38 +104,31 @@ class Looked:
             *(own for path, own in self.moving.items() if any(f"{path}/".startswith(f"{r}/") for r in roots))
         )
 
-    def blank(self, tab: str) -> list[str]:
-        """Names of the panes of the tab in front that have too little in them."""
-        end = time.monotonic() + PATIENCE
-        while True:
-            try:
-                panes = cut(self.blueprint, tab, self.front(tab))
-                found = [name for view, part in panes for name in self.empty(view, part)]
-            except Strange as error:  # the tab is not there yet
-                found = [str(error)]
-            if not found or time.monotonic() > end:
-                return found
-
-    def front(self, tab: str) -> Array:
-        """The picture of the tab in front, less its name: a view alone in its tab has no title of its own."""
-        png = self.client.take_screenshot()
-        if tab != self.last[0] and png == self.last[1]:  # its name is not lit yet
-            raise Strange("expected another tab")
-        self.last = (tab, png)
-        with Image.open(io.BytesIO(png)) as opened:
-            picture = np.asarray(opened.convert("RGB")).astype(int)
-        bars = rules(picture, 0)
-        if len(bars) < 2:
-            raise Strange("expected the viewer's bars above and below")
-        alone = tab in views(self.blueprint, tab)
-        return picture[bars[0] + TABS - alone * TITLE : bars[-1]]
-
-    def empty(self, view: str, part: Array) -> list[str]:
-        """The name of a view that has too little in its part of the picture."""
+    def blank(self, view: str) -> list[str]:
+        """The name of a view of the tab in front, when it has too little in it."""
         own = self.blueprint[f"/{view}"]["ViewBlueprint"]
         mark, least = MARKS.get(own["class_identifier"], OTHERS)
-        has = mark(part[EDGE:-EDGE, EDGE:-EDGE])
-        return [f"{own['display_name']!r}: {has} of {least} {mark.__name__}"] if has < least else []
+        end = time.monotonic() + PATIENCE
+        for look in count(1):
+            has = mark(self.pane(view))
+            if has >= least:
+                return []
+            if look >= LOOKS and time.monotonic() > end:
+                return [f"{own['display_name']!r}: {has} of {least} {mark.__name__}"]
+
+    def pane(self, view: str) -> Array:
+        """The picture of a view, without its title; where it is not in front yet, of nothing."""
+        return picture(self.client, Path(view).name)
+
+
+def picture(client: ViewerClient, view: str | None = None) -> Array:
+    """Colours of the window or of a view in it, (rows, columns, 3); black where there is none yet."""
+    try:
+        png = client.take_screenshot(view)
+    except ConnectionError:  # as the viewer says that the view is not in front, or that it is too busy
+        return np.zeros((1, 2, 3), np.int16)
+    with Image.open(io.BytesIO(png)) as opened:
+        return np.asarray(opened.convert("RGB")).astype(np.int16)
 
 
 def collapsing(file: Path) -> list[str]:
@@ -155,64 +150,6 @@ def collapsing(file: Path) -> list[str]:
         for timeline, at in first.items()
         if path not in still and own.get(timeline, at + 1) > at
     ]
-
-
-def rules(picture: Array, axis: int) -> Array:
-    """Rows (axis 0) or columns that a dividing line fills."""
-    return np.flatnonzero((picture == LINE).all(axis=2).mean(axis=1 - axis) > 0.97)
-
-
-def cut(blueprint: dict[str, Any], path: str, picture: Array) -> Iterator[tuple[str, Array]]:
-    """Every view under a container, and its part of the picture without its title."""
-    own = container(blueprint[f"/{path}"])
-    if not own:
-        yield path, picture[TITLE:]
-        return
-    inner, kind = listed(own["contents"]), own["container_kind"]
-    if kind == "Grid":
-        counts = [len(rules(picture, axis)) + 1 for axis in (0, 1)]
-        if counts[0] * counts[1] < len(inner):
-            raise Strange(f"expected {len(inner)} panes in a grid of {counts}")
-        rows = parts(picture, 0, [1] * counts[0])
-        cells = [cell for row in rows for cell in parts(row, 1, [1] * counts[1])]
-    else:
-        axis = int(kind == "Horizontal")
-        cells = parts(picture, axis, [spans(blueprint, child, axis) for child in inner])
-    for child, cell in zip(inner, cells, strict=False):  # the last row of a grid may have room left
-        yield from cut(blueprint, child, cell)
-
-
-def spans(blueprint: dict[str, Any], path: str, axis: int) -> int:
-    """How many parts a container has along an axis whose lines go all through it."""
-    return 1 + len(marks(blueprint, path, axis))
-
-
-def marks(blueprint: dict[str, Any], path: str, axis: int) -> set[float]:
-    """Where lines go all through a container, across an axis, in shares of its length."""
-    own = container(blueprint[f"/{path}"])
-    if not own:
-        return set()
-    inner, kind = listed(own["contents"]), own["container_kind"]
-    if kind == "Grid":
-        count = own["grid_columns"] if axis else -(-len(inner) // own["grid_columns"])
-        return {round(k / count, 3) for k in range(1, count)}
-    found = [marks(blueprint, child, axis) for child in inner]
-    if kind != ("Vertical", "Horizontal")[axis]:
-        return set.intersection(*found)
-    shares = np.array(own.get(("row_shares", "col_shares")[axis]) or [1.0] * len(inner))
-    ends = np.cumsum(shares) / shares.sum()
-    starts = [0.0, *ends[:-1]]
-    within = {a + (b - a) * at for a, b, own in zip(starts, ends, found, strict=True) for at in own}
-    return {round(at, 3) for at in {*ends[:-1], *within}}
-
-
-def parts(picture: Array, axis: int, sizes: Sequence[int]) -> list[Array]:
-    """A picture cut along its dividing lines, so many parts of one line each together."""
-    lines = rules(picture, axis)
-    if len(lines) != sum(sizes) - 1:
-        raise Strange(f"expected {sum(sizes)} panes side by side, got {len(lines) + 1}")
-    first, *others = np.split(picture, lines[np.cumsum(sizes)[:-1] - 1], axis)
-    return [first, *(part[1:] if axis == 0 else part[:, 1:] for part in others)]
 
 
 def views(blueprint: dict[str, Any], path: str) -> list[str]:
@@ -240,8 +177,13 @@ def viewer() -> Iterator[ViewerClient]:
     except BenchError as missing:
         pytest.skip(str(missing))
     with headless.windowless(SIZE) as client:
-        headless.settled(client)  # its messages of the start fade
+        headless.wait(lambda: uncovered(client), 4 * headless.LOAD, "messages of the start do not fade")
         yield client
+
+
+def uncovered(client: ViewerClient) -> bool:
+    """Whether a dividing line goes all through the window: messages of the start hang over the first one."""
+    return bool(((picture(client) == LINE).all(axis=2).mean(axis=1) > 0.97).any())
 
 
 @pytest.fixture(scope="session")

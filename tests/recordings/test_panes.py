@@ -34,7 +34,7 @@ def test_a_sound_recording_is_without_fault(tmp_path, blank_panes):
 
 
 def test_what_stays_blank_until_the_timeline_is_changed_is_seen(tmp_path, blank_panes, monkeypatch):
-    monkeypatch.setattr("panes.PATIENCE", 2.0)
+    monkeypatch.setattr("panes.PATIENCE", 1.0)
     found = "\n".join(blank_panes(written(tmp_path / "blank.rrd", "load")))
     assert "world/arm/link on run" in found
     for pane in ("Chart", "Text"):
@@ -44,7 +44,7 @@ def test_what_stays_blank_until_the_timeline_is_changed_is_seen(tmp_path, blank_
 
 
 def test_a_world_with_nothing_but_a_floor_is_seen(tmp_path, blank_panes, monkeypatch):
-    monkeypatch.setattr("panes.PATIENCE", 2.0)
+    monkeypatch.setattr("panes.PATIENCE", 1.0)
     world = rrb.Spatial3DView(origin="elsewhere", name="Arm")
     path = tmp_path / "empty.rrd"
     with recording(path, "faulty", Header("empty", "{}", 1), layout(world, timeline="run", places=1)) as pen:
