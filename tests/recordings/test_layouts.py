@@ -371,10 +371,14 @@ def test_a_sweep_opens_where_the_best_gains_most_over_least_squares_and_says_so(
     assert swept(against=()).widest.theirs.model == "worse"
 
 
-def test_a_model_that_lacks_a_value_of_a_sweep_is_refused():
-    some = swept()
-    with pytest.raises(BenchError, match="expected 'worse' once at every value of load"):
-        replace(some, points=some.points[:-1]).steps  # noqa: B018
+def test_a_model_may_lack_values_of_a_sweep_and_has_none_twice():
+    whole = swept()
+    some = replace(whole, points=whole.points[:-2])
+    assert [len(step.points) for step in some.steps] == [3, 2, 2]
+    assert some.plot("x").curves[2].x.tolist() == [1]
+    assert "| worse | 100 |  |  |" in some.words.block("medians")
+    with pytest.raises(BenchError, match="'worse' once at every value of load"):
+        replace(whole, points=[*whole.points, replace(whole.points[-1])]).steps  # noqa: B018
 
 
 def test_matrices_of_the_single_link_are_the_reports(made):

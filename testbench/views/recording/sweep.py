@@ -25,7 +25,7 @@ def write_sweep(path: Path, header: Header, sweep: Sweep, words: str) -> None:
         words: Question, answer and tables in Markdown; how to read the plot is added.
 
     Raises:
-        BenchError: When a model lacks a value of x.
+        BenchError: When a model has two values at one x.
     """
     own, plot, steps = sweep.words, sweep.plot(sweep.root), sweep.steps
     numbers = np.array([step.number for step in steps])

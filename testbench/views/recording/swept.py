@@ -64,7 +64,7 @@ class Sweep:
 
     x: Column  #: What is swept.
     y: Column  #: What is measured.
-    points: Sequence[Point]  #: In any order; every model at every x.
+    points: Sequence[Point]  #: In any order; a model may lack values of x.
     looks: Mapping[str, Look]  #: Of the models, by name.
     #: What stands for x in words, by x, where x only numbers things: no line joins them then.
     labels: Mapping[float, str] = field(default_factory=dict)
@@ -107,18 +107,19 @@ class Sweep:
         return Chart(path, self.view_title, found, size)
 
     def _curves(self, path: str, size: tuple[float, float]) -> Curves:
+        number = {step.best.x: float(step.number) for step in self.steps}
         found = [
             Curve(
                 model,
                 self.drawn(model).colour,
-                np.array([step.number for step in self.steps], dtype=float),
+                np.array([number[p.x] for p in self.line(model)]),
                 np.array([triple(p.y) for p in self.line(model)]),
                 dashed=self.looks[model].prior,
                 bold=model not in self.against,
             )
             for model in self.models
         ]
-        ticks = {float(step.number): self.place(step.best.x) for step in self.steps}
+        ticks = {at: self.place(x) for x, at in number.items()}
         return Curves(path, self.view_title, found, ticks, size=size)
 
     @property
@@ -143,14 +144,13 @@ class Sweep:
         """The models at every x, in order.
 
         Raises:
-            BenchError: When a model lacks a value of x.
+            BenchError: When a model has two values at one x.
         """
-        x = sorted({point.x for point in self.points})
-        for model in self.models:
-            if [p.x for p in self.line(model)] != x:
-                raise BenchError(f"sweep: expected {model!r} once at every value of {self.x.heading}")
-        columns = zip(*map(self.line, self.models), strict=True)
-        return [self._step(k + 1, column) for k, column in enumerate(columns)]
+        found: dict[float, dict[str, Point]] = {}
+        for point in self.points:
+            if found.setdefault(point.x, {}).setdefault(point.model, point) is not point:
+                raise BenchError(f"sweep: expected {point.model!r} once at every value of {self.x.heading}")
+        return [self._step(k, list(found[x].values())) for k, x in enumerate(sorted(found), 1)]
 
     def _step(self, number: int, own: Sequence[Point]) -> Step:
         ordered = sorted(own, key=lambda p: middle(p.y))
