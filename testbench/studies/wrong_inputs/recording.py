@@ -38,7 +38,6 @@ def write_recording(run: Run[Settings, WrongInputsReport], sets: Mapping[str, So
         nominal=np.array(nominal),
         scale=magnification(sound.data, nominal_markers(sound.cell, sound.data)),
         texts=[run.words.block("example", example=example) for example in report.examples],
-        table=run.words.block("examples"),
     )
     header = Header(report.scenario, run.parameters, report.shown)
     write_planted(run.folder / "recording.rrd", header, shown, run.words.summary(run.tables["kinds"]))

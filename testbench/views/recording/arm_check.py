@@ -21,10 +21,13 @@ from testbench.views.recording.style import LOAD, NOISE, NOMINAL
 
 TIMELINE = "pose"
 SPOKES = 4  #: Lines along a tube.
-AXIS = 0.12  #: Length of the axes of the base over the reach [1].
+AXIS = 0.2  #: Length of the axes of the base over the reach [1].
 THIN, THICK = 0.8, 2.5  #: Widths of a tube's lines, thick where it is doubted [ui points].
+CLOSE = 0.2  #: Distance of joints over the reach below which their names would overlap [1].
+ABOVE, STEP, STEPS = 0.1, 0.065, 3
+"""Height of a name above its joint, and between names of close joints, over the reach [1]; how many."""
 GLASS = (*NOISE, 60)  #: The arm as drawn, so that the beams inside are seen.
-BESIDE = (0.15, 1.0, 0.15)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
+BESIDE = (0.4, 1.0, 0.25)  #: Where the eye is: ahead along the reach of the arm, beside it, above [1].
 
 
 def write_arm(path: Path, checked: Checked) -> None:
@@ -53,14 +56,34 @@ def _write_beams(pen: Pen, checked: Checked) -> None:
         pen.rows(place, rr.LineStrips3D.columns(strips=strips).partition([2 + SPOKES] * len(own)))
     pen.still("world/beam_axes", rr.Arrows3D.from_fields(colors=NOMINAL, radii=0.005 * size))
     pen.arrows("world/beam_axes", beams[..., :3, 3], sizes[:, :1] * beams[..., :3, 0])
-    joints = checked.cell.arm.joints
-    if joints:
-        names = [j.name + " ?" * checked.doubted(j.name) for j in joints]
-        look = rr.Points3D.from_fields(colors=NOISE, radii=0.008 * size, show_labels=True)
-        pen.still("world/joints", look)
-        at = beams[:, 1:, :3, 3].reshape(-1, 3)
-        columns = rr.Points3D.columns(positions=at, labels=names * len(beams))
-        pen.rows("world/joints", columns.partition([len(joints)] * len(beams)))
+    if checked.cell.arm.joints:
+        _write_joints(pen, checked)
+
+
+def _write_joints(pen: Pen, checked: Checked) -> None:
+    """A ball a joint, its name above it; names of joints close to one another at several heights."""
+    joints, size = checked.cell.arm.joints, checked.reach
+    at = checked.beams[:, 1:, :3, 3]
+    pen.still("world/joints", rr.Points3D.from_fields(colors=NOISE, radii=0.008 * size))
+    pen.points("world/joints", at)
+    ends = at + size * np.outer(_heights(at[0], CLOSE * size), [0, 0, 1])
+    pen.still("world/joint_names/lines", rr.LineStrips3D.from_fields(colors=NOISE, radii=-0.5))
+    strips = [*np.stack([at, ends], axis=2).reshape(-1, 2, 3)]
+    lines = rr.LineStrips3D.columns(strips=strips)
+    pen.rows("world/joint_names/lines", lines.partition([len(joints)] * len(at)))
+    names = [j.name + " ?" * checked.doubted(j.name) for j in joints]
+    pen.still("world/joint_names", rr.Points3D.from_fields(colors=NOISE, radii=0.0, show_labels=True))
+    columns = rr.Points3D.columns(positions=ends.reshape(-1, 3), labels=names * len(at))
+    pen.rows("world/joint_names", columns.partition([len(joints)] * len(at)))
+
+
+def _heights(at: Array, close: float) -> Array:
+    """How far above its joint a name stands over the reach, (n,) [1]; joints at (n, 3) [m]."""
+    near = np.linalg.norm(np.diff(at, axis=0), axis=1) < close
+    steps = np.zeros(len(at), dtype=int)
+    for k, follows in enumerate(near, start=1):
+        steps[k] = steps[k - 1] + 1 if follows else 0
+    return ABOVE + STEP * (steps % STEPS)
 
 
 def _tube(pose: Array, length: float, diameter: float) -> list[Array]:
@@ -104,7 +127,7 @@ def _blueprint(checked: Checked, frames: Frames) -> rrb.Blueprint:
     hooks = origins(checked.cell, [checked.cell.arm.load], frames)[:, 0] - [0, 0, 0.35 * checked.reach]
     points = np.vstack([frames.positions[:, 1:].reshape(-1, 3), hooks])
     tool = origins(checked.cell, [checked.cell.arm.tool], frames)[0, 0, :2]
-    eye = orbit(*frame(points, np.full(len(points), 0.2 * checked.reach), tool, BESIDE, 1.3))
+    eye = orbit(*frame(points, np.full(len(points), 0.1 * checked.reach), tool, BESIDE, 1.3))
     view = rrb.Spatial3DView(
         origin="world", name="Arm (m): tubes at their true diameter, beam axes as arrows", eye_controls=eye
     )

@@ -104,13 +104,12 @@ def _blueprint(cell: Cell, frames: Frames, registered: Registered, scale: float)
     """The arm, and what was understood beside it."""
     points = np.vstack([frames.positions.reshape(-1, 3), stations(registered)])
     tool = origins(cell, [cell.arm.tool], frames)[0, 0, :2]
-    eye = orbit(*frame(points, np.full(len(points), 0.1 * reach(frames)), tool, aspect=1.2))
+    eye = orbit(*frame(points, np.full(len(points), 0.1 * reach(frames)), tool, aspect=1.5))
     view = rrb.Spatial3DView(origin="world", name=f"Arm (m): deflection x {scale:g}", eye_controls=eye)
-    words = rrb.Vertical(
-        text_view("summary", "What was understood"), text_view("this_run", "This run"), row_shares=[3, 1]
-    )
+    shown = rrb.Vertical(view, text_view("this_run", "This run"), row_shares=[9, 2])
+    words = text_view("summary", "What was understood")
     return layout(
-        rrb.Horizontal(view, words, column_shares=[12, 9], name="Overview"),
+        rrb.Horizontal(shown, words, column_shares=[12, 9], name="Overview"),
         text_view("columns", "Columns"),
         timeline=TIMELINE,
         places=registered.data.runs,

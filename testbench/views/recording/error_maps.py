@@ -172,7 +172,7 @@ def error_maps_tab(found: ErrorPlaces, eye: rrb.EyeControls3D, tasks: Tasks = EM
         rrb.Horizontal(*views),
         key,
         text_view(IN_WORDS, "Worst places"),
-        row_shares=[12, 2, 6],
+        row_shares=[11, 2, 7],
         name="Error map",
     )
 

@@ -37,7 +37,6 @@ class Planted:
     nominal: Array  #: Where the arm without sag has the targets, (runs, m, 3) [m].
     scale: float  #: Magnification of deflections [1].
     texts: list[str]  #: What was planted and what was said, Markdown, one a run.
-    table: str  #: The same of all.
 
 
 def write_planted(path: Path, header: Header, shown: Planted, summary: str) -> None:
@@ -53,7 +52,7 @@ def write_planted(path: Path, header: Header, shown: Planted, summary: str) -> N
     tool, size = origins(cell, [cell.arm.tool], frames), reach(frames)
     data = near(shown.data, tool[:, 0], size, shown.scale)
     with recording(path, "planted", header, _blueprint(shown, frames)) as pen:
-        pen.documents({"summary": f"{summary}\n\n{HOW}", "table": shown.table})
+        pen.documents({"summary": f"{summary}\n\n{HOW}", "every_fault": "\n\n".join(shown.texts)})
         step = pen.on(rr.TimeColumn(TIMELINE, sequence=data.run))
         step.texts("this_fault", shown.texts)
         write_shapes(step, cell, ())
@@ -81,14 +80,14 @@ def _blueprint(shown: Planted, frames: Frames) -> rrb.Blueprint:
     size = reach(frames)
     points = frames.positions[:, 1:].reshape(-1, 3)
     tool = origins(shown.cell, [shown.cell.arm.tool], frames)[0, 0, :2]
-    eye = orbit(*frame(points, np.full(len(points), 0.2 * size), tool, aspect=1.2))
+    eye = orbit(*frame(points, np.full(len(points), 0.2 * size), tool, aspect=1.3))
     view = rrb.Spatial3DView(
         origin="world",
         name=f"Arm (m): deflection x {shown.scale:g}, handed in with a fault",
         eye_controls=eye,
     )
-    words = rrb.Vertical(
-        text_view("this_fault", "This fault"), text_view("summary", "Summary"), row_shares=[1, 6]
+    seen = rrb.Vertical(view, text_view("this_fault", "This fault"), row_shares=[4, 1])
+    overview = rrb.Horizontal(seen, text_view("summary", "Summary"), column_shares=[11, 11], name="Overview")
+    return layout(
+        overview, text_view("every_fault", "Every fault"), timeline=TIMELINE, places=shown.data.runs
     )
-    overview = rrb.Horizontal(view, words, column_shares=[12, 10], name="Overview")
-    return layout(overview, text_view("table", "Every fault"), timeline=TIMELINE, places=shown.data.runs)

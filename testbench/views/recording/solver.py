@@ -95,21 +95,21 @@ def _blueprint(race: Race, times: Chart) -> rrb.Blueprint:
     (left, low), (right, high) = race.decades
     x, y = (SCALE * [(left - 0.6, high + 0.3), (right + 0.3, low - 0.5)]).T
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
-    title = "Relative gap (1) over time (s), both log10"
+    title = "Relative gap over time (s), both logarithmic"
     plane = rrb.Spatial2DView(origin=PLANE, name=title, visual_bounds=bounds)
     ways = [
         rrb.TimeSeriesView(
             origin=f"convergence/{root}",
             name=f"{name} over improvements",
-            plot_legend=rrb.PlotLegend(corner),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=named),
         )
-        for root, name, corner in (
-            ("log10_gap", "Relative gap (log10 of 1)", rrb.Corner2D.RightTop),
-            ("log10_s", "Time (log10 s)", rrb.Corner2D.RightBottom),
+        for root, name, named in (
+            ("log10_gap", "Gap (log10 relative gap)", True),
+            ("log10_s", "Time (log10 s), colours as above,", False),  # a legend would hide where lines end
         )
     ]
     return layout(
-        rrb.Horizontal(plane, text_view("summary", "Summary"), column_shares=[10, 9], name="Overview"),
+        rrb.Horizontal(plane, text_view("summary", "Summary"), column_shares=[10, 10], name="Overview"),
         rrb.Vertical(times.view(), name="Time"),
         rrb.Vertical(*ways, name="Iterations"),
         text_view("log", "Notes"),
