@@ -2,12 +2,13 @@
 
 import sys
 
+from testbench import stops
 from testbench.shell import interrupt
 
 
 def main() -> None:
     """Entry point of the command."""
-    interrupt.handle(interrupt.leave_at_once)
+    stops.handle(interrupt.leave_at_once)
     from testbench.cli.program import program  # here: imports can be interrupted from now on
     from testbench.shell import command
 

@@ -10,7 +10,8 @@ from testbench.errors import InputError
 from testbench.output import manifest
 from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
-from testbench.output.scratch import folder_for, interrupts_wait, remove, scratch_name, sweep, writing
+from testbench.output.scratch import folder_for, remove, scratch_name, sweep, writing
+from testbench.stops import stops_wait
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
 """Of files of runs whose manifest does not name them: older ones."""
@@ -95,7 +96,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
         scratch.mkdir()
         try:
             yield scratch
-            with interrupts_wait():
+            with stops_wait():
                 _replace(out, scratch)
         finally:
             remove(scratch)

@@ -5,7 +5,7 @@ import os
 import re
 import secrets
 import shutil
-import signal
+import tempfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,8 +13,6 @@ from pathlib import Path
 from testbench.errors import InputError
 
 HOST = re.sub("[^A-Za-z0-9.-]", "", os.uname().nodename)[:40]
-STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What ends a command in good order: Ctrl-C, a supervisor's request, the loss of the terminal."""
 UNKNOWN = "0" * 8  #: Life of a process that cannot be looked up.
 NAME = re.compile(r"\.new-(?P<host>[A-Za-z0-9.-]*)-(?P<pid>[0-9]{1,9})-(?P<life>[0-9a-f]{8})-[0-9a-f]{8}")
 
@@ -121,10 +119,13 @@ def write_whole(text: str, path: Path) -> None:
 
 
 @contextlib.contextmanager
-def interrupts_wait() -> Iterator[None]:
-    """Ctrl-C and its like wait for the end of the block."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+def temporary_folder() -> Iterator[Path]:
+    """A folder where temporary files go; gone after the block, that of a killed process at the next one."""
+    place = Path(tempfile.gettempdir())
+    sweep(place)
+    folder = place / scratch_name()
+    folder.mkdir(mode=0o700)
     try:
-        yield
+        yield folder
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        remove(folder)

@@ -34,19 +34,19 @@ def run(app: typer.Typer, fail: Callable[[str], object] = say) -> int:
         fail: Where the line about an error goes.
 
     Returns:
-        0 when it went well, 2 for what the user can mend, 130 after Ctrl-C.
+        0 when it went well, 2 for what the user can mend, 130 after Ctrl-C, 143 after SIGTERM.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # what its encoding cannot write is no reason to fail
-    with interrupt.raised() as pressed:
+    with interrupt.raised() as stopped:
         try:
             code, words = _outcome(app)
         except BaseException:
-            if not pressed():
+            if not stopped():
                 raise
             code, words = INTERRUPTED, ""
-        if code == INTERRUPTED or pressed():  # typer itself turns Ctrl-C into this code
-            code, words = INTERRUPTED, words or f"interrupted: {interrupt.STANDS}"
+        if code == INTERRUPTED or stopped():  # typer itself turns Ctrl-C into this code
+            code, words = stopped() or INTERRUPTED, words or f"interrupted: {interrupt.STANDS}"
         if words:
             fail(" ".join(words.splitlines()) + "\n")
         return code

@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment: one line, exit code 130, no traceback. Imports nothing but what Python has loaded."""
+"""Ctrl-C and its like at any moment: one line, an exit code, no traceback."""
 
 import contextlib
 import os
@@ -6,11 +6,14 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 
-INTERRUPTED = 130
+from testbench import stops
+
+SIGNALLED = 128  #: Exit code after a signal, less its number.
+INTERRUPTED = SIGNALLED + signal.SIGINT
 STANDS = "earlier results stand as they were"
 
 
-def leave_at_once(*_: object) -> None:
+def leave_at_once(number: int, _: object) -> None:
     """Handler that ends the program where it is.
 
     For imports, which have nothing to clean up and whose C code may make other errors of an exception, and
@@ -19,42 +22,37 @@ def leave_at_once(*_: object) -> None:
     if sys.stderr is not None:  # else a file of ours may have its number
         with contextlib.suppress(OSError):
             os.write(2, f"interrupted: {STANDS}\n".encode())
-    os._exit(INTERRUPTED)
-
-
-def handle(handler: Callable[..., object]) -> object:
-    """Make it the handler of Ctrl-C, unless nobody is to be interrupted; returns the one before."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.SIG_IGN:  # ignored by nohup, or for a job in the background
-        signal.signal(signal.SIGINT, handler)
-    return before
+    os._exit(SIGNALLED + number)
 
 
 @contextlib.contextmanager
-def raised() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C raises KeyboardInterrupt inside of the block, and the next one ends the program at once.
+def raised() -> Iterator[Callable[[], int]]:
+    """A stop raises KeyboardInterrupt inside of the block, and the next one ends the program at once.
 
     Yields:
-        Whether it was pressed: then an error of another kind is one that C code made of it.
+        The exit code of the stop that came, 0 if none did: an error of another kind is then one that C code
+        made of it.
     """
+    came: list[int] = []
 
-    def first(*_: object) -> None:
-        signal.signal(signal.SIGINT, leave_at_once)
+    def first(number: int, _: object) -> None:
+        came.append(number)
+        stops.handle(leave_at_once)
         raise KeyboardInterrupt
 
-    before = handle(first)
+    before = stops.handle(first)
     try:
-        yield lambda: signal.getsignal(signal.SIGINT) is leave_at_once
+        yield lambda: SIGNALLED + came[0] if came else 0
     finally:
-        if before is not signal.SIG_IGN:
-            signal.signal(signal.SIGINT, before)  # type: ignore[arg-type]
+        stops.restore(before)
 
 
 def leave(code: int) -> None:
-    """End the program; Ctrl-C has nothing to stop any more.
+    """End the program; stops have nothing to stop any more.
 
     Raises:
         SystemExit: Always.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in stops.STOPS:
+        signal.signal(number, signal.SIG_IGN)
     sys.exit(code)

@@ -2,6 +2,7 @@
 
 from importlib import import_module
 
+from testbench import stops
 from testbench.shell import interrupt
 
 
@@ -11,7 +12,7 @@ def main(name: str) -> None:
     Args:
         name: Of its folder.
     """
-    interrupt.handle(interrupt.leave_at_once)
+    stops.handle(interrupt.leave_at_once)
     from testbench.shell import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app
 

@@ -1,7 +1,6 @@
 """Opening and rendering recordings: which file, which program, what is said where something is missing."""
 
 import os
-import subprocess
 from dataclasses import replace
 
 import pytest
@@ -49,22 +48,26 @@ def test_a_file_that_is_no_recording_is_told_before_any_viewer_starts(folder):
         viewer.newest(folder / "junk.rrd")
 
 
-def test_the_viewer_gets_the_file_and_listens_to_this_machine_only(folder, monkeypatch):
-    calls = []
+@pytest.fixture
+def program(folder, monkeypatch):
+    """Stands for the viewer: keeps its arguments, and ends with 3 if nothing is in the folder."""
+    script = folder / "program"
+    script.write_text(
+        f'#!/bin/sh\nprintf "%s\\n" "$@" >{folder}/arguments\ntest -e {folder}/old.rrd || exit 3\n'
+    )
+    script.chmod(0o700)
+    monkeypatch.setattr(viewer, "program", lambda: str(script))
 
-    def run(command, **_):
-        calls.append(command)
-        return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(viewer.subprocess, "run", run)
+def test_the_viewer_gets_the_file_and_listens_to_this_machine_only(folder, program):
     viewer.view(folder / "old.rrd")
-    (command,) = calls
-    assert command[1] == str(folder / "old.rrd")
-    assert command[command.index("--bind") + 1] == "127.0.0.1"
+    got = (folder / "arguments").read_text().split()
+    assert got[0] == str(folder / "old.rrd")
+    assert got[got.index("--bind") + 1] == "127.0.0.1"
 
 
-def test_a_viewer_that_fails_is_an_error(folder, monkeypatch):
-    monkeypatch.setattr(viewer.subprocess, "run", lambda c, **_: subprocess.CompletedProcess(c, 3))
+def test_a_viewer_that_fails_is_an_error(folder, program):
+    (folder / "old.rrd").unlink()
     with pytest.raises(BenchError, match="exit code 3"):
         viewer.view(folder / "old.rrd")
 

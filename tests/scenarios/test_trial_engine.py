@@ -242,6 +242,11 @@ def test_a_problem_in_a_trial_is_told_with_its_seeds(tmp_path, backend):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_fault_of_ours_in_a_worker_is_told_with_its_place(tmp_path):
+    with pytest.raises(RuntimeError, match=r"(?s)in a worker:.*in faulty_trials.*no trial of ours"):
+        study(tmp_path, TWO, work=trial_work.faulty_trials)
+
+
 @pytest.mark.parametrize(("backend", "size"), [(partial(on_cores, workers=0), 1), (ONE, 0)])
 def test_there_is_at_least_one_worker_and_one_seed(tmp_path, backend, size):
     with pytest.raises(BenchError, match="expected"):

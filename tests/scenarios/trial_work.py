@@ -79,3 +79,8 @@ def deadly_trials(poison, seeds):
     if poison in seeds:
         os._exit(9)
     return trials(0.0, "", seeds)
+
+
+def faulty_trials(seeds):
+    """A fault of the program."""
+    raise ZeroDivisionError("no trial of ours")

@@ -1,15 +1,17 @@
 """Pictures one after the other as a GIF, or as an MP4 where ffmpeg is."""
 
 import io
+import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
 
+from testbench.child import child
 from testbench.errors import BenchError
+from testbench.output.scratch import temporary_folder
 
 LARGEST = 1_000_000  #: Of a GIF [byte]: larger ones do not play at once on a page.
 COLOURS = (128, 64, 32)  #: Fewer and fewer, before the picture shrinks.
@@ -75,18 +77,16 @@ def _gif(frames: Sequence[Image.Image], colours: int, each: int) -> bytes:
 def _write_mp4(path: Path, pictures: Sequence[bytes], each: int) -> None:
     program, held = check_ffmpeg(), round(REST / each)
     played = [pictures[0]] * held + [*pictures] + [pictures[-1]] * held
-    with tempfile.TemporaryDirectory(prefix="testbench-film-") as folder:
+    with temporary_folder() as folder:
         for k, picture in enumerate(played):
-            Path(folder, f"{k:05}.png").write_bytes(picture)
+            (folder / f"{k:05}.png").write_bytes(picture)
         even = "crop=trunc(iw/2)*2:trunc(ih/2)*2"  # players take even sizes only
         made = ["-f", "mp4", "-pix_fmt", "yuv420p", "-vf", even, "-movflags", "+faststart"]
-        read = ["-framerate", f"{1000 / each:.3f}", "-i", str(Path(folder, "%05d.png"))]
-        done = subprocess.run(
-            [program, "-loglevel", "error", "-nostdin", "-y", *read, *made, str(path.absolute())],
-            check=False,
-            capture_output=True,
-            text=True,
-        )
-    if done.returncode != 0:
-        said = done.stderr.strip().splitlines() or ["it does not say why"]
-        raise BenchError(f"ffmpeg ended with exit code {done.returncode}: {said[-1]}")
+        read = ["-framerate", f"{1000 / each:.3f}", "-i", str(folder / "%05d.png")]
+        command = [program, "-loglevel", "error", "-nostdin", "-y", *read, *made, str(path.absolute())]
+        with child(command, os.environ, err=subprocess.PIPE) as process:
+            error = process.stderr.read() if process.stderr else b""
+            process.wait()
+    if process.returncode != 0:
+        said = error.decode(errors="replace").strip().splitlines() or ["it does not say why"]
+        raise BenchError(f"ffmpeg ended with exit code {process.returncode}: {said[-1]}")

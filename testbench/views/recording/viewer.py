@@ -1,26 +1,24 @@
 """The newest recording of a run, and the viewer as a program of its own: in a window, or started for us."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
+from testbench.child import child
 from testbench.errors import BenchError, InputError
+from testbench.output.scratch import temporary_folder
 
 T = TypeVar("T")
 HERE = "127.0.0.1"  #: The address of this machine that no other one reaches.
 BEGINS = b"RRF2"  #: What a recording of Rerun begins with.
 LOOK_EVERY = 0.25
 """Between two looks at a program that is waited for [s]."""
-LINKED = ("sh", "-c", 'exec 3<&0 </dev/null; (cat <&3 >/dev/null; kill -9 0) & exec "$@" 3<&-', "sh")
-"""Runs a program that is killed, with all that it starts, when its standard input is closed."""
 
 
 def newest(folder: Path) -> Path:
@@ -57,7 +55,8 @@ def view(file: Path) -> None:
         BenchError: When the viewer fails.
     """
     command = [program(), str(file), "--port", "auto", "--bind", HERE]
-    code = subprocess.run(command, check=False).returncode
+    with child(command, os.environ) as process:
+        code = process.wait()
     if code != 0:
         raise BenchError(f"the Rerun viewer ended with exit code {code}")
 
@@ -85,23 +84,13 @@ def started(flags: Sequence[str], settings: Mapping[str, str]) -> Iterator[subpr
         flags: Of the program.
         settings: More of its environment.
     """
-    with tempfile.TemporaryDirectory(prefix="testbench-viewer-") as home:
+    with temporary_folder() as home:
         kept = ("HOME", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME")
         quiet = {"CI": "1", "NO_COLOR": "1"}  # CI: the viewer sends no usage data
-        process = subprocess.Popen(
-            [*LINKED, program(), *flags, "--bind", HERE],
-            env={**os.environ, **dict.fromkeys(kept, home), **quiet, **settings},
-            stdin=subprocess.PIPE,  # closed when this process ends, however
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # the program starts the viewer as a child, and both must end
-        )
-        try:
+        environment = {**os.environ, **dict.fromkeys(kept, str(home)), **quiet, **settings}
+        command, silent = [program(), *flags, "--bind", HERE], subprocess.DEVNULL
+        with child(command, environment, out=silent, err=silent) as process:
             yield process
-        finally:
-            with suppress(ProcessLookupError):  # it may have ended by itself
-                os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
 
 
 def wait(look: Callable[[], T | None], seconds: float, complaint: str) -> T:
