@@ -345,17 +345,17 @@ def summaries(study, settings, seeds, trials):
         trials: Makes the rows up, from rng.
 
     Returns:
-        The summary of any rows, a fixture of made-up rows, and one of their report.
+        The summary of any rows, a fixture of made-up rows, and one of their report, both made once.
     """
 
     def summed(found):
         return study.summary(settings, seeds, found)
 
-    @pytest.fixture
-    def made(rng):
-        return trials(rng)
+    @pytest.fixture(scope="module")
+    def made():
+        return trials(np.random.default_rng(2021))
 
-    @pytest.fixture
+    @pytest.fixture(scope="module")
     def report(made):
         return summed(made)
 

@@ -2,9 +2,11 @@
 
 import functools
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from numpy.random import Generator
 
 from testbench.trials.spread import Spread
 
@@ -22,16 +24,21 @@ def fill(kind, rng, /, **fixed):
         rng: Source of the numbers.
         fixed: Fields that are given, such as lists whose length or names matter.
     """
-    hints = _hints(kind)
-    unknown = set(fixed) - set(hints)
+    return _filled(kind, rng, fixed, one=False)
+
+
+def _filled(kind, rng, fixed, one):
+    makers = _makers(kind, one)
+    unknown = fixed.keys() - makers.keys()
     assert not unknown, unknown
-    values = {
-        f.name: fixed[f.name] if f.name in fixed else _value(hints[f.name], f.name, rng) for f in fields(kind)
-    }
-    return kind(**values)
+    return kind(**{name: fixed[name] if name in fixed else make(rng) for name, make in makers.items()})
 
 
-_hints = functools.cache(get_type_hints)
+@functools.cache
+def _makers(kind, one):
+    """What makes each field of a dataclass up from rng, by name; of one trial there are no spreads."""
+    hints = get_type_hints(kind)
+    return {f.name: _maker(hints[f.name], f.name, one) for f in fields(kind)}
 
 
 def filled(kind, rng, rows, /, **fixed):
@@ -48,9 +55,7 @@ def filled(kind, rng, rows, /, **fixed):
 
 def of_one_trial(kind, rng, /, **fixed):
     """A row of one trial: its numbers have no spread, its shares are truth values."""
-    shares = [n for n, hint in _hints(kind).items() if set(get_args(hint)) == {bool, float}]
-    held = {name: bool(rng.integers(2)) for name in shares}
-    return single(fill(kind, rng, **{**held, **fixed}))
+    return _filled(kind, rng, fixed, one=True)
 
 
 def spread(rng):
@@ -81,47 +86,53 @@ def _number(rng):
     return float(LEAST * (MOST / LEAST) ** rng.uniform())
 
 
-def _value(kind: Any, name: str, rng) -> Any:
+def _maker(kind: Any, name: str, one: bool) -> Callable[[Generator], Any]:
+    """What makes a value of a type up from rng."""
     origin, args = get_origin(kind), get_args(kind)
     if origin is Literal:
-        return args[rng.integers(len(args))]
+        return lambda rng: args[rng.integers(len(args))]
     if origin in (Union, types.UnionType):
-        return _one_of(args, name, rng)
+        return _one_of(args, name, one)
     if origin is tuple:
         several = args[:1] * COUNT if args[-1] is Ellipsis else args
-        return tuple(_value(a, name, rng) for a in several)
+        makers = [_maker(a, name, one) for a in several]
+        return lambda rng: tuple(make(rng) for make in makers)
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return {_value(args[0], name, rng): _value(args[1], name, rng) for _ in range(COUNT)}
+        key, value = (_maker(a, name, one) for a in args)
+        return lambda rng: {key(rng): value(rng) for _ in range(COUNT)}
     if isinstance(origin, type) and issubclass(origin, Sequence):
-        return [_value(args[0], name, rng) for _ in range(COUNT)]
-    return _plain(kind, name, rng)
+        make = _maker(args[0], name, one)
+        return lambda rng: [make(rng) for _ in range(COUNT)]
+    return _plain(kind, name, one)
 
 
-def _one_of(args, name, rng):
+def _one_of(args, name, one):
     if Spread in args:
-        return spread(rng)
-    if set(args) == {bool, float}:
-        return float(rng.uniform(0.1, 0.9))  # a share of trials
-    return _value(next(a for a in args if a is not type(None)), name, rng)
+        return _number if one else spread
+    if set(args) == {bool, float}:  # a share of trials
+        return _truth if one else lambda rng: float(rng.uniform(0.1, 0.9))
+    return _maker(next(a for a in args if a is not type(None)), name, one)
 
 
-def _plain(kind, name, rng):
-    if kind is Spread:
-        return spread(rng)
-    if is_dataclass(kind):
-        return fill(kind, rng)
-    if kind is bool:
-        return bool(rng.integers(2))
-    if kind is int:
-        return int(rng.integers(2, 10_000))
-    if kind is float:
-        return _number(rng)
-    if kind is type(None):
-        return None
+def _plain(kind, name, one):
+    if is_dataclass(kind) and kind is not Spread:
+        return lambda rng: _filled(kind, rng, {}, one)
     if kind in (str, object):
-        return f"{name.replace('_', ' ')} {_word(rng)}"
-    raise AssertionError(f"{name}: nothing made up for {kind}")
+        return lambda rng: f"{name.replace('_', ' ')} {_word(rng)}"
+    made = {
+        Spread: _number if one else spread,
+        bool: _truth,
+        int: lambda rng: int(rng.integers(2, 10_000)),
+        float: _number,
+        type(None): lambda rng: None,
+    }
+    assert kind in made, f"{name}: nothing made up for {kind}"
+    return made[kind]
+
+
+def _truth(rng):
+    return bool(rng.integers(2))
 
 
 def _word(rng):
-    return "".join(rng.choice(list("abcdefghijklmnopqrstuvwxyz"), 6))
+    return "".join(chr(ord("a") + k) for k in rng.integers(26, size=6))
