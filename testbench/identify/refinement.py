@@ -33,7 +33,7 @@ Before, residuals are those of the start: they would let nominal targets and wil
 """
 FAR = 10.0
 """Length of a residual over the median, or over ASSUMED if that is more, beyond which it is dropped."""
-BISECTIONS = 40
+FINEST = 2.0**-40  #: Error of the noise, over ten times the largest residual.
 SAME = 1e-6  #: Relative change of the noise that ends the search.
 SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
 
@@ -144,14 +144,15 @@ def _noise(residual: Array, values: Array, spare: float) -> float:
     if spare < SPARE:
         return ASSUMED
 
+    from scipy.optimize import brentq  # here: it takes long to import, and few runs need it
+
+    squares = np.square(residual)
+
     def excess(s: float) -> float:
-        length = np.square(residual / np.sqrt(values + s**2)).sum(axis=1)
+        length = (squares / (values + s**2)).sum(axis=1)
         return float(np.minimum(length, BEND**2).mean() - MEAN_SQUARE * spare / residual.size)
 
-    low, high = 0.0, 10 * float(np.abs(residual).max())
-    if excess(low) <= 0:
-        return low
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return high
+    high = 10 * float(np.sqrt(squares.max()))
+    if excess(0.0) <= 0:
+        return 0.0
+    return high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=FINEST * high))

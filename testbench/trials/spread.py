@@ -7,6 +7,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from testbench.errors import Array
+
 SAME = 1e-6  #: Share of an error within which two models are the same.
 T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
@@ -28,9 +30,20 @@ Share = bool | float  #: Whether something holds, or the share of trials in whic
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Median, 5th and 95th percentile of at least one number."""
-    p05, median, p95 = np.percentile(values, [5, 50, 95])
-    return Spread(float(median), float(p05), float(p95))
+    """Median, 5th and 95th percentile of at least one number; NaN where one of them is."""
+    ordered = np.sort(np.asarray(values, dtype=float))
+    if math.isnan(ordered[-1]):
+        return Spread(math.nan, math.nan, math.nan)
+    return Spread(*(_quantile(ordered, share) for share in (0.5, 0.05, 0.95)))
+
+
+def _quantile(ordered: Array, share: float) -> float:
+    """To the bit np.quantile of sorted numbers, without its checks: a summary asks ten thousand times."""
+    place = (len(ordered) - 1) * share
+    k = int(place)
+    low, high = float(ordered[k]), float(ordered[min(k + 1, len(ordered) - 1)])
+    t = place - k
+    return low + (high - low) * t if t < 0.5 else high - (high - low) * (1 - t)
 
 
 def wins(ours: Iterable[float], theirs: Iterable[float]) -> int:
