@@ -1,7 +1,11 @@
 """What can go wrong, as few exception types as a caller can tell apart."""
 
+import contextlib
 import math
+import os
 import stat
+from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +15,9 @@ Array = npt.NDArray[np.float64]
 
 MAX_MESSAGE = 2000
 """Longest message about a file [characters]: a file of garbage is not repeated to its owner."""
+
+
+PLAIN = "expected a file, got a folder or a device"
 
 
 class BenchError(Exception):
@@ -44,25 +51,55 @@ class PoseError(BenchError):
     """A pose that the arm cannot take: outside its limits or in collision."""
 
 
-def read_bytes(path: Path, max_bytes: int) -> bytes:
-    """The content of a file that a user handed in.
+@contextlib.contextmanager
+def open_file(path: Path, max_bytes: int) -> Iterator[BufferedReader]:
+    """A file that a user handed in, to be read; no device, pipe or folder, which may have no end.
 
     Args:
         path: The file.
         max_bytes: Largest size that is read [byte].
 
     Raises:
-        InputError: When it is missing, no plain file, or too large.
+        InputError: When it is missing, no plain file, too large, or cannot be read in the block.
     """
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):  # a device or a pipe has no end
-            raise InputError(path, "", "expected a file, got a folder or a device")
-        if status.st_size > max_bytes:
-            raise InputError(path, "", f"expected at most {max_bytes} bytes, got {status.st_size}")
-        return path.read_bytes()
-    except OSError as err:
-        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
+        file = open(path, "rb", opener=_at_once)  # noqa: SIM115 - pathlib takes no opener
+    except IsADirectoryError as err:
+        raise InputError(path, "", PLAIN) from err
+    except (OSError, ValueError) as err:  # also a zero byte in its name
+        raise _unreadable(path, err) from err
+    with file:
+        try:
+            status = os.fstat(file.fileno())  # of what is open: another file may take its name
+            if not stat.S_ISREG(status.st_mode):
+                raise InputError(path, "", PLAIN)
+            if status.st_size > max_bytes:
+                raise InputError(path, "", f"expected at most {max_bytes} bytes, got {status.st_size}")
+            yield file
+        except OSError as err:
+            raise _unreadable(path, err) from err
+
+
+def _unreadable(path: Path, err: OSError | ValueError) -> InputError:
+    return InputError(path, "", f"cannot be read: {getattr(err, 'strerror', None) or err}")
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open without waiting for somebody who writes into a pipe; a device is not opened: some act on it."""
+    mode = os.stat(path).st_mode  # noqa: PTH116 - links are followed, as by open
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise IsADirectoryError
+    return os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC)
+
+
+def read_bytes(path: Path, max_bytes: int) -> bytes:
+    """The content of a file that a user handed in; raises what `open_file` raises."""
+    with open_file(path, max_bytes) as file:
+        size = os.fstat(file.fileno()).st_size
+        content = file.read(size + 1)
+        if len(content) > size:  # as files of the kernel do, which say that they are empty
+            raise InputError(path, "", "grows while it is read")
+        return content
 
 
 def read_text(path: Path, max_bytes: int) -> str:

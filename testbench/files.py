@@ -3,15 +3,17 @@
 import hashlib
 import json
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from testbench import __version__
+from testbench.errors import open_file
 
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
+MOST = 10**11  #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
 PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
@@ -21,7 +23,13 @@ def write_json(value: Any, file: Path) -> None:
 
 
 def write_manifest(
-    folder: Path, *, command: str, scenario: Any, seeds: range, arms: Sequence[Path], **measured: float
+    folder: Path,
+    *,
+    command: str,
+    scenario: Any,
+    seeds: range,
+    models: Mapping[str, Mapping[str, str]],
+    **measured: float,
 ) -> None:
     """manifest.json: what it takes to run again, and the names of all files of the run; so it comes last.
 
@@ -30,7 +38,7 @@ def write_manifest(
         command: The script.
         scenario: What was asked for, as plain data.
         seeds: Roots of randomness; empty where nothing is drawn.
-        arms: Folders of the arms.
+        models: Digests of the files of every arm, by its name.
         measured: Of the run itself, such as its seconds.
     """
     manifest = {
@@ -40,7 +48,7 @@ def write_manifest(
         **measured,
         "versions": versions(),
         "git": git_commit(ROOT),
-        "models": {arm.resolve().name: digests(arm) for arm in arms},
+        "models": models,
         "files": sorted({*inside(folder), "manifest.json"}),
     }
     write_json(manifest, folder / "manifest.json")
@@ -70,14 +78,10 @@ def sources() -> str:
     return whole.hexdigest()
 
 
-def digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file of an arm's folder, by its path in it."""
-    return {name: digest(folder / name) for name in inside(folder)}
-
-
-def digest(file: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+def digest(file: Path, max_bytes: int = MOST) -> str:
+    """SHA-256 of a file; InputError where it is no plain file, or too large."""
+    with open_file(file, max_bytes) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def git_commit(folder: Path) -> str:

@@ -122,6 +122,7 @@ KINDS = "hinge", "slide"
 COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
 
+FARTHEST = 1000.0  #: No joint turns or slides farther [rad, m].
 LONGEST = 3.0  #: No tube is longer than so many times the whole arm [1].
 
 
@@ -191,6 +192,9 @@ def _joint(rigid: Path, root: ET.Element, joint: JointEntry, body: str) -> Joint
         "expected no pos: the body's origin lies on the joint": moved,
         "axis: expected a direction, got zero": not any(numbers(rigid, own, "axis", 3)),
         f"range: expected lower < upper, got {own.get('range')!r}": not lower < upper,
+        f"range: expected limits up to {FARTHEST:g} rad or m, got {own.get('range')!r}": (
+            max(abs(lower), abs(upper)) > FARTHEST
+        ),
     }
     if wrong := [problem for problem, there in problems.items() if there]:
         raise InputError(rigid, f"<joint name={joint.name!r}>", wrong[0])

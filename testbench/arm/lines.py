@@ -6,6 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.parsers import expat
 
+from testbench.errors import InputError, read_bytes, read_text
+
+SHOWN = 80  #: Letters of a name that a place has.
+MAX_BYTES = 16_000_000  #: More than any file whose places are told.
 HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 KEY = re.compile(r"\s*([\w.-]+)\s*=")
 
@@ -37,8 +41,8 @@ def toml_place(path: Path, keys: Sequence[str | int]) -> str:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError):  # it has changed since it was read
+        return read_text(path, MAX_BYTES).splitlines()
+    except InputError:  # it has changed since it was read
         return []
 
 
@@ -75,8 +79,8 @@ def xml_place(path: Path, element: ET.Element) -> str:
 
     parser.StartElementHandler = start
     try:
-        parser.Parse(path.read_bytes(), True)
-    except (OSError, expat.ExpatError):
+        parser.Parse(read_bytes(path, MAX_BYTES), True)
+    except (InputError, expat.ExpatError):
         found.clear()  # it has changed since it was read
-    name = element.get("name")
+    name = element.get("name", "")[:SHOWN]
     return "".join(found) + (f"<{element.tag} name={name!r}>" if name else f"<{element.tag}>")

@@ -1,38 +1,35 @@
 """A stranger's MJCF, read as text: what an arm may contain, and where its chain is.
 
 MJCF can include any file of the disk, replicate without end and crash a reader; so an arm's file
-passes an allow-list of elements before MuJoCo or Pinocchio see it.
+passes an allow-list of elements and attributes before MuJoCo or Pinocchio see it.
 """
 
 import math
 import os
 import xml.etree.ElementTree as ET
+from collections import Counter
 from pathlib import Path
 
+from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
+from testbench.arm.mjcf_words import (
+    ALSO_WORDS,
+    ATTRIBUTES,
+    LARGEST,
+    LARGEST_OF,
+    LONGEST,
+    MOST,
+    MOST_NUMBERS,
+    MOST_OF,
+    NUMBERS,
+    WORDS,
+)
 from testbench.errors import InputError, read_text
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 64
-ELEMENTS = frozenset(
-    "mujoco compiler option flag visual global headlight quality map rgba scale statistic asset "
-    "material mesh default worldbody body inertial joint geom light camera contact exclude".split()
-)
-ATTRIBUTES = {
-    "compiler": frozenset("angle autolimits inertiafromgeom meshdir".split()),
-    "option": frozenset("gravity jacobian timestep integrator cone solver iterations tolerance".split()),
-    "flag": frozenset("contact filterparent midphase nativeccd multiccd energy".split()),
-    "body": frozenset("name childclass pos quat axisangle euler xyaxes zaxis".split()),
-    "joint": frozenset("name type axis pos range limited armature damping group".split()),
-}
-"""What may be said of the elements that statics depends on: no wind, no gravcomp, gravity never off."""
-NUMBERS = {
-    **{"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3},
-    **{"diaginertia": 3, "fullinertia": 6},
-}
-"""How many numbers place a body or give its inertia."""
-LARGEST = 1e6  #: Largest length, angle, mass or inertia of an arm; beyond it an exponent is a slip.
+SHOWN = 80  #: Characters of a value that a message repeats.
 GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
 
 
@@ -51,28 +48,54 @@ def read_mjcf(path: Path) -> ET.Element:
 
 
 def _check_elements(path: Path, root: ET.Element) -> None:
-    level = [root]
+    level, count = [root], Counter[str]()
     for _ in range(MAX_DEPTH + 1):
         for e in level:
-            if e.tag not in ELEMENTS:
-                raise InputError(path, f"<{e.tag}>", f"not allowed in an arm; allowed are {sorted(ELEMENTS)}")
+            if e.tag not in ATTRIBUTES:
+                allowed = f"not allowed in an arm; allowed are {sorted(ATTRIBUTES)}"
+                raise InputError(path, f"<{e.tag}>", allowed)
             _check_attributes(path, e)
+        count.update(e.tag for e in level)
         level = [child for e in level for child in e]
     if level:
         raise InputError(path, "", f"expected at most {MAX_DEPTH} nested elements")
+    for tag, most in MOST_OF.items():
+        if count[tag] > most:
+            raise InputError(path, f"<{tag}>", f"expected at most {most} in an arm, got {count[tag]}")
+    if count.total() > MOST:
+        raise InputError(path, "", f"expected at most {MOST} elements, got {count.total()}")
 
 
 def _check_attributes(path: Path, e: ET.Element) -> None:
+    known = ATTRIBUTES[e.tag]
+    if not set(e.attrib) <= known:
+        extra = next(key for key in e.attrib if key not in known)
+        problem = f"{_short(extra)} is not allowed; allowed are {sorted(known)}"
+        raise InputError(path, xml_place(path, e), problem)
     for key, value in e.attrib.items():
-        if not all(map(_finite, value.split())):
-            raise InputError(path, xml_place(path, e), f"{key}: expected finite numbers, got {value!r}")
-    known = ATTRIBUTES.get(e.tag)
-    if known and not set(e.attrib) <= known:
-        extra = sorted(set(e.attrib) - known)
-        raise InputError(path, xml_place(path, e), f"not allowed: {extra}; allowed are {sorted(known)}")
+        if key in WORDS or (e.tag, key) in ALSO_WORDS:
+            if len(value) > LONGEST:
+                raise InputError(path, xml_place(path, e), f"{key}: expected at most {LONGEST} characters")
+        else:
+            _check_numbers(path, e, key, value)
     if e.tag == "default" and e.find("joint") is not None:
         raise InputError(path, xml_place(path, e), "no defaults for joints: write them at the joint")
     _check_values(path, e)
+
+
+def _check_numbers(path: Path, e: ET.Element, key: str, text: str) -> None:
+    most, count = LARGEST_OF.get(key, LARGEST), MOST_NUMBERS if e.tag != "mesh" else MAX_BYTES
+    try:
+        values = read_decimals(text.split(maxsplit=count))
+    except ValueError:
+        values = [math.nan]
+    if len(values) > count or not all(abs(x) <= most for x in values):
+        problem = f"expected finite numbers up to {most:g}, {WRITTEN}, got {_short(text)}"
+        raise InputError(path, xml_place(path, e), f"{key}: {problem}")
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
 
 
 def _check_values(path: Path, e: ET.Element) -> None:
@@ -95,16 +118,25 @@ def _check_values(path: Path, e: ET.Element) -> None:
 
 def _check_files(path: Path, root: ET.Element) -> None:
     """Every file that the MJCF names lies in the arm's folder, symbolic links followed."""
-    folder = path.parent
-    meshdir = folder.joinpath(*(c.get("meshdir", "") for c in root.iter("compiler")))
+    home, folder = os.path.realpath(path.parent), _mesh_folder(path, root)
     for e in root.iter():
         for key in [key for key in ("file", "meshdir") if key in e.attrib]:
-            for base in (folder, meshdir):
-                real = os.path.realpath(base / e.attrib[key])
-                if not Path(real).is_relative_to(os.path.realpath(folder)):
-                    raise InputError(
-                        path, xml_place(path, e), f"{key}: expected a file inside the arm's folder"
-                    )
+            for base in (path.parent, folder):
+                if not Path(os.path.realpath(base / e.attrib[key])).is_relative_to(home):
+                    problem = f"{key}: expected a file inside the arm's folder"
+                    raise InputError(path, xml_place(path, e), problem)
+
+
+def _mesh_folder(path: Path, root: ET.Element) -> Path:
+    """Where meshes are: the last <compiler> with a meshdir counts."""
+    folders = [c.attrib["meshdir"] for c in root.iter("compiler") if "meshdir" in c.attrib]
+    return path.parent / (folders[-1] if folders else "")
+
+
+def mesh_files(path: Path, root: ET.Element) -> dict[str, Path]:
+    """Mesh files by the names that the MJCF has for them."""
+    folder = _mesh_folder(path, root)
+    return {name: folder / name for e in root.iter("mesh") if (name := e.get("file"))}
 
 
 def assets(path: Path, root: ET.Element) -> list[str]:
@@ -114,22 +146,12 @@ def assets(path: Path, root: ET.Element) -> list[str]:
         InputError: When one is named by a path that no copy of the folder has.
     """
     folder, found = path.parent.absolute(), set()
-    meshdir = ([c.attrib["meshdir"] for c in root.iter("compiler") if "meshdir" in c.attrib] or [""])[-1]
-    for e in root.iter():
-        if "file" not in e.attrib:
-            continue
-        name = os.path.normpath(folder / meshdir / e.attrib["file"])
-        if Path(e.attrib["file"]).is_absolute() or not Path(name).is_relative_to(folder):
-            raise InputError(path, xml_place(path, e), "file: expected a path from the arm's folder")
-        found.add(Path(name).relative_to(folder).as_posix())
+    for name, file in mesh_files(path, root).items():
+        real = os.path.normpath(file.absolute())
+        if Path(name).is_absolute() or not Path(real).is_relative_to(folder):
+            raise InputError(path, f"<mesh file={name!r}>", "file: expected a path from the arm's folder")
+        found.add(Path(real).relative_to(folder).as_posix())
     return sorted(found)
-
-
-def _finite(word: str) -> bool:
-    try:
-        return math.isfinite(float(word))
-    except ValueError:
-        return True  # a word
 
 
 def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
@@ -142,11 +164,11 @@ def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
     if text is None:
         raise InputError(path, xml_place(path, e), f"expected an attribute {key} of {count} number(s)")
     try:
-        values = [] if "_" in text else [float(word) for word in text.split()]  # Python reads 1_0 as 10
+        values = read_decimals(text.split())
     except ValueError:
         values = []
     if len(values) != count or not all(abs(x) <= LARGEST for x in values):
-        problem = f"expected {count} number(s) up to {LARGEST:g}, got {text!r}"
+        problem = f"expected {count} number(s) up to {LARGEST:g}, got {_short(text)}"
         raise InputError(path, xml_place(path, e), f"{key}: {problem}")
     return values
 

@@ -5,7 +5,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf_words import NUMBERS
 from testbench.arm.urdf_text import NEW_STAMP, origin_of, words
 from testbench.bench.export_geometry import Rigid
 from testbench.errors import Array

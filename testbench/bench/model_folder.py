@@ -9,7 +9,7 @@ import shutil
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -22,10 +22,11 @@ from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
+from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
 from testbench.bench.model_document import Document, Head, WeightsRow
 from testbench.bench.model_seal import check_document, check_posterior, sealed
-from testbench.errors import Array, BenchError, InputError, check_array, read_bytes, read_text
+from testbench.errors import Array, BenchError, InputError, check_array, open_file, read_bytes, read_text
 from testbench.model.weights import Weights
 
 DOCUMENT, POSTERIOR, FITS = "model.json", "posterior.npz", "models.json"
@@ -53,14 +54,29 @@ def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
     Raises:
         InputError: When a file that rigid.xml names cannot be copied.
     """
-    names, own = (*ARM, *assets(arm.rigid, read_mjcf(arm.rigid))), arm.rigid.parent
+    names, own = arm_files(arm.rigid.parent), arm.rigid.parent
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        try:
-            shutil.copyfile(own / name, folder / name)
-        except OSError as err:
-            raise InputError(own / name, "", f"cannot be copied: {err.strerror}") from err
+        with open_file(own / name, MESH_BYTES) as source, (folder / name).open("wb") as copy:
+            shutil.copyfileobj(source, copy)
     return {name: files.digest(folder / name) for name in names}
+
+
+def arm_files(folder: Path) -> tuple[str, ...]:
+    """The files of an arm by their paths in its folder: what else lies there is none of ours."""
+    rigid = folder / ARM[0]
+    return (*ARM, *assets(rigid, read_mjcf(rigid)))
+
+
+def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:
+    """SHA-256 of every file of arms, or of models of arms, by the folder's name and the path in it."""
+    return {folder.resolve().name: _digests(folder) for folder in folders}
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}
+    sizes = dict.fromkeys(arm_files(folder), MESH_BYTES) | model
+    return {name: files.digest(folder / name, size) for name, size in sizes.items()}
 
 
 def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
@@ -136,7 +152,9 @@ def read_arm(folder: Path, found: Document, *, meshes: bool) -> Arm:
 
 def _check_same(folder: Path, names: Sequence[str], found: Document) -> None:
     for name in names:
-        if not (folder / name).is_file() or files.digest(folder / name) != found.digests.get(name):
+        if not (folder / name).is_file() or files.digest(folder / name, MESH_BYTES) != found.digests.get(
+            name
+        ):
             raise InputError(folder / name, "", "is not the arm of the model; it has changed")
 
 
@@ -148,7 +166,7 @@ def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
     """
     place = find_arm(arm)
     for name in ARM:
-        own = files.digest(place / name) if (place / name).is_file() else "none"
+        own = files.digest(place / name, MESH_BYTES) if (place / name).is_file() else "none"
         if own != found.digests.get(name):
             digests = f"{name}: digest {str(found.digests.get(name))[:12]}, that of {place} has {own[:12]}"
             raise InputError(folder, "", f"is a model of another arm, {found.arm} ({digests})")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.decimal import read_decimals
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.plan_settings import LOAD_RANGE, PULL_RANGE, Place
@@ -157,7 +158,7 @@ def box(text: str) -> tuple[Place, Place]:
 
 def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
     try:
-        values = tuple(float(part) for part in text.split(","))
+        values = tuple(read_decimals(part.strip() for part in text.split(",")))
     except ValueError:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):

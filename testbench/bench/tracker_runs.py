@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.arm.decimal import read_decimals
 from testbench.bench.campaign import stream
 from testbench.bench.plan_settings import Place
 from testbench.data.dataset import Dataset
@@ -22,7 +23,7 @@ def places(texts: Sequence[str]) -> list[Place]:
     found = []
     for text in texts:
         try:
-            x, y, z = (float(part) for part in text.split(","))
+            x, y, z = read_decimals(part.strip() for part in text.split(","))
         except ValueError as err:
             raise BenchError(
                 f"--tracker: expected x,y,z in metres, such as 4,-1,1.5, got {text[:80]!r}"

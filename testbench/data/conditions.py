@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.arm.decimal import is_integer
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.data.columns import Column, Columns, axes, joint_coordinates
 from testbench.data.dataset import Ids, Mask
 from testbench.data.names import WHEN, Slot
-from testbench.data.table import is_integer
 from testbench.errors import Array, InputError
 
 SAME_POSE = 1e-6

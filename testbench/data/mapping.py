@@ -1,6 +1,5 @@
 """A map: how somebody's export names our quantities, as TOML of a few lines."""
 
-import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
+from testbench.arm.decimal import is_decimal
 from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.lines import toml_place
@@ -20,7 +20,7 @@ from testbench.data.names import (
     recognise,
     squeeze,
 )
-from testbench.data.units import NUMBER, Unit, split_unit
+from testbench.data.units import Unit, split_unit
 from testbench.errors import InputError, read_text
 
 MAX_BYTES = 20_000
@@ -149,7 +149,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
         values=_values(where, found, ours),
         cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
         lost=dict.fromkeys(lost, ""),
-        loads={word: key for key, own in words.items() if _is_number(key) for word in own},
+        loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
         frame=found.frame,
         layout=found.file,
         series=found.series,
@@ -181,14 +181,10 @@ def _tuple(words: str | list[str]) -> tuple[str, ...]:
 def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
     known = [*STATES, *arm.markers, IGNORE, LOST]
     for key in found.words:
-        if key not in known and not _is_number(key):
+        if key not in known and not is_decimal(key):
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
     words = {key: _tuple(value) for key, value in found.words.items()}
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
-
-
-def _is_number(text: str) -> bool:
-    return re.fullmatch(NUMBER, text) is not None
 
 
 def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str]:

@@ -10,11 +10,12 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
+from testbench.arm.decimal import NUMBER, is_integer
 from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import read_letters, split_lines
 from testbench.data.mapping import Layout
-from testbench.data.units import NUMBER, Unit
+from testbench.data.units import Unit
 from testbench.errors import Array, InputError
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
@@ -165,14 +166,6 @@ class Table:
             hint = f"; {hint}" if marked else words
             raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
         return np.asarray(values)
-
-
-def is_integer(text: str) -> bool:
-    """Whether a text is an integer of 64 bits; Python itself reads 1_0 as 10."""
-    try:
-        return "_" not in text and -(2**63) <= int(text) < 2**63
-    except ValueError:
-        return False
 
 
 def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:

@@ -40,8 +40,6 @@ OTHER_NAMES = {
     "n·m": "nm",
 }
 """What files write for these, in small letters; both micro signs become the Greek letter."""
-NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
-"""A number that is read, with a point as decimal mark."""
 KNOWN = {unit.name.lower(): unit for unit in UNITS}
 LONGEST = 200  #: Letters of the longest name that may end with a unit.
 BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")

@@ -14,12 +14,17 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import read_mjcf
+from testbench.arm.mesh import read_meshes
+from testbench.arm.mjcf import mesh_files, read_mjcf
+from testbench.arm.mjcf_words import LENGTH
 from testbench.errors import Array, InputError
 from testbench.plant.elastic import elastic_mjcf, theta_names
 
 Index = npt.NDArray[np.int_]
 
+REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+"""What MuJoCo raises of a model that it does not compile."""
+MOST_PAIRS = 50_000  #: Geoms that may collide: 316 on ten links.
 ABREAST = 8  #: Arms side by side. MuJoCo compiles them in 15 ms; time grows with their square.
 
 
@@ -54,15 +59,38 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
     Raises:
         InputError: When MuJoCo refuses it.
     """
-    root = read_mjcf(path)
-    meshdir = path.parent.joinpath(*(c.get("meshdir", "") for c in root.iter("compiler")))
+    meshes = read_meshes(mesh_files(path, read_mjcf(path)))
     try:
-        meshes = {f: (meshdir / f).read_bytes() for m in root.iter("mesh") if (f := m.get("file"))}
-        return mujoco.MjModel.from_xml_string(text, meshes)
-    except OSError as err:
-        raise InputError(path, f"mesh {err.filename}", f"cannot be read: {err.strerror}") from err
-    except ValueError as err:
+        model = mujoco.MjModel.from_xml_string(text, meshes)
+    except REFUSED as err:
         raise InputError(path, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err
+    check_geoms(path, model)
+    return model
+
+
+def check_geoms(path: Path, model: mujoco.MjModel) -> None:
+    """Refuse geoms of a size that no arm has, and so many that poses take long to judge."""
+    _check_lengths(path, model)
+    _check_pairs(path, model)
+
+
+def _check_lengths(path: Path, model: mujoco.MjModel) -> None:
+    bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
+    for g in np.flatnonzero(bounded & ~(reach <= LENGTH)).tolist():
+        place = f"<geom name={model.geom(g).name!r}>"
+        raise InputError(path, place, f"expected lengths up to {LENGTH:g} m, got {reach[g]:.3g} m")
+
+
+def _check_pairs(path: Path, model: mujoco.MjModel) -> None:
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    own = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
+    pairs = int(own.sum() ** 2 - (own**2).sum()) // 2
+    if pairs > MOST_PAIRS:
+        problem = (
+            f"expected at most {MOST_PAIRS} pairs of geoms of different bodies that collide, got {pairs}"
+        )
+        raise InputError(path, "<geom>", problem)
 
 
 def build_plant(arm: Arm) -> Plant:

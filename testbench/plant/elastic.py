@@ -6,17 +6,16 @@ The result is plain MJCF that MuJoCo's own viewer opens.
 """
 
 import copy
-import filecmp
 import os
-import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 
 from testbench.arm.folder import Arm, Link
-from testbench.arm.mjcf import find_body, read_mjcf
-from testbench.errors import Array, InputError
+from testbench.arm.mesh import MAX_BYTES, read_meshes
+from testbench.arm.mjcf import assets, find_body, read_mjcf
+from testbench.errors import Array, InputError, read_bytes
 from testbench.output.scratch import whole_file, write_whole
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
@@ -173,20 +172,18 @@ def write_elastic(arm: Arm, file: Path) -> None:
     if file.resolve().is_relative_to(source.resolve()):
         raise InputError(file, "", "expected a place outside the arm's own folder")
     text = elastic_mjcf(arm)
-    root = ET.fromstring(text)
-    meshdir = Path(*(c.get("meshdir", "") for c in root.iter("compiler")))
-    meshes = [meshdir / name for name in (m.get("file") for m in root.iter("mesh")) if name]
-    for mesh in meshes:
-        _check_mesh(source / mesh, file.parent / mesh, file.parent)
-    for mesh in meshes:
-        with whole_file(file.parent / mesh) as part:
-            shutil.copyfile(source / mesh, part)
+    meshes = read_meshes({name: source / name for name in assets(arm.rigid, read_mjcf(arm.rigid))})
+    for name, content in meshes.items():
+        _check_mesh(content, file.parent / name, file.parent)
+    for name, content in meshes.items():
+        with whole_file(file.parent / name) as part:
+            part.write_bytes(content)
     write_whole(text, file)
 
 
-def _check_mesh(source: Path, copy: Path, folder: Path) -> None:
+def _check_mesh(content: bytes, copy: Path, folder: Path) -> None:
     """Refuse a copy of a mesh outside of the folder, or in place of another file."""
     if not Path(os.path.realpath(copy)).is_relative_to(os.path.realpath(folder)):
         raise InputError(copy, "", f"expected a mesh inside of {folder}")
-    if os.path.lexists(copy) and not (copy.is_file() and filecmp.cmp(source, copy, shallow=False)):
+    if os.path.lexists(copy) and not (copy.is_file() and read_bytes(copy, MAX_BYTES) == content):
         raise InputError(copy, "", "is not the arm's mesh; choose another folder, or move it away")

@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -9,11 +10,12 @@ import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, PoseError, check_array
+from testbench.errors import Array, InputError, PoseError, check_array
 from testbench.plant.build import compile_mjcf
 
 COLLIDES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
 """Of a geom that collides with all that collides, whatever the defaults of a stranger's MJCF say."""
+MOST_CONTACTS = 5000  #: In one pose.
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
         data.qpos[room.joints] = pose
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        mujoco.mj_collision(model, data)
+        collide(room.arm.rigid, model, data)
         touching = data.contact.geom[data.contact.dist < 0]
         if len(touching):
             bodies = [model.body(int(model.geom_bodyid[g])).name for g in touching[0]]
@@ -76,6 +78,22 @@ def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
         else:
             found.append(None)
     return found
+
+
+def collide(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """MuJoCo's contacts in a pose.
+
+    Raises:
+        InputError: When there are more of them than any arm has.
+    """
+    try:
+        mujoco.mj_collision(model, data)
+        count = int(data.ncon)
+    except mujoco.FatalError:  # they are beyond MuJoCo's own memory
+        count = MOST_CONTACTS + 1
+    if count > MOST_CONTACTS:
+        problem = f"expected at most {MOST_CONTACTS} contacts in a pose, got more: use simpler geoms"
+        raise InputError(path, "<geom>", problem)
 
 
 def check_poses(room: Room, q: Array) -> None:

@@ -20,7 +20,7 @@ from testbench.arm.mjcf import read_mjcf
 from testbench.data.station import check_position
 from testbench.errors import Array, BenchError, check_array, check_least
 from testbench.plant.build import compile_mjcf
-from testbench.plant.feasible import COLLIDES, lay_floor
+from testbench.plant.feasible import COLLIDES, collide, lay_floor
 from testbench.plant.shapes import VISUAL_GROUPS
 
 Index = npt.NDArray[np.int_]
@@ -265,7 +265,7 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     found: list[Contact | None] = []
     geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
     for data in _poses(site, q):
-        mujoco.mj_collision(site.model, data)
+        collide(site.arm.rigid, site.model, data)
         found.append(None)
         geoms.append(data.contact.geom.copy())
         depths.append(data.contact.dist.copy())

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from testbench import files
+from testbench.bench.model_folder import digests
 from testbench.errors import BenchError
 from testbench.output.run import check_folder, whole_folder
 from testbench.shell.backend import choose_backend
@@ -57,7 +58,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    scenario = {"settings": plain, "models": {arm.name: files.digests(arm) for arm in arms}}
+    scenario = {"settings": plain, "models": digests(arms)}
     script = f"scenarios/{study.name}.py"
     check_folder(out, script, inputs=arms, force=common.force)
     experiment = Experiment(study.name, scenario, seeds)
@@ -75,7 +76,9 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
         _write(study, found)
         seconds = time.perf_counter() - start
-        files.write_manifest(folder, command=script, scenario=plain, seeds=seeds, arms=arms, seconds=seconds)
+        files.write_manifest(
+            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds
+        )
     terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
 

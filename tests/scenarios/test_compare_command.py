@@ -17,6 +17,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario
 from testbench.bench.compare_numbers import differ, differ_paired
 from testbench.bench.error_places import Places
+from testbench.bench.model_folder import digests
 from testbench.bench.rows import ErrorRow
 from testbench.cli.program import program
 from testbench.studies.gravity_calibration.study import STUDY
@@ -83,7 +84,7 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
     arms = [find_arm("kr500_l480")]
     script = "scenarios/gravity_calibration.py"
-    files.write_manifest(out, command=script, scenario=plain, seeds=seeds, arms=arms, seconds=1.0)
+    files.write_manifest(out, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=1.0)
     return out
 
 
@@ -222,7 +223,7 @@ def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path)
     first.mkdir()
     found = LOADED.summary(asked, seeds, zip(seeds, LOADED.trials(asked, seeds), strict=True))
     files.write_json(to_json(found), first / "report.json")
-    files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, arms=[])
+    files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, models={})
     [column] = [c for c in LOADED.tables(found)["rows"].columns if c.key == "max_mm"]
 
     def plant(report):

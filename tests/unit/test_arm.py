@@ -407,7 +407,7 @@ WRONG_CHAIN = {
     "a range too wide to draw from": (
         HINGE,
         '<joint name="joint_2" axis="0 1 0" range="-1e308 1e308"/>',
-        ["<joint name='joint_2'>: range: expected 2 number(s) up to 1e+06"],
+        ["<joint name='joint_2'>: range: expected finite numbers up to 1e+06"],
     ),
     "a zero axis": (
         HINGE,

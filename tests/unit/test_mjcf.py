@@ -107,16 +107,16 @@ def test_numbers_that_are_not_finite_are_refused(tmp_path: Path, number: str, el
 
 WRONG = {
     "a zero mass": ('<inertial pos="0 0 0" mass="0"/>', "<inertial>: mass: expected more than 0 kg, got 0.0"),
-    "a mass in words": ('<inertial pos="0 0 0" mass="heavy"/>', "mass: expected 1 number(s)"),
+    "a mass in words": ('<inertial pos="0 0 0" mass="heavy"/>', "mass: expected finite numbers up to 1e+06"),
     "a mass beyond any arm": (
         '<inertial pos="0 0 0" mass="1e300"/>',
-        "mass: expected 1 number(s) up to 1e+06",
+        "mass: expected finite numbers up to 1e+06",
     ),
     "a body turned by three of four": ('<body quat="1 0 0"/>', "<body>: quat: expected 4 number(s)"),
-    "a weightless body": ('<body gravcomp="1"/>', "<body>: not allowed: ['gravcomp']; allowed are"),
+    "a weightless body": ('<body gravcomp="1"/>', "<body>: 'gravcomp' is not allowed; allowed are"),
     "a spring in the rigid arm": (
         '<joint stiffness="1"/>',
-        "<joint>: not allowed: ['stiffness']; allowed are",
+        "<joint>: 'stiffness' is not allowed; allowed are",
     ),
     "a default joint": ("<default><joint/></default>", "<default>: no defaults for joints"),
     "gravity on the moon": ('<option gravity="0 0 -1.62"/>', "<option>: gravity: expected '0 0 -9.81'"),

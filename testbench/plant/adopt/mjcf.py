@@ -16,6 +16,7 @@ from testbench.plant.adopt.pose import moved, pose_of
 from testbench.plant.adopt.solids import solid_shape
 from testbench.plant.adopt.tree import Body, Tree
 from testbench.plant.adopt.urdf import SLIDE, UNLIMITED
+from testbench.plant.build import REFUSED
 from testbench.plant.shapes import KINDS, VISUAL_GROUPS, geom_rgba
 
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
@@ -54,7 +55,7 @@ def _compile(file: Path, cleaned: Cleaned) -> tuple[mujoco.MjModel, list[bool]]:
         with warnings.catch_warnings(action="ignore"):  # of masses and motors, which statics does not ask
             model = spec.compile()
         stated = [bool(body.explicitinertial) for body in spec.bodies]
-    except (ValueError, mujoco.FatalError, mujoco.UnexpectedError) as err:
+    except REFUSED as err:
         raise InputError(file, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err
     return model, stated
 

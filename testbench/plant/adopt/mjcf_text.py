@@ -12,7 +12,7 @@ from pathlib import Path
 from testbench.errors import InputError
 from testbench.plant.adopt.meshes import Meshes
 from testbench.plant.adopt.mjcf_assets import read_assets
-from testbench.plant.adopt.source import MAX_ELEMENTS, beside, check_finite, need, read_xml, where
+from testbench.plant.adopt.source import MAX_ELEMENTS, beside, check_numbers, need, read_xml, where
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
@@ -63,7 +63,7 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
     left_out = _keep(root)
     for e in root.iter():
         for key in e.attrib:
-            check_finite(file, e, key)
+            check_numbers(file, e, key)
     _simplify(root)
     meshes = Meshes()
     assets = read_assets(file, root, folder, meshes)

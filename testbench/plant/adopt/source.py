@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
 from testbench.errors import Array, InputError, read_text
 from testbench.plant.adopt.pose import pose_of, turned
@@ -50,24 +51,29 @@ def read_numbers(file: Path, e: ET.Element, key: str, default: str, count: int) 
     """
     text = e.get(key, default)
     try:
-        values = [float(word) for word in text.split()]
+        values = read_decimals(text.split())
     except ValueError:
         values = []
-    if len(values) != count or "_" in text or not all(abs(x) <= LARGEST for x in values):
+    if len(values) != count or not all(abs(x) <= LARGEST for x in values):
         problem = f"{key}: expected {count} number(s) up to {LARGEST:g}, got {text[:80]!r}"
         raise InputError(file, where(e), problem)
     return np.array(values)
 
 
-def check_finite(file: Path, e: ET.Element, key: str) -> None:
-    """Refuse an attribute of numbers if one of them is no number or too large, with an InputError."""
+def check_numbers(file: Path, e: ET.Element, key: str) -> None:
+    """Refuse an attribute that Python reads as numbers if one of them is no decimal, or too large."""
+    text = e.get(key, "")
     try:
-        values = [float(word) for word in e.get(key, "").split()]
+        list(map(float, text.split()))
     except ValueError:
         return  # words
-    if not all(abs(x) <= LARGEST for x in values):
-        text = e.get(key, "")[:80]
-        raise InputError(file, where(e), f"{key}: expected numbers up to {LARGEST:g}, got {text!r}")
+    try:
+        sound = all(abs(x) <= LARGEST for x in read_decimals(text.split()))
+    except ValueError:
+        sound = False
+    if not sound:
+        problem = f"{key}: expected numbers up to {LARGEST:g}, {WRITTEN}, got {text[:80]!r}"
+        raise InputError(file, where(e), problem)
 
 
 def read_number(file: Path, e: ET.Element, key: str, default: float) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.arm.decimal import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.errors import Array, BenchError, check_array
 from testbench.plant.adopt.pose import pose_of, turned
@@ -69,7 +70,7 @@ def _marker(text: str) -> tuple[str, Array]:
 
 def _numbers(flag: str, text: str, counts: tuple[int, ...]) -> Array:
     try:
-        values = check_array([float(word) for word in text.split(",")], (None,), flag)
+        values = check_array(read_decimals(word.strip() for word in text.split(",")), (None,), flag)
     except ValueError as err:
         raise BenchError(f"{flag}: expected numbers with commas between, got {text!r}") from err
     if len(values) not in counts:

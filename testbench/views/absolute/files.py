@@ -10,6 +10,7 @@ from testbench.bench.absolute_doubts import doubts
 from testbench.bench.absolute_model import write_model
 from testbench.bench.absolute_summary import Reported
 from testbench.bench.campaign import Cell
+from testbench.bench.model_folder import digests
 from testbench.output.run import whole_folder
 from testbench.views.absolute.words import words
 from testbench.views.page.page import write_page
@@ -54,5 +55,5 @@ def write(
         write_absolute(folder / "recording.rrd", header, scene(cell, reported))
         write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, reported))
         files.write_manifest(
-            folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[cell.arm.rigid.parent]
+            folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests([cell.arm.rigid.parent])
         )

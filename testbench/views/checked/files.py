@@ -4,6 +4,7 @@ from pathlib import Path
 
 from testbench import files
 from testbench.bench.checked import Checked
+from testbench.bench.model_folder import digests
 from testbench.output.run import whole_folder
 from testbench.views.checked.words import words
 from testbench.views.page.page import write_page
@@ -21,4 +22,4 @@ def write(checked: Checked, arm: Path, out: Path) -> None:
         picture(checked).savefig(folder / "arm.png")
         write_arm(folder / "recording.rrd", checked)
         write_page(folder, f"{COMMAND}: {checked.cell.arm.name}", words(checked), seen(checked))
-        files.write_manifest(folder, command=COMMAND, scenario={}, seeds=range(0), arms=[arm])
+        files.write_manifest(folder, command=COMMAND, scenario={}, seeds=range(0), models=digests([arm]))

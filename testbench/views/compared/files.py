@@ -39,7 +39,7 @@ def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
         write_beside(folder / "recording.rrd", header, scene(report, _maps(runs, report)))
         write_page(folder, "Compare", text, Seen(tables=sortable(report)))
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[])
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), models={})
 
 
 def _maps(runs: Sequence[Finished], report: ComparedReport) -> list[RunMap]:

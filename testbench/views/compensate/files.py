@@ -9,6 +9,7 @@ from testbench import files
 from testbench.bench.campaign import Cell
 from testbench.bench.compensate import CorrectedProgram, more_columns
 from testbench.bench.compensate_report import CompensationReport
+from testbench.bench.model_folder import digests
 from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program_corrected import write_program
 from testbench.output.place import Kind
@@ -72,7 +73,7 @@ def write(
         write_compensated(folder / "recording.rrd", header, scene(cell, found, report))
         write_page(folder, f"{COMMAND}: {report.program}", text, seen(cell, found, report))
         files.write_manifest(
-            folder, command=COMMAND, scenario=asked, seeds=range(0), arms=[cell.arm.rigid.parent]
+            folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests([cell.arm.rigid.parent])
         )
         write_corrected(found, to)
 

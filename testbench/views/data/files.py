@@ -4,6 +4,7 @@ from pathlib import Path
 
 from testbench import files
 from testbench.bench.campaign import Cell
+from testbench.bench.model_folder import digests
 from testbench.output.run import whole_folder
 from testbench.views.data.words import CheckedRuns, words
 from testbench.views.page.page import write_page
@@ -22,4 +23,6 @@ def write(cell: Cell, runs: CheckedRuns, out: Path) -> None:
         write_data(folder / "recording.rrd", cell, runs)
         write_page(folder, f"{COMMAND}: {runs.name}", words(runs), seen(cell, runs))
         arms = [cell.arm.rigid.parent]
-        files.write_manifest(folder, command=COMMAND, scenario={"data": runs.name}, seeds=range(0), arms=arms)
+        files.write_manifest(
+            folder, command=COMMAND, scenario={"data": runs.name}, seeds=range(0), models=digests(arms)
+        )

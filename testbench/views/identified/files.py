@@ -8,7 +8,7 @@ from pathlib import Path
 from testbench import files
 from testbench.bench.campaign import Cell
 from testbench.bench.explained import Explained
-from testbench.bench.model_folder import FITS
+from testbench.bench.model_folder import FITS, digests
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.output.run import whole_folder
 from testbench.views.identified.report import report_of
@@ -67,5 +67,5 @@ def write(source: Source, made: Explained, out: Path) -> Words:
         write_absolute(folder / "recording.rrd", header, scene(source.filed, made, report))
         write_page(folder, f"{COMMAND}: {fits.arm}", text, seen(source.filed, made, report))
         arms = [cell.arm.rigid.parent]
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=arms)
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests(arms))
     return text

@@ -11,6 +11,7 @@ from testbench.bench.absolute_plan import AbsolutePlanned
 from testbench.bench.absolute_plan_report import AbsolutePlanReport
 from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
 from testbench.bench.campaign import Cell
+from testbench.bench.model_folder import digests
 from testbench.data.posefile import absolute_columns
 from testbench.model.vjm import chain
 from testbench.output.run import whole_folder
@@ -45,7 +46,7 @@ def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
         write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, planned, tools))
         seeds = range(report.seed, report.seed + 1)
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, arms=[arm])
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, models=digests([arm]))
 
 
 def write_poses(report: AbsolutePlanReport, joints: Sequence[Joint], path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from testbench import files
 from testbench.arm.folder import Joint
 from testbench.bench.campaign import Cell
+from testbench.bench.model_folder import digests
 from testbench.bench.plan import Planned
 from testbench.bench.plan_report import PlanReport, PoseRow, Row
 from testbench.bench.plan_settings import PlanSettings
@@ -50,7 +51,7 @@ def write(cell: Cell, planned: Planned, arm: Path, task: Path, out: Path) -> Non
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
         write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
         write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, planned, tools))
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, arms=[arm])
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, models=digests([arm]))
 
 
 def write_poses(report: PlanReport, joints: Sequence[Joint], path: Path) -> None:

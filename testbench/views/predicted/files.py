@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from testbench import files
+from testbench.bench.model_folder import digests
 from testbench.bench.prediction import Predicted
 from testbench.bench.prediction_report import PredictionReport
 from testbench.output.run import whole_folder
@@ -44,4 +45,4 @@ def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object]
         write_prediction(folder / "recording.rrd", header, scene(made, report))
         write_page(folder, f"{COMMAND}: {report.file}", text, seen(made, report))
         model = [made.model.arm.rigid.parent]
-        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), arms=model)
+        files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests(model))
