@@ -55,7 +55,7 @@ def filled(kind, rng, rows, /, **fixed):
 
 def of_one_trial(kind, rng, /, **fixed):
     """A row of one trial: its numbers have no spread, its shares are truth values."""
-    return _filled(kind, rng, fixed, one=True)
+    return _filled(kind, rng, {name: single(value) for name, value in fixed.items()}, one=True)
 
 
 def spread(rng):
