@@ -1,5 +1,6 @@
 """What a table shows: columns declared once, for terminal, report.md, figures and recording alike."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -150,7 +151,9 @@ def show(value: object, form: str = ".3f") -> str:
         return value
     if form == "yes":
         return show_truth(value)  # type: ignore[arg-type]
-    if isinstance(value, Spread) and value.p05 == value.p95:  # one trial, or all alike
+    if isinstance(value, Spread) and (
+        value.p05 == value.p95 or math.isnan(value.median)
+    ):  # one, or all alike
         return _form(value.median, form)
     if isinstance(value, Spread):
         return f"{_form(value.median, form)} ({_form(value.p05, form)} to {_form(value.p95, form)})"
@@ -158,6 +161,8 @@ def show(value: object, form: str = ".3f") -> str:
 
 
 def _form(value: object, form: str) -> str:
+    if isinstance(value, float) and math.isnan(value):
+        return "-"
     text = plain(format(value, form))
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text  # never "-0.000"
 

@@ -9,7 +9,9 @@ import trimesh
 
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.trials.spread import Spread
+from testbench.views.colours import look
 from testbench.views.page import html
+from testbench.views.page.charts import Line, PlaceMap, RunChart
 from testbench.views.page.solids import TRIANGLES, solid
 from testbench.views.schema import Column, Table
 
@@ -102,3 +104,15 @@ def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
     rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
     found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
     assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]
+    assert [row["cells"][1]["text"] for row in found["rows"]] == ["0.500", "-", "inf", "-", "-"]
+
+
+def test_charts_and_maps_leave_out_what_is_no_number():
+    nan = float("nan")
+    line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
+    chart = RunChart("error (mm)", 0, ["1", "2"], [line], limit=nan)
+    places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
+    chart, places = (json.loads(html.data(own.plain())) for own in (chart, places))
+    assert chart["limit"] is None
+    assert places["at"] == [None, [1, 2, 3]]
+    assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2

@@ -18,7 +18,7 @@ from testbench.studies.solver_comparison.report import (
 )
 from testbench.studies.solver_comparison.rows import SolverRow
 from testbench.studies.solver_comparison.study import STUDY
-from testbench.studies.solver_comparison.theses import targets
+from testbench.studies.solver_comparison.theses import theses
 from testbench.studies.study import Run
 from testbench.trials.spread import Spread, middle
 from testbench.views.schema import show
@@ -80,7 +80,7 @@ def test_the_answer_has_the_times_of_the_conic_program_and_of_the_papers_search(
     assert f"takes {show(1000 * middle(rows['d'].seconds), '.3g')} ms" in text
     assert f"F_M to {show(100 * middle(rows['d'].relative_excess_bound), '.2g')} %." in text
     assert f"(a) takes {rows['a'].times} as long." in text
-    assert ("never ends" in text) == report.targets.conic_never_above_paper.met
+    assert ("never ends" in text) == report.theses.conic_never_above_paper.met
     never = [replace(row, ratio_to_conic=None) if row.key == "a" else row for row in report.solvers]
     assert "(a) never comes within 1 %." in STUDY.words(replace(report, solvers=never)).block("answer")
 
@@ -97,12 +97,11 @@ def rows_of(rng, f_m):
 def test_who_is_above_whom_is_judged_by_f_m(rng, least):
     f_m = {key: 5.0 if key == least else 6.0 for key in KEYS}
     made = filled(SolverReport, rng, [{"key": key, "local_solves": 4} for key in KEYS])
-    found = targets(rows_of(rng, f_m), made, Spread(1.0, 1.0, 1.0))
+    found = theses(rows_of(rng, f_m), made, Spread(1.0, 1.0, 1.0))
     never = found.conic_never_above_paper
     assert never.met == (least != "a")
     assert never.largest_relative_excess_of_d_over_any == pytest.approx(0.0 if least == "d" else 0.2)
-    faster = found.conic_1000_times_faster_than_paper_to_1_percent
-    assert (faster.met, faster.seeds_met, faster.least_ratio) == (True, 1, 2000.0)
+    assert found.conic_1000_times_faster_than_paper_to_1_percent.least_ratio == 2000.0
     counted = [row for row in made if row.key in ("a", "a'", "b", "c")]
     assert found.all_local_solves_reach_the_conic_f_m.of == 16
     assert found.all_local_solves_reach_the_conic_f_m.elsewhere == sum(

@@ -107,8 +107,6 @@ class Coverage:
     covered: float
     standard_error: float | None
     all_covered: float
-    least_covered: float
-    most_covered: float
     width_um: float | None
     unbounded: float
     datasets: int
@@ -308,7 +306,7 @@ def _never_worse(rows: Iterable[CampaignRow]) -> dict[str, Ratio]:
 def covered(rows: Sequence[Covered]) -> Coverage:
     """Shares over datasets and deflections of one kind of interval."""
     inside, width = np.array([row.inside for row in rows]), np.array([row.width_um for row in rows])
-    by_dataset, by_deflection, finite = inside.mean(axis=1), inside.mean(axis=0), np.isfinite(width)
+    by_dataset, finite = inside.mean(axis=1), np.isfinite(width)
     several = len(rows) > 1
     return Coverage(
         name=rows[0].name,
@@ -317,8 +315,6 @@ def covered(rows: Sequence[Covered]) -> Coverage:
         covered=float(inside.mean()),
         standard_error=float(by_dataset.std(ddof=1) / np.sqrt(len(rows))) if several else None,
         all_covered=float((by_dataset == 1).mean()),
-        least_covered=float(by_deflection.min()),
-        most_covered=float(by_deflection.max()),
         width_um=float(width[finite].mean()) if finite.any() else None,
         unbounded=float(1 - finite.mean()),
         datasets=len(rows),

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
 from testbench.studies.model_error.summary import distinct
-from testbench.studies.model_error.tables import RMS
+from testbench.studies.model_error.tables import CASE, RMS
 from testbench.trials.spread import ends, grouped, middle
 from testbench.views.colours import look
 from testbench.views.figure import body, key, log_ticks, page, quiet, say
@@ -29,7 +29,7 @@ def disturbances(report: ModelErrorReport) -> Figure:
     ):
         _intervals(axes, cells, list(report.sizes))
         axes.set_title(words, fontsize="medium")
-    left.set_yticks(range(len(report.sizes)), list(report.sizes))
+    left.set_yticks(range(len(report.sizes)), [CASE.text(case) for case in report.sizes])
     left.set_ylim(len(report.sizes) - 0.5, -0.5)
     key(part, left.get_legend_handles_labels(), columns=5)
     gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}

@@ -41,7 +41,7 @@ def write_recording(run: Run[Settings, ModelErrorReport]) -> None:
         replace(RMS, heading=noise),
         [Point(names.index(c.case), MODEL.cell(c), c.rms_um) for c in noisy],
         {c.model: look(c.structure, c.constraint, c.prior) for c in noisy},
-        labels=dict(enumerate(names)),
+        labels=dict(enumerate(map(CASE.text, names))),
         against=[c.model for c in noisy if is_least_squares(c.structure, c.constraint, prior=c.prior)],
     )
     header = Header(report.scenario, run.parameters, run.seeds[0])

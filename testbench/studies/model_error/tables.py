@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+from testbench.studies.model_error.cases import NONE
 from testbench.studies.model_error.report import ModelErrorReport
 from testbench.studies.model_error.summary import distinct
 from testbench.studies.noise_sensitivity.tables import HEADLINE, by_arm_table
 from testbench.views.schema import Column, Table, pivot
 
-CASE = Column("case", "disturbance")
+CASE = Column("case", "disturbance", called={NONE: "no disturbance"})
 MODEL = Column("model", "model")
 RMS = Column("rms_um", "RMS error", "um", ".0f")
 RANKING = (

@@ -60,14 +60,17 @@ def tables(report: NoiseReport) -> dict[str, Table]:
     for part, words in PARTS.items():
         levels = Table((), report.sweeps[part], f"{words}: RMS error, um, by noise of a reading")
         found[f"{part}_rms"] = pivot(levels, MODEL, SIGMA, RMS)
-        found[f"{part}_p95"] = pivot(levels, MODEL, SIGMA, P95)
+        found[f"{part}_p95"] = pivot(
+            replace(levels, title=f"{words}: 95 % error, um, by noise of a reading"), MODEL, SIGMA, P95
+        )
         told = replace(levels, rows=distinct(report.sweeps[part]))
         found[f"{part}_short"] = pivot(told, MODEL, SIGMA, replace(RMS, form=".0f", exact=True))
-        found[f"{part}_slopes"] = Table(SLOPES, list(report.slopes[part].values()))
+        found[f"{part}_slopes"] = Table(SLOPES, list(report.slopes[part].values()), f"{words}: slopes")
         found[f"{part}_by_arm"] = by_arm_table(
             report.by_arm[part], HEADLINE, Column("value", "RMS error", form=".0f")
         )
-        found[f"{part}_paired"] = Table(PAIRED, [row for row in report.paired if row.part == part])
+        pairs = [row for row in report.paired if row.part == part]
+        found[f"{part}_paired"] = Table(PAIRED, pairs, f"{words}: pairs of models")
     found["weighted"] = Table(WEIGHTED, [row for own in report.weighted_over_flat.values() for row in own])
     found["weighted_by_arm"] = by_arm_table(
         report.weighted_by_arm,

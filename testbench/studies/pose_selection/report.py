@@ -75,7 +75,6 @@ class Possible:
     poses: int
     least_promise_mm: float
     noise_free_mm: Mapping[str, Number]
-    noise_free_over_random: float
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,6 @@ class Anew(Certificate):
 
     test: Errors
     random: Errors
-    expected_random_tasks_mm: Number
     seeds: int
     random_best_tenth_mm: float
     ratio_of_medians: float

@@ -71,7 +71,7 @@ def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseRepor
         plans=plans,
         errors=errors,
         featured={name: featured(own, n) for name, own in errors.items()},
-        possible=_possible(groups, at(ours["test"], n), at(ours[RANDOM], n)),
+        possible=_possible(groups, at(ours["test"], n)),
         recommendation=recommend(ours),
         replanned=_anew(groups, n),
         promises=forecasts,
@@ -133,7 +133,7 @@ def featured(errors: Levels, poses: int) -> r.Featured:
     )
 
 
-def _possible(groups: Groups, plan: r.Level, chance: r.Level) -> r.Possible:
+def _possible(groups: Groups, plan: r.Level) -> r.Possible:
     calm = {
         name: merge([row.tasks_mm for row in groups["noise-free", name, plan.poses, PLANNED.name]])
         for name in ("test", RANDOM)
@@ -142,7 +142,6 @@ def _possible(groups: Groups, plan: r.Level, chance: r.Level) -> r.Possible:
         poses=plan.poses,
         least_promise_mm=middle(plan.expected_tasks_mm) * middle(plan.efficiency) ** 0.5,
         noise_free_mm=calm,
-        noise_free_over_random=middle(calm["test"]) / middle(chance.tasks_mm),
     )
 
 
@@ -168,7 +167,6 @@ def _anew(groups: Groups, poses: int) -> r.Anew:
         **vars(merge(certificates)),
         test=_errors(plans),
         random=_errors(chance),
-        expected_random_tasks_mm=merge([row.expected.expected for row in chance if row.expected]),
         seeds=len(plans),
         random_best_tenth_mm=_best_tenth(chance),
         ratio_of_medians=float(np.median(a) / np.median(b)),

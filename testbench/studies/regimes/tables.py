@@ -51,9 +51,8 @@ def tables(report: RegimesReport) -> dict[str, Table]:
         for name, column in MAPS.items():
             found[f"{kind}_{name}"] = pivot(cells, LINE, NOISE, column)
         found[f"{kind}_short"] = pivot(cells, LINE, NOISE, replace(OVER_LS, exact=True))
-        found[f"{kind}_levels"] = Table(
-            LEVELS, [level for level in (*report.levels[kind], report.free[kind]) if level]
-        )
-        found[f"{kind}_truths"] = Table(TRUTHS, report.truths[kind])
-        found[f"{kind}_priors"] = Table(PRIORS, report.priors_by_noise[kind])
+        levels = [level for level in (*report.levels[kind], report.free[kind]) if level]
+        found[f"{kind}_levels"] = Table(LEVELS, levels, f"{words}: by expected error")
+        found[f"{kind}_truths"] = Table(TRUTHS, report.truths[kind], f"{words}: by true arm")
+        found[f"{kind}_priors"] = Table(PRIORS, report.priors_by_noise[kind], f"{words}: by prior")
     return found

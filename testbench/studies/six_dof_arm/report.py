@@ -48,7 +48,6 @@ class Paired:
     mls32_better_than_mls56: int
     mgco56_better_than_joints: int
     linear_is_enough: int  #: MGCO56 is at most `CLOSE` worse with the non-linear truth.
-    mgco56_over_mls32_p95_check: Number
     mgco56_over_mls32_p95_check_true: Number
     joints_over_mgco56_p95_check_true: Number
 

@@ -15,7 +15,7 @@ from testbench.studies.solver_comparison.report import (
     SolverReport,
 )
 from testbench.studies.solver_comparison.rows import Data, Minima, SolverRow, TrialRow
-from testbench.studies.solver_comparison.theses import targets
+from testbench.studies.solver_comparison.theses import theses
 from testbench.studies.solver_comparison.trial import ARM, NAME, ORDERS, Settings
 from testbench.studies.study import Trials
 from testbench.trials.spread import Number, merge, middle, spread
@@ -56,7 +56,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> SolverCo
         convergence=Convergence(seeds[0], first),
         runs=[_end(seed, key, row) for seed, key, row in pairs],
         local_minima={f"m={m}": local_minima(m, [(s, o) for s, o in minima if o.m == m]) for m in ORDERS},
-        targets=targets(solvers, reports, micro),
+        theses=theses(solvers, reports, micro),
     )
 
 
@@ -125,5 +125,4 @@ def local_minima(m: int, found: Sequence[tuple[int, Minima]]) -> LocalMinima:
         excess=values.tolist(),
         best_over_conic=cap,
         unfinished=sum(own.unfinished for _, own in found),
-        f_m_first_seed=sorted(found[0][1].f_m),
     )

@@ -28,7 +28,7 @@ class RunChart:
     group: int  #: Index of the group in the scene.
     labels: Sequence[str]  #: Of the poses, a few letters each.
     lines: Sequence[Line]
-    limit: float | None = None  #: What noise alone stays below in 95 %, in the same unit.
+    limit: float | None = None  #: What noise alone stays below in 95 %, in the same unit; NaN: none.
     note: str = ""  #: What else there is to say of them.
 
     def plain(self) -> Json:
@@ -38,7 +38,7 @@ class RunChart:
             "group": self.group,
             "labels": list(self.labels),
             "lines": [_line(line) for line in self.lines],
-            "limit": self.limit,
+            "limit": None if self.limit is None or not np.isfinite(self.limit) else self.limit,
             "note": self.note,
         }
 
@@ -49,7 +49,7 @@ class PlaceMap:
 
     title: str  #: What the errors are, with unit.
     group: int  #: Index of the group in the scene.
-    at: Array  #: Tool positions, (n, 3) [m].
+    at: Array  #: Tool positions, (n, 3) [m]; NaN where there is none: not drawn.
     lines: Sequence[Line]
     heading: str = "Where it errs"
     without: str = ""  #: What a ring means, a place without a value.
@@ -61,7 +61,9 @@ class PlaceMap:
             "group": self.group,
             "heading": self.heading,
             "without": self.without,
-            "at": [[round(x, 3) for x in row] for row in self.at.tolist()],
+            "at": [
+                [round(x, 3) for x in row] if np.isfinite(row).all() else None for row in self.at.tolist()
+            ],
             "lines": [_line(line) for line in self.lines],
         }
 

@@ -7,7 +7,7 @@ class Maps {
     const every = data.lines.flatMap((line) => line.values).filter((x) => x !== null);
     [this.low, this.high] = [Math.min(...every), Math.max(...every)];
     this.log = this.low > 0 && this.high > 20 * this.low;
-    this.camera = Camera.around([0, 0, 0, ...data.at.flat()]);
+    this.camera = Camera.around([0, 0, 0, ...data.at.filter((at) => at).flat()]);
     const panes = make("div", { class: "panes" });
     for (const line of data.lines) panes.append(this.pane(line));
     place.append(panes, this.key());
@@ -26,7 +26,7 @@ class Maps {
 
   pane(line) {
     const canvas = make("canvas", { "aria-label": `Errors of ${line.name} over the workspace` });
-    const worst = line.values.reduce((best, x, k) => (x !== null && (best < 0 || x > line.values[best]) ? k : best), -1);
+    const worst = line.values.reduce((best, x, k) => (x !== null && this.data.at[k] && (best < 0 || x > line.values[best]) ? k : best), -1);
     const pane = { canvas, line, worst };
     this.panes.push(pane);
     const redraw = () => this.panes.forEach((own) => this.ask(own));
@@ -57,8 +57,8 @@ class Maps {
     Object.assign(canvas, { width, height });
     const pen = canvas.getContext("2d"), project = this.camera.projector(width, height);
     const places = new Float32Array(3 * this.data.at.length);
-    this.data.at.forEach((at, k) => project(...at, places, 3 * k));
-    const order = [...line.values.keys()].sort((a, b) => places[3 * b + 2] - places[3 * a + 2]);
+    this.data.at.forEach((at, k) => at && project(...at, places, 3 * k));
+    const order = [...line.values.keys()].filter((k) => this.data.at[k]).sort((a, b) => places[3 * b + 2] - places[3 * a + 2]);
     for (const k of order) {
       const [x, y, depth] = places.slice(3 * k, 3 * k + 3), value = line.values[k];
       const radius = ((0.9 * this.camera.home.distance) / depth) * ratio * (value === null ? 3 : 3 + 6 * this.share(value));
@@ -103,7 +103,8 @@ class Maps {
     const box = pane.canvas.getBoundingClientRect();
     const [x, y] = [(event.clientX - box.left) * pane.ratio, (event.clientY - box.top) * pane.ratio];
     let best = -1, least = 14 * pane.ratio;
-    this.data.at.forEach((_, k) => {
+    this.data.at.forEach((at, k) => {
+      if (!at) return;
       const far = Math.hypot(pane.places[3 * k] - x, pane.places[3 * k + 1] - y);
       if (far < least) [best, least] = [k, far];
     });

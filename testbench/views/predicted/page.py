@@ -19,8 +19,10 @@ from testbench.views.page.page import Seen
 from testbench.views.page.scene import Layer, Poses, Scene
 from testbench.views.picked import of_all, picked
 from testbench.views.predicted.words import tables
+from testbench.views.schema import Table
 
 MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].
+FARTHEST = 14  #: Poses of the table, each a line of its chart.
 TOOL = Look(GCO, 0, prior=True)
 
 
@@ -46,8 +48,15 @@ def seen(made: Predicted, report: PredictionReport) -> Seen:
         scene=Scene(made.cell, title, [_asked(made, some, M, G), _places(made)]),
         map=PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
         runs=[chart],
-        tables=[replace(tables(report)["worst"], title="Poses, farthest first", headline="deflection_mm")],
+        tables=[_farthest(tables(report)["worst"])],
     )
+
+
+def _farthest(table: Table) -> Table:
+    """The poses that go farthest, as many as a chart can name."""
+    rows = table.rows[:FARTHEST]
+    title = f"The {len(rows)} poses that move most" if len(rows) > 1 else "The pose"
+    return replace(table, rows=rows, title=title, headline="deflection_mm")
 
 
 def _asked(made: Predicted, some: Ids, M: float, G: float) -> Poses:

@@ -16,6 +16,7 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
+from testbench.views.magnified import round_scale
 from testbench.views.recording.arm import orbit, origins, reach, write_places, write_shapes
 from testbench.views.recording.camera import frame
 from testbench.views.recording.error_map import shades
@@ -103,8 +104,9 @@ class AbsoluteScene:
     def scales(self) -> tuple[float, float]:
         """Magnification of the errors left and right, 1, 2 or 5 times a power of ten [1]."""
         longest, most = (LONGEST_APART, MOST_APART) if self.apart else (LONGEST, MOST_SCALE)
-        left, right = (_step(longest * reach(self.frames) * MM / max(top, 1e-9)) for top in self.tops_mm)
-        return min(left, most), min(right, most)
+        drawn = longest * reach(self.frames) * MM
+        left, right = (max(1.0, round_scale(drawn, top, most=most)) for top in self.tops_mm)
+        return left, right
 
     @property
     def top_mm(self) -> float:
@@ -123,12 +125,6 @@ class AbsoluteScene:
         found = np.empty(len(self.q), dtype=int)
         found[np.argsort(-worst.longest, kind="stable")] = np.arange(len(self.q))
         return found
-
-
-def _step(most: float) -> float:
-    """1, 2 or 5 times a power of ten, at most `most` and at least 1."""
-    steps = [k * 10.0**power for power in range(5) for k in (1, 2, 5)]
-    return max([1.0, *(step for step in steps if step <= most)])
 
 
 def write_absolute(path: Path, header: Header, scene: AbsoluteScene) -> None:

@@ -14,6 +14,7 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, elastic_frames, rigid_frames
+from testbench.views.magnified import round_scale
 from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
 from testbench.views.recording.camera import frame
 from testbench.views.recording.curves import Curve, Curves, alone
@@ -76,9 +77,7 @@ class Compensated:
     def scale(self) -> float:
         """Magnification of what is off: 1, 2 or 5 times a power of ten [1]."""
         largest = float(np.linalg.norm(self.offs[0].metres, axis=1).max())
-        most = LONGEST / largest if largest else 1.0
-        steps = [k * 10.0**power for power in range(5) for k in (1, 2, 5)]
-        return max([1.0, *(step for step in steps if step <= most)])
+        return max(1.0, round_scale(LONGEST, largest)) if largest else 1.0
 
     @cached_property
     def frames(self) -> Frames:

@@ -16,6 +16,7 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
+from testbench.views.magnified import round_scale
 from testbench.views.recording.arm import orbit, reach, write_places, write_shapes
 from testbench.views.recording.camera import frame
 from testbench.views.recording.error_maps import (
@@ -71,12 +72,14 @@ class PredictionScene:
     @property
     def scale(self) -> float:
         """Magnification of deflections [1]."""
-        return _step(LONGEST * reach(self.frames), float(np.linalg.norm(self.deflection, axis=2).max()))
+        longest = float(np.linalg.norm(self.deflection, axis=2).max())
+        return max(1.0, round_scale(LONGEST * reach(self.frames), longest, most=MOST_SCALE))
 
     @property
     def give_scale(self) -> float:
         """Magnification of the ellipsoids [1]."""
-        return _step(WIDEST * reach(self.frames), float(self.give.max()))
+        widest = float(self.give.max())
+        return max(1.0, round_scale(WIDEST * reach(self.frames), widest, most=MOST_SCALE))
 
     @property
     def rank(self) -> Ids:
@@ -84,12 +87,6 @@ class PredictionScene:
         found = np.empty(len(self.q), dtype=int)
         found[np.argsort(-self.size_mm, kind="stable")] = np.arange(len(self.q))
         return found
-
-
-def _step(most: float, length: float) -> float:
-    """1, 2 or 5 times a power of ten, at least 1, so that a length is drawn no longer than the most."""
-    steps = [k * 10.0**power for power in range(4) for k in (1, 2, 5)]
-    return max([1.0, *(s for s in steps if s <= min(most / max(length, 1e-12), MOST_SCALE))])
 
 
 def write_prediction(path: Path, header: Header, scene: PredictionScene) -> None:
