@@ -1,7 +1,8 @@
 """Trials on a Dask cluster that somebody runs: its scheduler and workers are not ours to start or stop.
 
 Whoever reaches a Dask scheduler runs programs on its workers, and its answers are unpickled here. So it is
-tls://, with both sides proving who they are, or this machine, or said aloud to be insecure.
+tls://, with both sides proving who they are, or this machine, or said aloud to be insecure. docs/cluster.md
+says how one is started.
 """
 
 import asyncio

@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from listening import listening
 from run_here import heed_ctrl_c, here
 
 from testbench import __version__
@@ -233,14 +234,6 @@ def test_view_without_a_display_says_what_else_there_is(tmp_path, monkeypatch):
     assert "report.html" not in said
     (tmp_path / "report.html").touch()
     assert f"{tmp_path / 'report.html'} opens anywhere" in refused(run("view", tmp_path))
-
-
-def listening(pid):
-    """Addresses and ports on which a process listens, as the kernel writes them."""
-    inodes = {link.readlink().name for link in Path(f"/proc/{pid}/fd").iterdir()}
-    tables = [Path(f"/proc/net/{name}").read_text() for name in ("tcp", "tcp6")]
-    rows = [row.split() for table in tables for row in table.splitlines()]
-    return [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

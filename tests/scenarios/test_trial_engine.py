@@ -17,9 +17,11 @@ import tracemalloc
 from functools import partial
 from pathlib import Path
 
+import dask
 import pyarrow
 import pytest
 import trial_work
+from listening import listening
 from run_here import heed_ctrl_c
 
 from testbench.errors import BenchError
@@ -275,41 +277,76 @@ def test_memory_does_not_grow_with_the_trials(tmp_path, monkeypatch):
     assert grown < 10_000 + 500_000  # a byte a trial, and noise; a kept row a trial is 3 MB
 
 
+CLUSTER = HERE.parents[1] / "docs" / "cluster.md"  #: How a cluster is started.
+
+
+def certificates(folder):
+    """Those of an authority of its own in a folder, made as the page says."""
+    folder.mkdir()
+    for line in re.findall(r"^    (openssl .*)$", CLUSTER.read_text(), re.MULTILINE):
+        subprocess.run(line.split(), cwd=folder, check=True, capture_output=True)
+    return folder
+
+
+def settings(folder):
+    """The page's settings of Dask with the certificates of a folder, in a file there."""
+    text = re.search(r"```yaml\n(.*?)```", CLUSTER.read_text(), re.DOTALL)[1]
+    file = folder / "dask.yaml"
+    file.write_text(text.replace("/home/me/cluster", str(folder)))
+    return file
+
+
+def read(file):
+    """Settings of a file, as `dask.config.set` takes them."""
+    return dict(flat(dask.config.collect([str(file)], env={})))
+
+
+def flat(tree, path=()):
+    """Keys with dots, and values, of nested settings."""
+    for key, value in tree.items():
+        yield from flat(value, (*path, key)) if isinstance(value, dict) else [(".".join((*path, key)), value)]
+
+
 @pytest.fixture(scope="module")
-def dask(tmp_path_factory):
-    """A scheduler and two workers on this machine, as somebody else would have started them.
+def secure(tmp_path_factory):
+    """A scheduler and two workers on this machine, as somebody else would have started them by the page.
 
     Yields:
-        The scheduler's address, and a function that starts another worker.
+        The scheduler's address, a function that starts another worker, all processes, the file of settings.
     """
+    if shutil.which("openssl") is None:
+        pytest.skip("needs openssl")
     folder = tmp_path_factory.mktemp("dask")
-    own = []
+    file, own = settings(certificates(folder / "keys")), []
 
     def start(kind, *args):
-        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *args, "--host", "127.0.0.1"]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])}
+        flags = re.search(rf"^    dask {kind}( tls:\S+)? (.*)$", CLUSTER.read_text(), re.MULTILINE)[2]
+        flags = re.sub(r"10\.0\.0\.\d", "127.0.0.1", flags.replace("--port 8786", "--port 0")).split()
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *flags, *args]
+        paths = os.pathsep.join([str(HERE), *sys.path])
+        environment = {**os.environ, "PYTHONPATH": paths, "DASK_CONFIG": str(file)}
         with (folder / f"{len(own)}.log").open("wb") as log:
             own.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=folder, env=environment))
         return own[-1]
 
-    port = folder / "scheduler.json"
-    start("scheduler", "--port", "0", "--no-dashboard", "--dashboard-address", "127.0.0.1:0",
-          "--scheduler-file", str(port))  # fmt: skip
+    told = folder / "scheduler.json"
+    start("scheduler", "--scheduler-file", str(told))
     try:
-        until(port.exists)
-        worker = partial(start, "worker", "--scheduler-file", str(port), "--no-nanny", "--no-dashboard",
-                         "--nthreads", "1", "--local-directory", str(folder))  # fmt: skip
+        until(told.exists)
+        address = json.loads(until(told.read_text))["address"]
+        worker = partial(start, "worker", address, "--no-nanny", "--local-directory", str(folder))
         worker()
         worker()
-        yield json.loads(until(port.read_text))["address"], worker
+        with dask.config.set(read(file)):
+            yield address, worker, own, file
     finally:
         for process in own:
             process.kill()
             process.wait()
 
 
-def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone, dask):
-    address, _ = dask
+def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone, secure):
+    address, _, _, file = secure
     pids = tmp_path / "pids"
     pids.mkdir()
     until(lambda: workers_of(address) == 2)
@@ -317,7 +354,8 @@ def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone
     _, data = study(tmp_path, partial(on_cluster, address=address), work=work)
     assert data == alone
     assert len(list(pids.iterdir())) == 2
-    assert run(tmp_path / "script", "--cluster", address).returncode == 0
+    environment = {**os.environ, "DASK_CONFIG": str(file)}
+    assert run(tmp_path / "script", "--cluster", address, env=environment).returncode == 0
     assert (tmp_path / "script" / "trials.parquet").read_bytes() == alone
 
 
@@ -328,8 +366,32 @@ def workers_of(address):
         return len(client.nthreads())
 
 
-def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, dask):
-    address, worker = dask
+def test_strangers_are_not_let_into_a_cluster(tmp_path, secure):
+    address, *_ = secure
+    theirs = settings(certificates(tmp_path / "theirs"))
+    plain = address.replace("tls:", "tcp:")
+    other, none = read(theirs), {"distributed.comm.tls.ca-file": None}
+    for there, told, changed in (
+        (plain, f"no scheduler answers at {plain}$", other),
+        (address, "no scheduler answers at .*, or none with a certificate that fits", other),
+        (address, "needs certificates", none),
+    ):
+        with dask.config.set(changed), pytest.raises(BenchError, match=told):
+            study(tmp_path / "out", partial(on_cluster, address=there, patience=1.0))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_cluster_that_is_started_as_the_page_says_listens_on_its_address_alone(secure):
+    address, _, own, _ = secure
+    until(lambda: workers_of(address) == 2)
+    ports = [place for process in own[:3] for place in listening(process.pid)]
+    assert len(ports) == 6  # each for its own, and for the page that is not shown
+    assert {place.partition(":")[0] for place in ports} == {"0100007F"}
+
+
+def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, secure):
+    address, worker, _, _ = secure
     pids = tmp_path / "pids"
     pids.mkdir()
     third = worker()
@@ -344,8 +406,8 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, das
     assert third.poll() is not None
 
 
-def test_problems_on_a_cluster_are_told(tmp_path, dask, monkeypatch):
-    address, _ = dask
+def test_problems_on_a_cluster_are_told(tmp_path, secure, monkeypatch):
+    address, *_ = secure
     there = partial(on_cluster, address=address)
     with pytest.raises(BenchError, match=r"^seeds \d+ to \d+: arm\.toml: line 3"):
         study(tmp_path, there, work=trial_work.bad_trials)
