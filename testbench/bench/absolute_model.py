@@ -35,6 +35,7 @@ from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
+from testbench.output.replace import reading
 
 CALIBRATION = Kind("absolute calibration", range(1, 3), 2, CalibrationDocument, "testbench calibrate")
 ARRAYS = ("root", "L")
@@ -149,7 +150,8 @@ def read_model(folder: Path) -> tuple[State, Belief]:
     Raises:
         InputError: When the folder is not one, or what it holds does not belong together.
     """
-    state, belief, _ = read_whole(folder, read_document(folder, {CALIBRATION.name: CALIBRATION}))
+    with reading(folder):
+        state, belief, _ = read_whole(folder, read_document(folder, {CALIBRATION.name: CALIBRATION}))
     return state, belief
 
 

@@ -21,7 +21,7 @@ from testbench.bench.export_scratch import new_urdf
 from testbench.errors import BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import urdf_poses
-from testbench.output.scratch import whole_file
+from testbench.output.scratch import whole_files
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
 
@@ -89,7 +89,7 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     """
     q = random_joints(state.vjm)
     rest, document = by_the_rest(state, q), beside_of(out)
-    with whole_file(out) as urdf, whole_file(document) as other:
+    with whole_files([out, document]) as (urdf, other):
         urdf.write_bytes(draft.text.encode())
         back = read_back(state, draft, out, urdf.read_bytes().decode())
         files.write_json(beside(state, draft.frames, urdf, back, rest), other)

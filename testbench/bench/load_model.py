@@ -6,6 +6,7 @@ from testbench.bench.absolute_model import CALIBRATION, read_whole
 from testbench.bench.model_folder import check_arm, read_document
 from testbench.bench.stiffness_model import STIFFNESS, read_stiffness
 from testbench.correct.arm_model import ArmModel, of_calibration
+from testbench.output.replace import reading
 
 KINDS = {kind.name: kind for kind in (STIFFNESS, CALIBRATION)}
 
@@ -26,9 +27,10 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
             of another arm.
     """
     folder = Path(folder)
-    found = read_document(folder, KINDS)
-    if arm is not None:
-        check_arm(folder, found, arm)
-    if found.kind == STIFFNESS.name:
-        return read_stiffness(folder, found)
-    return of_calibration(*read_whole(folder, found))
+    with reading(folder):
+        found = read_document(folder, KINDS)
+        if arm is not None:
+            check_arm(folder, found, arm)
+        if found.kind == STIFFNESS.name:
+            return read_stiffness(folder, found)
+        return of_calibration(*read_whole(folder, found))

@@ -14,6 +14,7 @@ from testbench.bench.tracker_runs import places
 from testbench.data.series import Series
 from testbench.data.series_csv import write_series
 from testbench.errors import Array, BenchError
+from testbench.output.scratch import whole_files
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.gear import GearErrors
 
@@ -104,6 +105,7 @@ def write_readings(
         (path, replace(own, name=path.stem, frame=path.stem, target=path.stem))
         for path, own in zip(files(out, asked.series), found, strict=True)
     ]
-    for path, own in named:
-        write_series(path, cell.arm, own)
+    with whole_files([path for path, _ in named]) as parts:
+        for part, (_, own) in zip(parts, named, strict=True):
+            write_series(part, cell.arm, own)
     return named

@@ -14,7 +14,7 @@ from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName, MapFile, SigmaUm
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
-from testbench.output.run import check_folder
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.absolute.files import COMMAND, write
 from testbench.views.absolute.words import tables, words
@@ -47,33 +47,33 @@ def command(asked: Options) -> None:
     """Calibrate an arm by where a tracker saw its tool; write the model."""
     arm = find_arm(asked.arm)
     given = [*asked.readings, *([asked.mapping] if asked.mapping else [])]
-    check_folder(asked.out, COMMAND, own=frozenset(), inputs=[arm, *given], force=asked.force)
-    cell = build_cell(asked.arm)
-    sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
-    series, notes = read_all(asked.readings, cell.arm, asked.mapping, sigma)
-    with of_flag("--without"):
-        tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
-    if asked.least_squares:
-        tried = replace(tried, constraint="none")
-    console = plain_console()
-    with console.status("calibrating") as status:
-        found = calibrated(cell.vjm, series, tried, notes)
-        status.update("writing")
-        said = reported(found)
-        readings = {path.name: files.digest(path) for path in asked.readings}
-        write(cell, said, readings, _plain(asked, readings), asked.out)
-    text, out = words(said.report), asked.out
-    print_answer(console, text)
-    if said.report.steps:
-        console.print(grid(tables(said.report)["steps"]))
-    print_statements(console, text)
-    lines = [
-        *(f"- {note}" for note in found.notes),
-        f"model      {out / 'model.json'}; judge it with: testbench score {out} READINGS.csv",
-        f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
-        *looked_at(out),
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[arm, *given], force=asked.force):
+        cell = build_cell(asked.arm)
+        sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
+        series, notes = read_all(asked.readings, cell.arm, asked.mapping, sigma)
+        with of_flag("--without"):
+            tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
+        if asked.least_squares:
+            tried = replace(tried, constraint="none")
+        console = plain_console()
+        with console.status("calibrating") as status:
+            found = calibrated(cell.vjm, series, tried, notes)
+            status.update("writing")
+            said = reported(found)
+            readings = {path.name: files.digest(path) for path in asked.readings}
+            write(cell, said, readings, _plain(asked, readings), asked.out)
+        text, out = words(said.report), asked.out
+        print_answer(console, text)
+        if said.report.steps:
+            console.print(grid(tables(said.report)["steps"]))
+        print_statements(console, text)
+        lines = [
+            *(f"- {note}" for note in found.notes),
+            f"model      {out / 'model.json'}; judge it with: testbench score {out} READINGS.csv",
+            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
+            *looked_at(out),
+        ]
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:

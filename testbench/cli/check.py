@@ -1,5 +1,6 @@
 """testbench check ARM: what is in an arm's folder, what to confirm, what may be wrong with it."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -10,7 +11,7 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.bench.checked import check
 from testbench.cli.arguments import ArmName
-from testbench.output.run import check_folder
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.checked.files import COMMAND, write
 from testbench.views.checked.words import MOST, confirm_lines, contents, words
@@ -29,26 +30,29 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Read an arm with MuJoCo and Pinocchio, compare, say what to confirm."""
-    if asked.out is not None:
-        check_folder(asked.out, COMMAND, own=frozenset(), inputs=[find_arm(asked.arm)], force=asked.force)
-    checked = check(asked.arm)
-    console = plain_console()
-    said, (first, *rest) = words(checked), contents(checked)
-    console.print(first, soft_wrap=True)
-    print_answer(console, said)
-    print_statements(console, said)
-    apart = max(1, ceil(1e9 * checked.apart))
-    lines = [
-        "",
-        "To confirm, by share of the sag that hangs on it:",
-        *(confirm_lines(checked, MOST) or ["  nothing"]),
-        "",
-        "Read:",
-        *rest,
-        f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {apart} nm",
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
-    if asked.out is not None:
-        write(checked, find_arm(asked.arm), asked.out)
-        lines = [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
+    with ExitStack() as held:
+        if asked.out is not None:
+            inputs = [find_arm(asked.arm)]
+            claim = claim_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
+            held.enter_context(claim)
+        checked = check(asked.arm)
+        console = plain_console()
+        said, (first, *rest) = words(checked), contents(checked)
+        console.print(first, soft_wrap=True)
+        print_answer(console, said)
+        print_statements(console, said)
+        apart = max(1, ceil(1e9 * checked.apart))
+        lines = [
+            "",
+            "To confirm, by share of the sag that hangs on it:",
+            *(confirm_lines(checked, MOST) or ["  nothing"]),
+            "",
+            "Read:",
+            *rest,
+            f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {apart} nm",
+        ]
         console.print("\n".join(lines), soft_wrap=True)
+        if asked.out is not None:
+            write(checked, find_arm(asked.arm), asked.out)
+            lines = [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
+            console.print("\n".join(lines), soft_wrap=True)

@@ -1,5 +1,6 @@
 """testbench compare RUN_A RUN_B: what differs between runs, given and found."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,8 @@ import typer
 from testbench.bench.compare_report import LETTERS
 from testbench.errors import BenchError
 from testbench.output.finished import read_run
-from testbench.output.run import check_folder
+from testbench.output.replace import reading
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.studies.compared import compare
 from testbench.views import terminal
@@ -31,22 +33,25 @@ def command(asked: Options) -> None:
     """Say which run errs less and what they were given otherwise; write the folder."""
     if not 2 <= len(asked.runs) <= len(LETTERS):
         raise BenchError(f"runs: expected 2 to {len(LETTERS)} folders, got {len(asked.runs)}")
-    check_folder(asked.out, COMMAND, own=frozenset(), inputs=asked.runs, force=asked.force)
-    runs = [read_run(folder) for folder in asked.runs]
-    report = compare(runs)
-    write(runs, report, asked.out)
-    console, text, out = terminal.plain_console(), words(report), asked.out
-    terminal.print_answer(console, text)
-    terminal.print_statements(console, text)
-    for line in input_lines(report):
-        console.print(line)
-    for table in printed(report):
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=asked.runs, force=asked.force):
+        with ExitStack() as read:
+            for folder in asked.runs:
+                read.enter_context(reading(folder))
+            runs = [read_run(folder) for folder in asked.runs]
+            report = compare(runs)
+        write(runs, report, asked.out)
+        console, text, out = terminal.plain_console(), words(report), asked.out
+        terminal.print_answer(console, text)
+        terminal.print_statements(console, text)
+        for line in input_lines(report):
+            console.print(line)
+        for table in printed(report):
+            console.print()
+            console.print(terminal.grid(table))
         console.print()
-        console.print(terminal.grid(table))
-    console.print()
-    lines = [
-        *(f"{row.letter}          {row.folder}: {row.made}" for row in report.runs),
-        f"numbers    {out / 'report.json'}, {out / 'report.md'}",
-        *terminal.looked_at(out),
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+        lines = [
+            *(f"{row.letter}          {row.folder}: {row.made}" for row in report.runs),
+            f"numbers    {out / 'report.json'}, {out / 'report.md'}",
+            *terminal.looked_at(out),
+        ]
+        console.print("\n".join(lines), soft_wrap=True)

@@ -19,8 +19,8 @@ from testbench.correct.step import Hold
 from testbench.data.motion.formats import format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
-from testbench.output.place import check_file
-from testbench.output.run import check_folder
+from testbench.output.place import claim_file
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
 from testbench.views.compensate.words import tables, words
@@ -73,28 +73,30 @@ class Options:
 def command(asked: Options) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     to, given = _places(asked), [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
-    check_file(to.program, kind_of(to.format), inputs=given, force=asked.force)
-    check_folder(to.report, COMMAND, own=frozenset(), inputs=given, force=asked.force)
-    aim = _aim(asked)
-    model = load_model(asked.model, asked.arm)
-    cell = build_cell(asked.model)
-    program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
-    start = None if asked.start is None else joints_of(asked.start, model.arm)
-    found = correct_program(model, program, aim, cell.room, start=start)
-    if found.unreached and not asked.keep_unreachable:
-        raise _unreached(asked, found)
-    said = report(found, to.program.name)
-    write(cell, found, said, _plain(asked), to)
-    console, text = plain_console(), words(said)
-    print_answer(console, text)
-    console.print(grid(tables(said)["worst"]))
-    print_statements(console, text)
-    lines = [
-        f"corrected  {to.program}",
-        f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
-        *looked_at(to.report),
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    with (
+        claim_file(to.program, kind_of(to.format), inputs=given, force=asked.force),
+        claim_folder(to.report, COMMAND, own=frozenset(), inputs=given, force=asked.force),
+    ):
+        aim = _aim(asked)
+        model = load_model(asked.model, asked.arm)
+        cell = build_cell(asked.model)
+        program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
+        start = None if asked.start is None else joints_of(asked.start, model.arm)
+        found = correct_program(model, program, aim, cell.room, start=start)
+        if found.unreached and not asked.keep_unreachable:
+            raise _unreached(asked, found)
+        said = report(found, to.program.name)
+        write(cell, found, said, _plain(asked), to)
+        console, text = plain_console(), words(said)
+        print_answer(console, text)
+        console.print(grid(tables(said)["worst"]))
+        print_statements(console, text)
+        lines = [
+            f"corrected  {to.program}",
+            f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
+            *looked_at(to.report),
+        ]
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def _places(asked: Options) -> Places:

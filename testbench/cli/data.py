@@ -1,5 +1,6 @@
 """testbench data check ARM FILE: what is in a file of measured runs, and how it was understood."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +13,7 @@ from testbench.bench.runs import files_read, look_at, read, register
 from testbench.bench.understood import understand
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.errors import BenchError
-from testbench.output.run import check_folder
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.data import words
 from testbench.views.data.files import COMMAND, write
@@ -45,27 +46,29 @@ def commands() -> None:
 def check(asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
     arm = find_arm(asked.arm)
-    if asked.out is not None:
-        inputs = [arm, *files_read(asked)]
-        check_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
-    cell = build_cell(asked.arm)
-    export = read(cell, asked)
-    found = understand(export)
-    console = plain_console()
-    listed = "\n".join(["", *words.table(found), "", *words.lines(found)])
-    filed = cell
-    try:
-        cell, registered = register(cell, export, asked)
-    except BenchError:
-        console.print(listed, soft_wrap=True)  # what was understood helps where no frame is found
-        raise
-    looks = look_at(filed, export, registered, asked)
-    runs = words.CheckedRuns(asked.dataset.name, found, registered, looks)
-    said = words.words(runs)
-    print_answer(console, said)
-    print_statements(console, said)
-    console.print(listed, soft_wrap=True)
-    if asked.out is not None:
-        write(cell, runs, asked.out)
-        lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
-        console.print("\n".join(lines), soft_wrap=True)
+    with ExitStack() as held:
+        if asked.out is not None:
+            inputs = [arm, *files_read(asked)]
+            claim = claim_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
+            held.enter_context(claim)
+        cell = build_cell(asked.arm)
+        export = read(cell, asked)
+        found = understand(export)
+        console = plain_console()
+        listed = "\n".join(["", *words.table(found), "", *words.lines(found)])
+        filed = cell
+        try:
+            cell, registered = register(cell, export, asked)
+        except BenchError:
+            console.print(listed, soft_wrap=True)  # what was understood helps where no frame is found
+            raise
+        looks = look_at(filed, export, registered, asked)
+        runs = words.CheckedRuns(asked.dataset.name, found, registered, looks)
+        said = words.words(runs)
+        print_answer(console, said)
+        print_statements(console, said)
+        console.print(listed, soft_wrap=True)
+        if asked.out is not None:
+            write(cell, runs, asked.out)
+            lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
+            console.print("\n".join(lines), soft_wrap=True)

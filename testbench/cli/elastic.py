@@ -8,7 +8,7 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName
-from testbench.output.place import Kind, check_file
+from testbench.output.place import Kind, claim_file
 from testbench.plant import write_elastic
 from testbench.shell.options import Force
 from testbench.views.terminal import plain_console
@@ -20,7 +20,7 @@ def command(
     arm: ArmName, file: Annotated[Path, typer.Argument(help="MJCF to write.")], force: Force = False
 ) -> None:
     """Write the arm with its springs."""
-    check_file(file, ELASTIC, inputs=[find_arm(arm)], force=force)
-    write_elastic(build_cell(arm).arm, file)
-    console = plain_console()
-    console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={file}", soft_wrap=True)
+    with claim_file(file, ELASTIC, inputs=[find_arm(arm)], force=force):
+        write_elastic(build_cell(arm).arm, file)
+        console = plain_console()
+        console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={file}", soft_wrap=True)

@@ -15,7 +15,7 @@ from testbench.bench.export import Exported, beside_of, draft_new, draft_own, ex
 from testbench.bench.export_beside import BEGINS
 from testbench.bench.load_model import load_model
 from testbench.errors import BenchError, InputError
-from testbench.output.place import HEAD, INSTEAD, Kind, check_file, look
+from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
 from testbench.output.scratch import writing
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
@@ -48,16 +48,18 @@ def command(asked: Options) -> None:
     own = look(asked.urdf) is not None and not (scratch and asked.out is None)
     out = _place(asked, own=own)
     inputs = [asked.model, *([asked.urdf] if own else [])]
-    check_file(out, URDF, inputs=inputs, force=asked.force)
-    check_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force)
-    model = load_model(asked.model)
-    state, arm, stood = model.state, model.arm.name, look(out) is not None
-    _refuse_another(out, arm, force=asked.force)
-    done = export(state, draft_own(state, asked.urdf, asked.tip) if own else draft_new(state), out)
-    lines = _words(arm, done, replaced=stood)
-    if not model.absolute:
-        lines.append("the model is of compliances alone: its geometry is the drawing's")
-    plain_console().print("\n".join(lines), soft_wrap=True)
+    with (
+        claim_file(out, URDF, inputs=inputs, force=asked.force),
+        claim_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force),
+    ):
+        model = load_model(asked.model)
+        state, arm, stood = model.state, model.arm.name, look(out) is not None
+        _refuse_another(out, arm, force=asked.force)
+        done = export(state, draft_own(state, asked.urdf, asked.tip) if own else draft_new(state), out)
+        lines = _words(arm, done, replaced=stood)
+        if not model.absolute:
+            lines.append("the model is of compliances alone: its geometry is the drawing's")
+        plain_console().print("\n".join(lines), soft_wrap=True)
 
 
 def _new(urdf: Path) -> bool:

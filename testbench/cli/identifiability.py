@@ -1,5 +1,6 @@
 """testbench identifiability ARM DATA: what runs can tell of a model, before any fit."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,7 @@ from testbench.bench.runs import files_read, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
-from testbench.output.place import PNG, check_file
+from testbench.output.place import PNG, claim_file
 from testbench.output.scratch import whole_file
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
@@ -48,22 +49,24 @@ class Options:
 def command(asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
     figure = asked.figure
-    if figure is not None:
-        check_file(figure, PNG, inputs=[find_arm(asked.arm), *files_read(asked)], force=asked.force)
-    cell = build_cell(asked.arm)
-    with of_flag("--model"):
-        [entry] = named_models(cell, [asked.model or plain_name(cell)])
-    export = read(cell, asked)
-    cell, found = register(cell, export, asked)
-    strength = Strength(asked.uncertainty_percent / 100)
-    told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
-    seen, said = seen_report(told), words(told, cell.arm.name)
-    console = terminal.plain_console()
-    console.print("\n".join((*export.notes, *found.notes)), soft_wrap=True)
-    terminal.print_words(console, said, [table(seen)], "" if asked.more else "with --more")
-    if asked.more:
-        console.print(Markdown(said.block("more")))
-    if figure is not None:
-        with whole_file(figure) as part:
-            shares(seen).savefig(part, format="png")
-        console.print(f"figure     {figure}", soft_wrap=True)
+    with ExitStack() as held:
+        if figure is not None:
+            inputs = [find_arm(asked.arm), *files_read(asked)]
+            held.enter_context(claim_file(figure, PNG, inputs=inputs, force=asked.force))
+        cell = build_cell(asked.arm)
+        with of_flag("--model"):
+            [entry] = named_models(cell, [asked.model or plain_name(cell)])
+        export = read(cell, asked)
+        cell, found = register(cell, export, asked)
+        strength = Strength(asked.uncertainty_percent / 100)
+        told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
+        seen, said = seen_report(told), words(told, cell.arm.name)
+        console = terminal.plain_console()
+        console.print("\n".join((*export.notes, *found.notes)), soft_wrap=True)
+        terminal.print_words(console, said, [table(seen)], "" if asked.more else "with --more")
+        if asked.more:
+            console.print(Markdown(said.block("more")))
+        if figure is not None:
+            with whole_file(figure) as part:
+                shares(seen).savefig(part, format="png")
+            console.print(f"figure     {figure}", soft_wrap=True)

@@ -22,7 +22,7 @@ from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTar
 from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
-from testbench.output.run import check_folder
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import fits as views
 from testbench.views import terminal
@@ -69,34 +69,34 @@ def command(asked: Options) -> None:
     """Fit, judge, say which model to take, and write it."""
     arm = find_arm(asked.arm)
     inputs = [arm, *files_read(asked)]
-    check_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force)
-    cell = build_cell(asked.arm)
-    if asked.uncertainty_percent is not None and not asked.prior:
-        raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
-    filed = cell
-    cell, runs = read_runs(filed, asked)
-    models = _models(cell, asked)
-    found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
-    if asked.strict:
-        check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
-    readings = {asked.dataset.name: files.digest(asked.dataset)}
-    made = explained(filed, cell, found, runs, widths=asked.intervals)
-    text = write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
-    console, out = terminal.plain_console(), asked.out
-    console.print(views.words(found.fits).block("title"))
-    for table in views.tables(found.fits).values():
-        console.print(terminal.grid(table))
-    terminal.print_answer(console, text)
-    terminal.print_statements(console, text)
-    lines = [
-        f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
-        f"report     {out / 'report.md'}, {out / 'report.json'}",
-        f"figures    {', '.join(str(out / name) for name in FIGURES if (out / name).exists())}",
-        *terminal.looked_at(out),
-        f"next       testbench predict {out} POSES.csv",
-        f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
+        cell = build_cell(asked.arm)
+        if asked.uncertainty_percent is not None and not asked.prior:
+            raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
+        filed = cell
+        cell, runs = read_runs(filed, asked)
+        models = _models(cell, asked)
+        found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
+        if asked.strict:
+            check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
+        readings = {asked.dataset.name: files.digest(asked.dataset)}
+        made = explained(filed, cell, found, runs, widths=asked.intervals)
+        text = write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
+        console, out = terminal.plain_console(), asked.out
+        console.print(views.words(found.fits).block("title"))
+        for table in views.tables(found.fits).values():
+            console.print(terminal.grid(table))
+        terminal.print_answer(console, text)
+        terminal.print_statements(console, text)
+        lines = [
+            f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
+            f"report     {out / 'report.md'}, {out / 'report.json'}",
+            f"figures    {', '.join(str(out / name) for name in FIGURES if (out / name).exists())}",
+            *terminal.looked_at(out),
+            f"next       testbench predict {out} POSES.csv",
+            f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",
+        ]
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:

@@ -19,7 +19,7 @@ from testbench.cli.absolute_plan import Absolute
 from testbench.cli.arguments import ArmName, Noise
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
-from testbench.output.run import check_folder
+from testbench.output.run import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
@@ -98,58 +98,58 @@ def command(asked: Options, absolute: Absolute) -> None:
 
 def _plan_deflections(asked: Options, task: Path) -> None:
     folder = find_arm(asked.arm)
-    check_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, task], force=asked.force)
-    cell = replace(build_cell(asked.arm), floor=asked.floor_z)
-    settings = _settings(cell, asked)
-    with of_flag("--model"):
-        structure(cell, settings.model)  # refused here, not after the search
-    tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]))
-    console = terminal.plain_console()
-    doubts = overloaded(cell.arm, settings.loads_kg), overpulled(cell.arm, settings.pulls_n)
-    for doubt in filter(None, doubts):
-        console.print(f"Doubt: {doubt}", soft_wrap=True)
-    with console.status("looking for feasible poses") as status:
-        found = plans.search(cell, settings)
-        status.update(f"choosing {settings.poses} of {len(found.q)} poses")
-        chosen = plans.choose(cell, settings, tasks, found)
-        status.update("judging the plan")
-        planned = plans.judge(cell, settings, found, chosen)
-        status.update("writing")
-        write(cell, planned, folder, task, asked.out)
-    terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]], MORE)
-    out = asked.out
-    lines = [
-        f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
-        f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
-        f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-        *terminal.looked_at(out),
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, task], force=asked.force):
+        cell = replace(build_cell(asked.arm), floor=asked.floor_z)
+        settings = _settings(cell, asked)
+        with of_flag("--model"):
+            structure(cell, settings.model)  # refused here, not after the search
+        tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]))
+        console = terminal.plain_console()
+        doubts = overloaded(cell.arm, settings.loads_kg), overpulled(cell.arm, settings.pulls_n)
+        for doubt in filter(None, doubts):
+            console.print(f"Doubt: {doubt}", soft_wrap=True)
+        with console.status("looking for feasible poses") as status:
+            found = plans.search(cell, settings)
+            status.update(f"choosing {settings.poses} of {len(found.q)} poses")
+            chosen = plans.choose(cell, settings, tasks, found)
+            status.update("judging the plan")
+            planned = plans.judge(cell, settings, found, chosen)
+            status.update("writing")
+            write(cell, planned, folder, task, asked.out)
+        terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]], MORE)
+        out = asked.out
+        lines = [
+            f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
+            f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
+            f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
+            *terminal.looked_at(out),
+        ]
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
     folder = find_arm(asked.arm)
-    check_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder], force=asked.force)
-    cell = replace(build_cell(asked.arm), floor=asked.floor_z)
-    settings = _absolute_settings(cell, asked, absolute)
-    with of_flag("--model"):
-        structure(cell, settings.model)
-    console = terminal.plain_console()
-    if doubt := overloaded(cell.arm, (0.0, *settings.loads_kg)):
-        console.print(f"Doubt: {doubt}", soft_wrap=True)
-    with console.status(f"choosing {settings.poses} poses"):
-        planned = plan_absolute(cell, settings)
-        absolute_files.write(cell, planned, folder, asked.out)
-    report, out = planned.report, asked.out
-    terminal.print_words(
-        console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]], MORE
-    )
-    lines = [
-        f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}; numbers {out / 'plan.json'}",
-        f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-        *terminal.looked_at(out),
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder], force=asked.force):
+        cell = replace(build_cell(asked.arm), floor=asked.floor_z)
+        settings = _absolute_settings(cell, asked, absolute)
+        with of_flag("--model"):
+            structure(cell, settings.model)
+        console = terminal.plain_console()
+        if doubt := overloaded(cell.arm, (0.0, *settings.loads_kg)):
+            console.print(f"Doubt: {doubt}", soft_wrap=True)
+        with console.status(f"choosing {settings.poses} poses"):
+            planned = plan_absolute(cell, settings)
+            absolute_files.write(cell, planned, folder, asked.out)
+        report, out = planned.report, asked.out
+        terminal.print_words(
+            console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]], MORE
+        )
+        lines = [
+            f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}; numbers {out / 'plan.json'}",
+            f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
+            *terminal.looked_at(out),
+        ]
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def _absolute_settings(cell: Cell, asked: Options, flags: Absolute) -> AbsolutePlanSettings:

@@ -18,7 +18,7 @@ from testbench.bench.stiffness_map import FORCE
 from testbench.cli.arguments import MapFile
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
-from testbench.output.run import check_folder
+from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.predicted.files import COMMAND, write
 from testbench.views.predicted.words import tables, words
@@ -55,28 +55,30 @@ class Options:
 def command(asked: Options) -> None:
     """Predict where loads bring the tool, with intervals; map how stiff it is."""
     given = [asked.model, asked.poses, *([asked.mapping] if asked.mapping else [])]
-    check_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force)
-    area = None if asked.box is None else WorkArea(*box(asked.box))
-    model = load_model(asked.model, asked.arm)
-    poses = read_asked(asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.load, "--load"))
-    console = plain_console()
-    with console.status("predicting") as status:
-        made = predicted(model, poses, Wanted(_push(model, asked.push), area, asked.linear))
-        report = reported(made)
-        status.update("writing")
-        write(made, report, _plain(asked), asked.out)
-    text, out = words(report), asked.out
-    print_answer(console, text)
-    console.print(grid(tables(report)["few"]))
-    print_statements(console, text)
-    heavy = overloaded(model.arm, poses.hung.tolist())
-    lines = [
-        *([f"- {heavy}"] if heavy else []),
-        f"poses      {out / 'predictions.csv'}",
-        f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'predict.png'}",
-        *looked_at(out),
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
+        area = None if asked.box is None else WorkArea(*box(asked.box))
+        model = load_model(asked.model, asked.arm)
+        poses = read_asked(
+            asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.load, "--load")
+        )
+        console = plain_console()
+        with console.status("predicting") as status:
+            made = predicted(model, poses, Wanted(_push(model, asked.push), area, asked.linear))
+            report = reported(made)
+            status.update("writing")
+            write(made, report, _plain(asked), asked.out)
+        text, out = words(report), asked.out
+        print_answer(console, text)
+        console.print(grid(tables(report)["few"]))
+        print_statements(console, text)
+        heavy = overloaded(model.arm, poses.hung.tolist())
+        lines = [
+            *([f"- {heavy}"] if heavy else []),
+            f"poses      {out / 'predictions.csv'}",
+            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'predict.png'}",
+            *looked_at(out),
+        ]
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def _push(model: ArmModel, asked: float | None) -> float:

@@ -8,7 +8,7 @@ import typer
 
 from testbench.cli.arguments import RunFolder
 from testbench.errors import BenchError
-from testbench.output.place import GIF, MP4, PNG, check_file
+from testbench.output.place import GIF, MP4, PNG, claim_file
 from testbench.shell.options import Force, takes
 from testbench.views.recording import shot
 from testbench.views.terminal import plain_console
@@ -49,7 +49,7 @@ def command(asked: Options) -> None:
     moving = out.suffix != ".png"
     if moving and asked.at is not None:
         raise BenchError(f"--at: {out} moves along the whole timeline; a .png shows one place")
-    check_file(out, KINDS[out.suffix], inputs=[asked.folder], force=asked.force)
-    sight = shot.Sight(asked.size, asked.tab, asked.timeline, asked.at)
-    file = (shot.film if moving else shot.shot)(asked.folder, out, sight)
-    plain_console().print(f"{out}: {file}", soft_wrap=True)
+    with claim_file(out, KINDS[out.suffix], inputs=[asked.folder], force=asked.force):
+        sight = shot.Sight(asked.size, asked.tab, asked.timeline, asked.at)
+        file = (shot.film if moving else shot.shot)(asked.folder, out, sight)
+        plain_console().print(f"{out}: {file}", soft_wrap=True)

@@ -1,6 +1,7 @@
 """testbench simulate ARM [FILE] --out DATA: measured runs of the true arm."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +21,7 @@ from testbench.cli.arguments import ArmName, Noise
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.errors import Array, BenchError, InputError
-from testbench.output.place import Kind, check_file
+from testbench.output.place import Kind, claim_file
 from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
@@ -70,13 +71,15 @@ class Options:
 def command(asked: Options, absolute: Absolute) -> None:
     """Settle the true arm, read the markers, write the dataset."""
     inputs = [find_arm(asked.arm), *([asked.file] if asked.file else [])]
-    for path in files(asked.out, absolute.series):
-        check_file(path, READINGS if absolute.absolute else DATASET, inputs=inputs, force=asked.force)
-    cell = build_cell(asked.arm)
-    if absolute.absolute:
-        _read_absolutely(cell, asked, absolute)
-    else:
-        _read_deflections(cell, asked)
+    kind = READINGS if absolute.absolute else DATASET
+    with ExitStack() as held:
+        for path in files(asked.out, absolute.series):
+            held.enter_context(claim_file(path, kind, inputs=inputs, force=asked.force))
+        cell = build_cell(asked.arm)
+        if absolute.absolute:
+            _read_absolutely(cell, asked, absolute)
+        else:
+            _read_deflections(cell, asked)
 
 
 def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:

@@ -5,13 +5,14 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.errors import InputError
+from testbench.output.lock import claim
 from testbench.output.manifest import is_run
-from testbench.output.scratch import writing
+from testbench.output.scratch import folder_for, writing
 
 LONGEST = 255  #: Longest name of a file [byte].
 HEAD = 4096  #: How much of a file says what it is [byte].
@@ -29,6 +30,20 @@ class Kind:
 PNG = Kind("a PNG picture", rb"\x89PNG\r\n")
 GIF = Kind("a GIF picture", rb"GIF8[79]a")
 MP4 = Kind("an MP4 film", rb"(?s:....)ftyp")
+
+
+@contextlib.contextmanager
+def claim_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bool = False) -> Iterator[None]:
+    """The file is this command's alone inside of the block, before anything is computed.
+
+    Args and Raises: as of `check_file`; InputError too when another run has it.
+    """
+    check_file(path, kind, inputs=inputs, force=force)
+    with contextlib.ExitStack() as stack:
+        with writing(path):
+            stack.enter_context(folder_for(path.parent))
+            stack.enter_context(claim(path, path.parent))
+        yield
 
 
 def check_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bool = False) -> None:

@@ -1,23 +1,41 @@
 """The folder of a run: all files of one run and nothing else; manifest.json says of which, and names them."""
 
 import contextlib
-import os
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from testbench.errors import InputError
-from testbench.output import manifest
+from testbench.output.lock import CLAIM, claim
 from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
-from testbench.output.scratch import folder_for, remove, scratch_name, sweep, writing
-from testbench.stops import stops_wait
+from testbench.output.replace import put_in_place, settle, sync_all
+from testbench.output.scratch import NAME, folder_for, remove, scratch_name, sweep, sync, writing
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
 """Of files of runs whose manifest does not name them: older ones."""
 UNDER_WAY = frozenset(("trials.sqlite", "trials.sqlite-journal", "prepared"))
 """What a study keeps in its folder beside the files of a finished run."""
 INSTEAD = "choose another folder, or write into this one by --force"
+
+
+@contextlib.contextmanager
+def claim_folder(
+    out: Path, command: str, *, own: frozenset[str] = UNDER_WAY, inputs: Sequence[Path] = (), force: bool
+) -> Iterator[None]:
+    """The folder is this command's alone inside of the block, before anything is computed.
+
+    Args and Raises: as of `check_folder`; InputError too when another run has it.
+    """
+    settle(out)
+    check_folder(out, command, own=own, inputs=inputs, force=force)
+    with contextlib.ExitStack() as stack:
+        with writing(out):
+            stack.enter_context(folder_for(out))
+            stack.enter_context(claim(out, out))
+        settle(out)
+        check_folder(out, command, own=own, inputs=inputs, force=force)
+        yield
 
 
 def check_folder(
@@ -67,7 +85,7 @@ def _entries(out: Path, own: frozenset[str], named: frozenset[str]) -> Iterator[
     """What lies in a run's folder, and in folders of it that hold named files; not what is its own."""
     try:
         for path in sorted(out.iterdir()):
-            if path.name in own or path.name.startswith(".new-"):
+            if path.name in own or NAME.fullmatch(path.name) or CLAIM.fullmatch(path.name):
                 continue
             if path.is_dir() and not path.is_symlink() and any(f.startswith(f"{path.name}/") for f in named):
                 below = frozenset(f.removeprefix(f"{path.name}/") for f in named)
@@ -82,7 +100,8 @@ def _entries(out: Path, own: frozenset[str], named: frozenset[str]) -> Iterator[
 def whole_folder(out: Path) -> Iterator[Path]:
     """A scratch folder whose files replace the run in `out` once the block has ended well.
 
-    After an error or Ctrl-C the earlier results stand as they were.
+    After an error or Ctrl-C the earlier results stand as they were; after a kill they do, or the next command
+    that opens the folder puts the new ones in place.
 
     Args:
         out: Folder of the results; made where it does not exist.
@@ -92,12 +111,12 @@ def whole_folder(out: Path) -> Iterator[Path]:
     """
     scratch = out / scratch_name()
     with writing(out), folder_for(out):
+        settle(out)
         sweep(out)
         scratch.mkdir()
         try:
             yield scratch
-            with stops_wait():
-                _replace(out, scratch)
+            put_in_place(out, scratch)
         finally:
             remove(scratch)
 
@@ -119,24 +138,10 @@ def new_folder(out: Path) -> Iterator[Path]:
         sweep(out.parent)
         try:
             (scratch / out.name).mkdir(parents=True)
-            yield scratch / out.name
-            (scratch / out.name).rename(out)
+            with claim(out, out.parent):
+                yield scratch / out.name
+                sync_all(scratch)
+                (scratch / out.name).rename(out)
+                sync(out.parent)
         finally:
             remove(scratch)
-
-
-def _files(folder: Path) -> list[str]:
-    return [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
-
-
-def _replace(out: Path, scratch: Path) -> None:
-    """The files of the new run for those of the earlier one; the manifest first, which names what follows."""
-    made = sorted(_files(scratch), key=lambda name: (name != manifest.NAME, name))
-    for name in (read_manifest(out).files or frozenset()) - set(made):
-        if inside((out / name).parent, out):  # as it was written; a name that leads elsewhere was not
-            with contextlib.suppress(OSError):  # removed by hand, or the folder of another file
-                (out / name).unlink()
-                os.removedirs((out / name).parent)
-    for name in made:
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        (scratch / name).replace(out / name)

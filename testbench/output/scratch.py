@@ -7,10 +7,12 @@ import secrets
 import shutil
 import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from testbench.errors import InputError
+from testbench.output.lock import sweep_claims
+from testbench.stops import stops_wait
 
 HOST = re.sub("[^A-Za-z0-9.-]", "", os.uname().nodename)[:40]
 UNKNOWN = "0" * 8  #: Life of a process that cannot be looked up.
@@ -22,8 +24,14 @@ def scratch_name() -> str:
     return f".new-{HOST}-{os.getpid()}-{_life(os.getpid())}-{secrets.token_hex(4)}"
 
 
+def shown(path: Path) -> Path:
+    """The place that a path takes in the end, if it leads through a file or a folder under way."""
+    return Path(*(part for part in path.parts if not NAME.fullmatch(part)))
+
+
 def sweep(folder: Path) -> None:
     """Remove what processes of this machine were making in a folder when they were killed."""
+    sweep_claims(folder)
     for path in folder.iterdir():
         found = NAME.fullmatch(path.name)
         if found and found["host"] == HOST and not _runs(int(found["pid"]), found["life"]):
@@ -58,7 +66,7 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as err:
         problem = f"cannot be written: {err.strerror or err}"
-        raise InputError(Path(err.filename2 or path), "", problem) from err
+        raise InputError(shown(Path(err.filename2 or path)), "", problem) from err
 
 
 def remove(path: Path) -> None:
@@ -90,22 +98,51 @@ def folder_for(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A file to write that takes the place of `path` once the block has ended well.
+    """A file to write that takes the place of `path` once the block has ended well; see `whole_files`."""
+    with whole_files([path]) as (part,):
+        yield part
+
+
+@contextlib.contextmanager
+def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """Files to write that take the places of `paths` once the block has ended well, all of them or none.
 
     Args:
-        path: The place; its folder is made where it does not exist.
+        paths: The places; their folders are made where they do not exist.
+
+    Yields:
+        The files, of the same names.
 
     Raises:
-        InputError: When it cannot be written.
+        InputError: When one cannot be written.
     """
-    part = path.with_name(scratch_name())
-    with writing(path), folder_for(path.parent):
-        sweep(path.parent)
-        try:
-            yield part
-            part.replace(path)
-        finally:
-            remove(part)
+    parts = [path.parent / scratch_name() / path.name for path in paths]
+    with contextlib.ExitStack() as stack:
+        for path, part in zip(paths, parts, strict=True):
+            stack.enter_context(folder_for(path.parent))
+            with writing(path):
+                sweep(path.parent)
+                stack.callback(remove, part.parent)
+                part.parent.mkdir()
+        with writing(paths[-1]):
+            yield parts
+        for part in parts:
+            with writing(part):
+                sync(part)
+        with stops_wait():
+            for path, part in zip(paths, parts, strict=True):
+                with writing(path):
+                    part.replace(path)
+                    sync(path.parent)
+
+
+def sync(path: Path) -> None:
+    """Have a file, or the names in a folder, on the disk before anything else is done."""
+    file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
 
 
 def write_whole(text: str, path: Path) -> None:

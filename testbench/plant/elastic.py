@@ -16,7 +16,7 @@ from testbench.arm.folder import Arm, Link
 from testbench.arm.mesh import MAX_BYTES, read_meshes
 from testbench.arm.mjcf import assets, find_body, read_mjcf
 from testbench.errors import Array, InputError, read_bytes
-from testbench.output.scratch import whole_file, write_whole
+from testbench.output.scratch import whole_files
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 CARRIER_MASS = 1e-9
@@ -175,10 +175,9 @@ def write_elastic(arm: Arm, file: Path) -> None:
     meshes = read_meshes({name: source / name for name in assets(arm.rigid, read_mjcf(arm.rigid))})
     for name, content in meshes.items():
         _check_mesh(content, file.parent / name, file.parent)
-    for name, content in meshes.items():
-        with whole_file(file.parent / name) as part:
+    with whole_files([*(file.parent / name for name in meshes), file]) as parts:
+        for content, part in zip((*meshes.values(), text.encode()), parts, strict=True):
             part.write_bytes(content)
-    write_whole(text, file)
 
 
 def _check_mesh(content: bytes, copy: Path, folder: Path) -> None:

@@ -15,7 +15,7 @@ from rich.console import Console
 from testbench import files
 from testbench.bench.model_folder import digests
 from testbench.errors import BenchError
-from testbench.output.run import check_folder, whole_folder
+from testbench.output.run import claim_folder, whole_folder
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
@@ -60,10 +60,10 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
     scenario = {"settings": plain, "models": digests(arms)}
     script = f"scenarios/{study.name}.py"
-    check_folder(out, script, inputs=arms, force=common.force)
     experiment = Experiment(study.name, scenario, seeds)
     backend = choose_backend(common)
     with (
+        claim_folder(out, script, inputs=arms, force=common.force),
         open_store(out, experiment, row=study.row, resume=common.resume) as store,
         whole_folder(out) as folder,
     ):

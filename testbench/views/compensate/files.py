@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from testbench import files
@@ -14,6 +14,7 @@ from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program_corrected import write_program
 from testbench.output.place import Kind
 from testbench.output.run import whole_folder
+from testbench.output.scratch import whole_file
 from testbench.views.compensate.words import words
 from testbench.views.page.page import write_page
 
@@ -64,7 +65,7 @@ def write(
     from testbench.views.recording.compensated import write_compensated
     from testbench.views.recording.stream import Header
 
-    with whole_folder(to.report) as folder:
+    with whole_file(to.program) as program, whole_folder(to.report) as folder:
         files.write_json(asdict(report), folder / "report.json")
         text = words(report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
@@ -75,7 +76,7 @@ def write(
         files.write_manifest(
             folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests([cell.arm.rigid.parent])
         )
-        write_corrected(found, to)
+        write_corrected(found, replace(to, program=program))
 
 
 def write_corrected(found: CorrectedProgram, to: Places) -> None:

@@ -29,7 +29,9 @@ class Header:
 
 @contextlib.contextmanager
 def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -> Iterator[Pen]:
-    """A stream into a part file, closed with its footer in any case; without an error it becomes `path`.
+    """A stream in memory, closed in any case; without an error it is written to `path`, whole.
+
+    A stream into a file would only print that the disk is full, and leave half of it.
 
     Args:
         path: The .rrd file.
@@ -43,21 +45,23 @@ def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -
     application = f"testbench_{kind}_{_digest(blueprint)}"
     digest = hashlib.sha256(words.encode()).hexdigest()[:16]
     try:
-        with whole_file(path) as part:
-            # The stream's own properties hold the time of writing, and its chunks end by the clock: with
-            # either equal seeds would differ.
-            batches = rr.ChunkBatcherConfig.NEVER()
-            stream = rr.RecordingStream(
-                application, recording_id=digest, send_properties=False, batcher_config=batches
-            )
-            try:
-                stream.set_log_time_enabled(False)
-                stream.set_log_tick_enabled(False)
-                stream.save(part, default_blueprint=blueprint)
-                _write_properties(stream, header)
-                yield Pen(stream)
-            finally:
-                stream.disconnect()
+        # The stream's own properties hold the time of writing, and its chunks end by the clock: with
+        # either equal seeds would differ.
+        batches = rr.ChunkBatcherConfig.NEVER()
+        stream = rr.RecordingStream(
+            application, recording_id=digest, send_properties=False, batcher_config=batches
+        )
+        try:
+            stream.set_log_time_enabled(False)
+            stream.set_log_tick_enabled(False)
+            memory = stream.memory_recording()
+            stream.send_blueprint(blueprint)
+            _write_properties(stream, header)
+            yield Pen(stream)
+            with whole_file(path) as part:
+                part.write_bytes(memory.drain_as_bytes())
+        finally:
+            stream.disconnect()
     finally:
         rr.set_strict_mode(strict)
 

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from testbench.child import child
 from testbench.errors import BenchError, InputError
+from testbench.output.replace import settle
 from testbench.output.scratch import temporary_folder
 
 T = TypeVar("T")
@@ -33,6 +34,7 @@ def newest(folder: Path) -> Path:
     if folder.is_file() and folder.suffix == ".rrd":
         found = [folder]
     else:
+        settle(folder)
         found = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
     if not found:
         raise BenchError(f"no recording (*.rrd) in {folder}: a scenario writes one into its --out folder")
