@@ -16,11 +16,19 @@ from threadpoolctl import threadpool_limits
 
 from testbench.bench.campaign import Cell, build_cell
 
+LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
 SAVE = Figure.savefig
 MODELS = Path(__file__).resolve().parents[1] / "models"
 
 pytest.register_assert_rewrite("page_checks")
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that look at what is drawn: `make look` runs them, and `make test` all others."""
+    for item in items:
+        if LOOKS & set(getattr(item, "fixturenames", ())):
+            item.add_marker("look")
 
 
 @pytest.fixture(scope="session", autouse=True)
