@@ -16,8 +16,24 @@ Array = npt.NDArray[np.float64]
 MAX_MESSAGE = 2000
 """Longest message about a file [characters]: a file of garbage is not repeated to its owner."""
 
-
 PLAIN = "expected a file, got a folder or a device"
+
+
+def shown(text: str) -> str:
+    """A stranger's text for people: one line, without what steers a terminal or turns the order of letters.
+
+    Blanks and ends of lines of any kind are a blank; every other character that prints nothing is replaced,
+    so also half of a surrogate pair, which stands for a byte of a file's name that is no text.
+    """
+    if text.isprintable():
+        return text
+    unseen = "\N{REPLACEMENT CHARACTER}"
+    return "".join(c if c.isprintable() else " " if c.isspace() else unseen for c in text)
+
+
+def cut(text: str, most: int) -> str:
+    """A text of at most so many characters; dots stand for the rest."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 class BenchError(Exception):
@@ -34,9 +50,9 @@ class InputError(BenchError):
     """
 
     def __init__(self, file: Path, place: str, problem: str) -> None:
-        message = f"{file}: {place}: {problem}" if place else f"{file}: {problem}"
-        line = " ".join(message.splitlines())  # names from the file may hold line breaks
-        super().__init__(line if len(line) <= MAX_MESSAGE else line[: MAX_MESSAGE - 3] + "...")
+        name = cut(str(file), MAX_MESSAGE // 2)
+        message = f"{name}: {place}: {problem}" if place else f"{name}: {problem}"
+        super().__init__(cut(shown(message), MAX_MESSAGE))
 
 
 class Interrupted(BenchError):

@@ -9,8 +9,8 @@ from matplotlib.text import Text
 WIDEST, SMALLEST = 10.0, 9.0
 """Inches and points: at 800 pixels the least letters are 10 pixels high."""
 ROUNDING = 2.0  #: Points of the picture by which boxes may touch [pixel].
-RAW = re.compile(r"\[1\]|\de[+-]?\d|\bnan\b|\binf\b|\bNone\b|[a-z]_(?:mm|um|percent|rad)\b")
-"""Units without a name, scientific numbers, what is not there, keys of a report."""
+RAW = re.compile(r"mathdefault|\[1\]|\de[+-]?\d|\bnan\b|\binf\b|\bNone\b|[a-z]_(?:mm|um|percent|rad)\b")
+"""Formulas, units without a name, scientific numbers, what is not there, keys of a report."""
 
 
 def check_legible(figure):

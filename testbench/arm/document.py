@@ -3,8 +3,10 @@
 import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 from testbench.errors import InputError
 
@@ -13,6 +15,21 @@ class Strict(BaseModel):
     """Tables with these keys and no other, numbers that are finite, nothing converted."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+UNFIT = "=+-@'"
+"""What no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
+
+
+def _fit(name: str) -> str:
+    if not name.isprintable() or name != name.strip() or name[0] in UNFIT:
+        problem = "expected characters that print, no blank at either end, the first none of {unfit}"
+        raise PydanticCustomError("name", problem, {"unfit": " ".join(UNFIT)})
+    return name
+
+
+Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_fit)]
+"""Of a body, joint or marker: letters of any script, and whatever else is seen."""
 
 
 def parse_toml(path: Path, text: str) -> dict[str, object]:

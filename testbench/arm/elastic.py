@@ -6,7 +6,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from testbench.arm.document import Strict, parse_toml
+from testbench.arm.document import Name, Strict, parse_toml
 from testbench.arm.lines import toml_place
 from testbench.arm.stiffness import COMPLIANCE_RANGE
 from testbench.errors import Array, InputError, read_text
@@ -20,7 +20,6 @@ PAYLOAD_RANGE = 1e-3, 1e4
 Origin = Literal["published", "inferred", "assumed", "estimated"]
 
 
-Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^\P{C}+$")]  # no control characters
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Value = TypeVar("Value")
 Unit = TypeVar("Unit")

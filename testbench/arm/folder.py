@@ -17,7 +17,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, InputError, cut, shown
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,7 @@ COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 """MJCF's types of joints, and the units of their compliances."""
 
 FARTHEST = 1000.0  #: No joint turns or slides farther [rad, m].
+LONGEST_TITLE = 200  #: Characters of a title.
 LONGEST = 3.0  #: No tube is longer than so many times the whole arm [1].
 
 
@@ -142,8 +143,8 @@ def load_arm(folder: str | Path) -> Arm:
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
     elastic, root = read_elastic(toml_path), read_mjcf(rigid)
     arm = Arm(
-        name=folder.resolve().name,
-        title=elastic.title,
+        name=shown(folder.resolve().name),
+        title=cut(shown(elastic.title), LONGEST_TITLE),
         rigid=rigid,
         links=tuple(_link(toml_path, i, link) for i, link in enumerate(elastic.link)),
         joints=tuple(

@@ -27,6 +27,7 @@ from testbench.shell.options import Force, of_flag, takes
 from testbench.views import fits as views
 from testbench.views import terminal
 from testbench.views.identified.files import COMMAND, Source, write
+from testbench.views.markdown import as_plain
 
 FIGURES = ("identify.png", "error_map.png")
 OLD = frozenset((FITS,))  #: All that earlier versions left.
@@ -83,7 +84,7 @@ def command(asked: Options) -> None:
         made = explained(filed, cell, found, runs, widths=asked.intervals)
         text = write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
         console, out = terminal.plain_console(), asked.out
-        console.print(views.words(found.fits).block("title"))
+        console.print(as_plain(views.words(found.fits).block("title")))
         for table in views.tables(found.fits).values():
             console.print(terminal.grid(table))
         terminal.print_answer(console, text)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.data.cells import as_cell
 from testbench.data.dataset import Dataset
 from testbench.data.export import read_export
 from testbench.data.names import ENTRIES, XYZ
@@ -80,8 +81,9 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
         lines = [[*row, str(own)] for row, own in zip(lines, np.repeat(data.station, m), strict=True)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), data.markers * data.runs, strict=True)
+    writer.writerow(map(as_cell, header))
+    markers = tuple(map(as_cell, data.markers))
+    ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), markers * data.runs, strict=True)
     writer.writerows([*own, *line] for own, line in zip(ids, lines, strict=True))
     write_whole(text.getvalue(), Path(path))
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.data.cells import as_cell
 from testbench.data.program import Program
 from testbench.errors import Array, BenchError, InputError, check_array
 from testbench.output.scratch import write_whole
@@ -37,7 +38,8 @@ def program_text(program: Program, q: Array, more: Mapping[str, Array | Sequence
     """The same as text."""
     table, mark, arm = program.table, program.mark, program.arm
     q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
-    names, columns = list(table.names), [table.texts(k) for k in range(len(table.names))]
+    names = list(table.names)
+    columns = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
     units = [unit.name if unit else "" for unit in table.units]
     for joint, column, own in zip(arm.joints, program.joints, q.T, strict=True):
         if column is None:
@@ -53,10 +55,10 @@ def program_text(program: Program, q: Array, more: Mapping[str, Array | Sequence
         if len(values) != program.points:
             raise BenchError(f"{name}: expected {program.points} cells, got {len(values)}")
         names.append(name)
-        columns.append(_cells(values, mark) if isinstance(values, np.ndarray) else list(values))
+        columns.append(_cells(values, mark) if isinstance(values, np.ndarray) else list(map(as_cell, values)))
     text = io.StringIO()
     writer = csv.writer(text, delimiter=";" if mark == "," else ",", lineterminator="\n")
-    writer.writerow(names)
+    writer.writerow(map(as_cell, names))
     if any(units):
         writer.writerow(units + [""] * (len(names) - len(units)))
     writer.writerows(zip(*columns, strict=True))

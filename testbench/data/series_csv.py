@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.data.cells import as_cell
 from testbench.data.conditions import load_point, same_poses
 from testbench.data.dataset import Mask
 from testbench.data.names import ENTRIES, XYZ
@@ -74,7 +75,7 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
     header = [name for name in tables[0] if name not in silent]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
+    writer.writerow(map(as_cell, header))
     for table in tables:
         writer.writerows(zip(*(table[name] for name in header), strict=True))
     return text.getvalue()
@@ -118,8 +119,8 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> dict[str, li
     own: dict[str, list[str]] = {"run": list(map(str, np.repeat(s.row, m)))}
     own["pose"] = list(map(str, np.repeat(s.pose, m)))
     texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
-    own |= {name: [text] * count for name, text in texts.items()}
-    own["marker"] = list(s.markers) * s.rows
+    own |= {name: [as_cell(text)] * count for name, text in texts.items()}
+    own["marker"] = list(map(as_cell, s.markers)) * s.rows
     blocks = [([j.column for j in arm.joints], s.q), (FORCE, s.wrench[:, :3]), (MOMENT, s.wrench[:, 3:])]
     blocks += [(POINT, s.point)]
     torques = [f"torque_{j.name}_{'N' if j.prismatic else 'Nm'}" for j in arm.joints]

@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
+from testbench.data.cells import from_cell
 from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import read_letters, split_lines
@@ -51,8 +52,8 @@ class Table:
         return InputError(self.path, f"line {line}" + (f", column {column}" if column else ""), problem)
 
     def texts(self, k: int) -> list[str]:
-        """The cells of a column without blanks around them."""
-        return [str(text) for text in self.cells[k].to_pylist()]
+        """The cells of a column without blanks around them, nor what keeps spreadsheets from computing."""
+        return [from_cell(str(text)) for text in self.cells[k].to_pylist()]
 
     def blank(self, k: int) -> Mask:
         """Which cells of a column are blank, (rows,)."""

@@ -51,7 +51,9 @@ class Metric:
         """Of every block: its link or joint, or its first row where a link has several blocks."""
         labels = [self.structure.labels[block[0]] for block in self.structure.blocks]
         whole = [size == 6 for size in self.sizes]
-        return tuple(label.split(".")[0] if one else label for label, one in zip(labels, whole, strict=True))
+        return tuple(
+            label.rpartition(".")[0] if one else label for label, one in zip(labels, whole, strict=True)
+        )
 
     def matrices(self, x: Array) -> list[Array]:
         """X of every block."""

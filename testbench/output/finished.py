@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from testbench.errors import InputError, read_text
+from testbench.errors import InputError, read_text, shown
 from testbench.output import manifest
 
 REPORT = "report.json"
@@ -133,6 +133,4 @@ def _text(text: str) -> str:
     """The text; what would steer a terminal is replaced."""
     if len(text) > LONGEST:
         raise _Wrong(f"expected a text of at most {LONGEST} characters, got {len(text)}")
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return "\n".join(map(shown, text.split("\n")))

@@ -5,17 +5,20 @@ import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from unicodedata import category
 
 import typer
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 from typer.exceptions import TyperException
 
-from testbench.errors import BenchError, Interrupted
+from testbench.errors import MAX_MESSAGE, BenchError, Interrupted, cut, shown
 from testbench.shell import interrupt
 from testbench.shell.interrupt import INTERRUPTED
 
 WRONG = 2
+UNFIT = "Cc", "Zl", "Zp"
+"""Unicode's categories of control characters and ends of lines."""
 
 
 def say(line: str) -> None:
@@ -48,7 +51,7 @@ def run(app: typer.Typer, fail: Callable[[str], object] = say) -> int:
         if code == INTERRUPTED or stopped():  # typer itself turns Ctrl-C into this code
             code, words = stopped() or INTERRUPTED, words or f"interrupted: {interrupt.STANDS}"
         if words:
-            fail(" ".join(words.splitlines()) + "\n")
+            fail(cut(shown(words), MAX_MESSAGE) + "\n")
         return code
 
 
@@ -77,8 +80,12 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
 
 
 def _check_words(words: Sequence[str]) -> None:
-    """Refuse what cannot be written into any report: bytes of a name that are no text."""
+    """Refuse what no report can hold on a line: bytes of a name that are no text, and control characters."""
     for word in words:
+        if any(category(c) in UNFIT for c in word):
+            raise BenchError(
+                f"expected no control characters on the command line, got {cut(ascii(word), 80)}"
+            )
         try:
             word.encode()
         except UnicodeEncodeError:

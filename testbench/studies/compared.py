@@ -10,6 +10,7 @@ from testbench.errors import BenchError, InputError
 from testbench.output.finished import Finished
 from testbench.studies.stored import Stored, numbers_of, stored
 from testbench.views.compared.numbers import Numbers, numbers
+from testbench.views.markdown import as_plain
 
 NAME = "compare"
 NONE = Numbers([], Counts())
@@ -43,7 +44,7 @@ def _row(letter: str, run: Finished, found: Read) -> RunRow:
     answer = ""
     if isinstance(found, Stored):
         with numbers_of(run.file):
-            answer = found.words.block("answer")
+            answer = as_plain(found.words.block("answer"))
     return RunRow(letter, str(run.folder), run.manifest.command, seeds_words(run), answer)
 
 

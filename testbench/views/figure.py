@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
+from matplotlib.text import Text
 
 from testbench.bench.baselines import JOINTS
 from testbench.trials.spread import Number, ends, middle
@@ -30,9 +33,20 @@ DECADES = 6  #: Most decades of an axis that have a tick each.
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
+class Page(Figure):
+    """A figure in which no dollar of a name begins a formula."""
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw it, also such text as comes to be while it is drawn."""
+        for text in self.findobj(Text):
+            text.set_parse_math(False)
+        with rc_context({"text.parse_math": False}):
+            super().draw(renderer)
+
+
 def page(height: float) -> Figure:
     """A figure of this height [in]."""
-    return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    return Page(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
 
 
 def body(figure: Figure) -> SubFigure:
@@ -63,9 +77,9 @@ def say(figure: Figure, answer: str, reading: str) -> None:
         reading: What dots, lines and colours mean.
     """
     lines = [textwrap.fill(text, TITLE) for text in answer.splitlines()]
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold", parse_math=False)
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
     words = textwrap.fill(reading, CAPTION)
-    figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3", parse_math=False)
+    figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3")
 
 
 def of_seeds(seeds: int | Sequence[int]) -> str:

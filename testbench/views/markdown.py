@@ -6,6 +6,7 @@ What a sentence claims is computed before, so that a test can hold it against th
 """
 
 import functools
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, St
 
 from testbench.bench.truths import CALLED
 from testbench.bench.wrong_prior import PRIORS_CALLED
+from testbench.errors import shown
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle
 from testbench.views.gains import less, more, ratio
@@ -22,27 +24,63 @@ TEMPLATES = Path(__file__).parent / "templates"
 NAME = "report.md.j2"
 MOST = 5  #: Statements that are told at once; the others stand under "More".
 LINES = ("question", "title", "answer", "worst")  #: Blocks of one line.
+LIVE = re.compile(
+    r"""[`<|$] | \] (?=[(\[:]|$)        # code, tags, cells, formulas; links and pictures
+    | \\ (?=[!-/:-@\[-`{-~]|$)        # what takes the meaning of the next letter
+    | & (?=[#\w]+;)                    # a letter by its name
+    | (?<!\s) \* | \* (?!\s|$)         # stress
+    | (?<!\w) _ | _ (?!\w)
+    | ~ (?=~)
+    | ^ (?: > | \#{1,6} (?=\s|$) | [-+] (?=\s) )""",
+    re.VERBOSE,
+)
+"""What means something in the Markdown of a person's viewer, and nothing in a text."""
+NUMBERED = re.compile(r"^(\d{1,9})([.)])(?=\s)")
+ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")
 
 
-def grid(table: Table) -> str:
+class Markdown(str):
+    """Text that is Markdown: no template escapes it once more."""
+
+    def __html__(self) -> str:
+        """Itself, for jinja."""
+        return self
+
+
+def as_markdown(text: object) -> Markdown:
+    """A stranger's text, or anything that is no Markdown, as Markdown that shows it and nothing else."""
+    escaped = LIVE.sub(r"\\\g<0>", shown(str(text)))
+    return Markdown(NUMBERED.sub(r"\1\\\2", escaped))
+
+
+def as_plain(markdown: str) -> str:
+    """A line of Markdown without stress or links as a text."""
+    return ESCAPED.sub(r"\1", markdown)
+
+
+def _kept(value: object) -> str:
+    """What a template's expression becomes."""
+    return value if isinstance(value, str) and hasattr(value, "__html__") else as_markdown(value)
+
+
+def grid(table: Table) -> Markdown:
     """A table in Markdown: medians with their spread, the paper's numbers in square brackets."""
     rows = []
     for row in table.rows:
-        cells = [column.cell(row) for column in table.columns]
+        texts = [as_markdown(column.cell(row)) for column in table.columns]
         known = [column.known(row) for column in table.columns]
-        cells = [f"{a} [{b}]" if b else a for a, b in zip(cells, known, strict=True)]
-        rows.append([f"**{cells[0]}**" if table.bold == cells[0] else cells[0], *cells[1:]])
+        cells = [f"{a} [{b}]" if b else str(a) for a, b in zip(texts, known, strict=True)]
+        marked = table.bold == table.columns[0].cell(row)
+        rows.append([f"**{cells[0]}**" if marked else cells[0], *cells[1:]])
     words = [all(isinstance(column.value(row), str) for row in table.rows) for column in table.columns]
-    return lines([column.title for column in table.columns], rows, words)
+    return lines([as_markdown(column.title) for column in table.columns], rows, words)
 
 
-def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bool] = ()) -> str:
-    """Cells under their headings; numbers stand on the right, the first column and `words` on the left."""
+def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bool] = ()) -> Markdown:
+    """Cells of Markdown under headings; numbers stand on the right, the first column and `words` left."""
     left = words or [False] * len(head)
     rule = ["---" if k == 0 or left[k] else "---:" for k in range(len(head))]
-    return "\n".join(
-        "| " + " | ".join(c.replace("|", r"\|") for c in line) + " |" for line in [head, rule, *rows]
-    )
+    return Markdown("\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *rows]))
 
 
 class Words:
@@ -59,7 +97,7 @@ class Words:
         module = vars(self._template.make_module(dict(values)))
         self._values = {**values, **{k: v for k, v in module.items() if not k.startswith("_")}}
 
-    def block(self, name: str, **more: object) -> str:
+    def block(self, name: str, **more: object) -> Markdown:
         """One block; of those in `LINES` a single line.
 
         Args:
@@ -68,7 +106,7 @@ class Words:
         """
         context = self._template.new_context(self._values | more)
         text = written_out("".join(self._template.blocks[name](context)).strip())
-        return line(text) if name in LINES else text
+        return Markdown(line(text) if name in LINES else text)
 
     def summary(self, *parts: Table | str, then: Sequence[str] = ("statements",)) -> str:
         """What a recording says first: question, answer in bold, the worst place, tables, what else there is.
@@ -110,6 +148,8 @@ def _environment(folder: Path) -> Environment:
     found = Environment(
         loader=ChoiceLoader([PrefixLoader({"own": own}), shared]),
         undefined=StrictUndefined,
+        autoescape=True,  # what macros and blocks make is told apart from what they are given
+        finalize=_kept,
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -130,14 +170,14 @@ def _environment(folder: Path) -> Environment:
     return found
 
 
-def told(text: str) -> str:
+def told(text: str) -> Markdown:
     """The first statements of a list."""
-    return "\n".join(_bullets(text)[:MOST])
+    return Markdown("\n".join(_bullets(text)[:MOST]))
 
 
-def untold(text: str) -> str:
+def untold(text: str) -> Markdown:
     """The others."""
-    return "\n".join(_bullets(text)[MOST:])
+    return Markdown("\n".join(_bullets(text)[MOST:]))
 
 
 def _bullets(text: str) -> list[str]:

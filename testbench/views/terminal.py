@@ -6,17 +6,34 @@ from rich import box
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.table import Table as RichTable
+from rich.text import Text
 
+from testbench.errors import shown
 from testbench.trials.spread import Spread
-from testbench.views.markdown import Words
+from testbench.views.markdown import Words, as_plain
 from testbench.views.schema import Column, Table
 
 MORE = "under More in report.md"
 
 
+class PlainConsole(Console):
+    """Where commands print: of users' names nothing is markup, a picture or what steers a terminal."""
+
+    def __init__(self) -> None:
+        super().__init__(highlight=False, markup=False, emoji=False)
+
+    def render_str(self, text: str, **how: object) -> Text:
+        """Text on its way into a table or a line."""
+        return super().render_str(_lines(text), **how)  # type: ignore[arg-type]
+
+
 def plain_console() -> Console:
-    """Where commands print: brackets and colons in users' names are text, neither markup nor pictures."""
-    return Console(highlight=False, markup=False, emoji=False)
+    """One of standard output."""
+    return PlainConsole()
+
+
+def _lines(text: str) -> str:
+    return "\n".join(map(shown, text.split("\n")))
 
 
 def grid(table: Table) -> RichTable:
@@ -57,7 +74,7 @@ def print_words(console: Console, words: Words, tables: list[Table], where: str 
         tables: In their order.
         where: The statements that are not printed are.
     """
-    console.print(words.block("title"))
+    console.print(as_plain(words.block("title")))
     for table in tables:
         console.print(grid(table))
     print_answer(console, words)
@@ -66,9 +83,9 @@ def print_words(console: Console, words: Words, tables: list[Table], where: str 
 
 def print_answer(console: Console, words: Words) -> None:
     """The answer, and where it is worst."""
-    console.print(words.block("answer"), style="bold")
+    console.print(as_plain(words.block("answer")), style="bold")
     for text in words.worst():
-        console.print(text)
+        console.print(as_plain(text))
 
 
 def print_statements(console: Console, words: Words, where: str = MORE) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.errors import InputError
+from testbench.errors import InputError, shown
 
 MODELS = Path(__file__).parents[2] / "models"
 LENGTH, DIAMETER = r"(?<=tube\.length = \{ value = )[^,]+", r"(?<=outer_diameter = \{ value = )[^,]+"
@@ -36,7 +36,7 @@ def refusal(folder: Path) -> str:
     with pytest.raises(InputError) as info:
         load_arm(folder)
     message = str(info.value)
-    assert message.startswith(str(folder))
+    assert message.startswith(shown(str(folder)))
     assert len(message.splitlines()) == 1
     assert len(message) <= 2000
     return message

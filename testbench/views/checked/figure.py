@@ -154,7 +154,6 @@ def _label(axes: Axes, at: Array, words: str, colour: str, off: tuple[float, ...
         textcoords="offset points",
         color=colour,
         weight="bold",
-        parse_math=False,
         clip_on=True,
         ha="center",
         va="center",
@@ -182,11 +181,11 @@ def _lines(checked: Checked) -> list[str]:
 def _confirm(axes: Axes, items: Sequence[Item], lines: Sequence[str]) -> None:
     """A bar a number, its length the share of the sag that hangs on it; other lines below."""
     for k, item in enumerate(items):
-        axes.text(0, k, item.words, va="bottom", parse_math=False)
+        axes.text(0, k, item.words, va="bottom")
         axes.barh(k + 0.2, 100 * item.share, height=0.3, color=SOFT)
         axes.text(100 * item.share + 1, k + 0.2, f"{100 * item.share:.0f} %", va="center", weight="bold")
     for k, line in enumerate(lines):
-        axes.text(0, len(items) + 0.1 + 0.5 * k, line, va="bottom", parse_math=False)
+        axes.text(0, len(items) + 0.1 + 0.5 * k, line, va="bottom")
     axes.set(xlim=(0, 110), ylim=(len(items) + 0.5 * len(lines) + 0.1, -0.6), yticks=[], xticks=[])
     axes.set_title("To confirm, and the share of the sag that hangs on it", loc="left", weight="bold")
     axes.spines[:].set_visible(False)

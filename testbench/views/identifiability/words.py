@@ -10,7 +10,7 @@ from testbench.identify.identifiability_help import REPEAT, TASKS
 from testbench.identify.identifiability_unseen import Direction
 from testbench.trials.gain import Gain, gained
 from testbench.views.identifiability import names
-from testbench.views.markdown import TEMPLATES, Words
+from testbench.views.markdown import TEMPLATES, Words, as_plain
 
 MM = 1e3
 DECIDED = 0.05  #: Share of the data below which the prior decides a parameter.
@@ -72,7 +72,7 @@ def sentences(found: Identifiability) -> tuple[str, ...]:
     """The report for a person, the most important first."""
     said = words(found)
     lines = [*said.block("statements").splitlines(), *said.block("more").splitlines()]
-    return tuple(line.removeprefix("- ") for line in lines if line.strip())
+    return tuple(as_plain(line.removeprefix("- ")) for line in lines if line.strip())
 
 
 def _least(found: Identifiability) -> Least:

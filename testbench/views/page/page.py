@@ -6,14 +6,15 @@ from pathlib import Path
 
 from testbench import files
 from testbench.views.colours import SCALE
-from testbench.views.markdown import Words
+from testbench.views.markdown import Words, as_plain
 from testbench.views.page import html
 from testbench.views.page.charts import PlaceMap, RunChart
 from testbench.views.page.scene import Json, Scene
 from testbench.views.schema import Table
 
 NAME = "report.html"
-BLOCKS = ("question", "title", "answer", "worst", "statements")
+MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
+"""Blocks of Markdown, and those that are text."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
     pictures = [{"name": png.name, "data": html.embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = html.fill(
         scenario=scenario,
-        words={name: words.block(name) if words.has(name) else "" for name in BLOCKS},
+        words={name: _block(words, name) for name in MARKED}
+        | {name: as_plain(_block(words, name)) for name in FACTS},
         rest=words.rest(),
         drawn=_plain(seen),
         pictures=pictures,
@@ -46,6 +48,10 @@ def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
         versions=files.versions(),
     )
     (folder / NAME).write_text(text, encoding="utf-8")
+
+
+def _block(words: Words, name: str) -> str:
+    return words.block(name) if words.has(name) else ""
 
 
 def _plain(seen: Seen) -> Json:

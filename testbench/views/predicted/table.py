@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Joint
 from testbench.bench.prediction import Predicted
+from testbench.data.cells import as_cell
 from testbench.errors import Array
 from testbench.output.scratch import write_whole
 
@@ -34,7 +35,7 @@ def write_predictions(made: Predicted, path: Path) -> None:
         joints, last = [*map(repr, made.asked.q[k].tolist())], _cells(of_tool[k])
         for m, name in enumerate(made.names):
             own = _cells(*(values[k, m] for values in parts))
-            rows.append([label, str(made.asked.line[k]), name, *joints, *own, *last])
+            rows.append([as_cell(label), str(made.asked.line[k]), as_cell(name), *joints, *own, *last])
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([prediction_columns(made.model.arm.joints), *rows])
     write_whole(text.getvalue(), path)
