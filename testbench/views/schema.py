@@ -130,12 +130,12 @@ class Modelled(Protocol):
 
 
 def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
-    """How the models of rows are drawn, by the text of a column."""
-    return {
-        name.cell(row): look(row.structure, row.constraint, row.prior)
-        for row in rows
-        if isinstance(row, Modelled)
-    }
+    """How the models of rows are drawn, by the text of a column; none where it names several models."""
+    found: dict[str, set[Look]] = {}
+    for row in rows:
+        if isinstance(row, Modelled):
+            found.setdefault(name.cell(row), set()).add(look(row.structure, row.constraint, row.prior))
+    return {text: own.pop() for text, own in found.items() if len(own) == 1}
 
 
 def show(value: object, form: str = ".3f") -> str:

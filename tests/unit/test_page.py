@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from testbench.views.colours import look
 from testbench.views.page import html
 from testbench.views.page.charts import Line, PlaceMap, RunChart
 from testbench.views.page.solids import TRIANGLES, solid
-from testbench.views.schema import Column, Table
+from testbench.views.schema import Column, Table, looks
 
 SIZE = np.array([0.3, 0.3, 0.5])
 VOLUMES = {
@@ -116,3 +117,22 @@ def test_charts_and_maps_leave_out_what_is_no_number():
     assert chart["limit"] is None
     assert places["at"] == [None, [1, 2, 3]]
     assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2
+
+
+def test_a_chart_opens_on_the_headline_if_it_can_be_drawn():
+    columns = (Column("name", "model"), Column("x", "x"), Column("y", "y"))
+    rows = [{"name": "a", "x": 1.0, "y": 1.0}, {"name": "b", "x": 2.0, "y": 1.0}]
+    assert [html.grid(Table(columns, rows, headline=key))["first"] for key in ("x", "y", "")] == [1, -1, -1]
+
+
+@dataclass(frozen=True)
+class Fit:
+    case: str
+    structure: str
+    constraint: str = "none"
+    prior: bool = False
+
+
+def test_rows_that_are_no_model_have_no_models_colour():
+    fits = [Fit("calm", "MLS56"), Fit("calm", "MLS32"), Fit("windy", "MLS56")]
+    assert looks(fits, Column("case", "case")) == {"windy": look("MLS56", "none")}

@@ -86,7 +86,7 @@ def tables(report: PoseReport) -> dict[str, Table]:
     best = report.verdict.tasks
     marked = best[0] if len(best) == 1 else ""
     return {
-        "criteria": Table(CRITERIA, report.criteria, bold=marked),
+        "criteria": Table(CRITERIA, report.criteria, bold=marked, headline=TASKS.key),
         "recorded": Table((PLAN, TASKS, WORKSPACE), report.criteria, bold=marked),
         **curves,
         "medians": pivot(medians, POSES, PLAN, replace(TASKS, exact=True)),

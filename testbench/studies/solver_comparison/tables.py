@@ -44,7 +44,7 @@ def tables(report: SolverComparisonReport) -> dict[str, Table]:
     """The solvers, and where local solves end."""
     return {
         "solvers": Table(COLUMNS, report.solvers),
-        "short": Table(SHORT, report.solvers, bold="d"),
+        "short": Table(SHORT, report.solvers, bold="d", headline="seconds_to_1_percent"),
         "recorded": Table(tuple(replace(c, exact=True) for c in SHORT), report.solvers, bold="d"),
         "minima": Table(MINIMA, list(report.local_minima.values())),
     }

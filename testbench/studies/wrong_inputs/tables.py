@@ -54,7 +54,9 @@ def tables(report: WrongInputsReport) -> dict[str, Table]:
     """By fault, by kind of data set, false alarms, and one trial."""
     return {
         "faults": Table(FAULTS, report.faults),
-        "kinds": Table(KINDS, report.kinds, "sound data sets doubted, and faults named right first"),
+        "kinds": Table(
+            KINDS, report.kinds, "sound data sets doubted, and faults named right first", headline=RIGHT.key
+        ),
         "alarms": Table(ALARMS, report.false_alarms),
         "examples": Table(EXAMPLES, report.examples),
     }

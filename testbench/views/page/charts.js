@@ -75,26 +75,32 @@ function drawAll(table, columns, width) {
   const every = rows.flatMap((row) => columns.map((k) => row.cells[k].v)).filter((x) => x !== undefined);
   const names = rows.map((row) => row.cells[0].text);
   const right = Math.min(24 + 7 * Math.max(...names.map((n) => n.length)), 0.42 * width);
-  const [left, top, height] = [46, 8, Math.max(290, 17 * rows.length + 40)];
-  const y = scale(every, height - 24, top);
+  const titles = columns.map((k) => table.head[k].title), long = 7 * Math.max(...titles.map((t) => t.length));
+  const tilted = long > (width - right - 46) / columns.length; // too many words to stand side by side
+  const bottom = tilted ? 20 + 0.7 * long : 24;
+  const [left, top, height] = [46, 8, Math.max(290, 17 * rows.length + 40) + bottom - 24];
+  const y = scale(every, height - bottom, top), joined = titles.every((title) => /^-?[\d.]/.test(title));
   const at = (i) => left + ((width - left - right) * (i + 0.5)) / columns.length;
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.title || table.across });
   for (const tick of y.ticks) {
     svg.append(make("line", { class: "grid", x1: left, x2: width - right, y1: y.place(tick), y2: y.place(tick) }));
     svg.append(make("text", { class: "soft", x: left - 6, y: y.place(tick) + 4, "text-anchor": "end" }, plain(tick)));
   }
-  columns.forEach((k, i) => svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": "middle" }, table.head[k].title)));
-  const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), 15, top + 6, height - 30);
-  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, at, y, end: ends[r], x: width - right + 14 })));
+  titles.forEach((title, i) => {
+    const place = tilted ? { transform: `translate(${at(i) + 4} ${height - bottom + 16}) rotate(-45)`, "text-anchor": "end" } : { x: at(i), y: height - 6, "text-anchor": "middle" };
+    svg.append(make("text", { class: "soft", ...place }, title));
+  });
+  const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), 15, top + 6, height - bottom - 6);
+  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14 })));
   return svg;
 }
 
 /** One row of a table as dots over its columns, joined where the columns are steps of a number. */
-function drawRow(row, look, { columns, at, y, end, x }) {
+function drawRow(row, look, { columns, joined, at, y, end, x }) {
   const group = make("g", { class: "row" });
   const dots = columns.map((k, i) => [row.cells[k], at(i)]).filter(([cell]) => cell.v !== undefined);
   const path = dots.map(([cell, here]) => `${here} ${y.place(cell.v)}`).join("L");
-  const steps = columns.length > 2 && dots.length > 1;
+  const steps = joined && columns.length > 2 && dots.length > 1;
   if (steps) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": 1.5, opacity: 0.55 }));
   const last = dots.at(-1);
   group.append(make("line", { x1: last[1] + 8, y1: y.place(last[0].v), x2: x - 4, y2: end, stroke: "var(--line)" }));

@@ -28,7 +28,8 @@ def markdown(text: str) -> Markup:
 
 def grid(table: Table) -> Json:
     """A table as rows of cells, each with its text and the numbers behind it."""
-    head = [{"title": column.title, "drawn": _drawn(column, table)} for column in table.columns]
+    drawn = [_drawn(column, table) for column in table.columns]
+    head = [{"title": column.title, "drawn": own} for column, own in zip(table.columns, drawn, strict=True)]
     rows = [
         {
             "marked": table.bold == table.columns[0].cell(row),
@@ -41,7 +42,7 @@ def grid(table: Table) -> Json:
     return {
         "title": table.title,
         "across": table.across,
-        "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline), -1),
+        "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline and drawn[k]), -1),
         "head": head,
         "rows": rows,
         "spread": spread,
