@@ -89,7 +89,7 @@ def has_lavapipe():
 
 
 @pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
-def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch):
+def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_path_factory):
     monkeypatch.setattr(headless, "SETTLE", 0.5)  # messages that have not faded do no harm here
     png, gif = folder / "made" / "picture.png", folder / "film.gif"
     at_2 = Sight(size="640x400", timeline="sweep", at=2)
@@ -104,7 +104,11 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch):
         with pytest.raises(BenchError, match=said):
             shot(folder, png, sight)
     assert png.read_bytes().startswith(b"\x89PNG")
+    places = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setattr("tempfile.tempdir", str(places))
+    monkeypatch.setenv("TMPDIR", str(places))
     film(folder, gif, replace(at_2, at=None))
+    assert list(places.iterdir()) == []  # the viewer keeps its data in files
     with Image.open(gif) as picture:
         assert (picture.n_frames, picture.size) == (2, (640, 400 - BARS))
 

@@ -87,7 +87,7 @@ def started(flags: Sequence[str], settings: Mapping[str, str]) -> Iterator[subpr
         settings: More of its environment.
     """
     with temporary_folder() as home:
-        kept = ("HOME", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME")
+        kept = ("HOME", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "TMPDIR")
         quiet = {"CI": "1", "NO_COLOR": "1"}  # CI: the viewer sends no usage data
         environment = {**os.environ, **dict.fromkeys(kept, str(home)), **quiet, **settings}
         command, silent = [program(), *flags, "--bind", HERE], subprocess.DEVNULL

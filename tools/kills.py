@@ -1,0 +1,335 @@
+"""Kills at random moments: no process outlives its parent, nothing stored is lost, nothing is left lying.
+
+python tools/kills.py [COUNT] [SEED] [CASE ...]
+
+Each case is a long command. It is begun and killed some times, then run to its end. Nothing that it started
+may live 5 s after a kill; earlier results and stored trials stand; the end has the files of a run that was
+left alone, byte by byte but for what tells the time, and leaves nothing beside them.
+"""
+
+import contextlib
+import itertools
+import os
+import random
+import re
+import secrets
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")
+TRIALS = f"""
+from testbench import stops
+from testbench.shell import interrupt
+stops.handle(interrupt.leave_at_once)
+import sys
+from testbench.shell import command
+sys.path.insert(0, {str(ROOT / "tests" / "scenarios")!r})
+from trial_study import app
+interrupt.leave(command.run(app))
+"""
+MARK = "TESTBENCH_KILLS"  #: In the environment of all that a case starts.
+GRACE = 5.0  #: Time in which all must have ended [s].
+LONGEST, ENDLESS = 900.0, 5.0
+"""Time after which a run has failed, and one of a command that does not end by itself [s]."""
+CHAIN = 5  #: Kills before a case is run to its end.
+CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or a random identity.
+SHM = Path("/dev/shm")
+CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
+"""Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
+OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|stops|shell/interrupt)"
+"""In a traceback: a module of ours that is imported when stops are heeded already."""
+WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")
+"""Signals, one after the other; to the process, or to its group as a terminal or a supervisor does."""
+STUDY = "--quick --workers 2 --resume --out out".split()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A long command."""
+
+    words: Sequence[str]  #: Its command line.
+    out: str = "out"  #: What it writes, in the folder where it runs; nothing if empty.
+    resumes: bool = False  #: Whether it stores trials.
+    ends: bool = True  #: By itself.
+
+
+def command(line: str, out: str = "out", *, ends: bool = True) -> Case:
+    """A command of testbench."""
+    return Case((*MAIN, *line.split()), out, ends=ends)
+
+
+def study(name: str, *flags: str) -> Case:
+    """A study, its trials on two workers."""
+    script = str(ROOT / "scenarios" / f"{name}.py")
+    return Case((sys.executable, script, *STUDY, *flags), resumes=True)
+
+
+CASES = {
+    "trials": Case((sys.executable, "-c", TRIALS, "out", "--workers", "2", "--resume"), resumes=True),
+    "noise_sensitivity": study("noise_sensitivity", "--seeds", "3"),
+    "compensation": study("compensation", "--seeds", "1"),
+    "demo": Case((*MAIN, "demo", *STUDY), resumes=True),
+    "plan": command(f"plan kr500_l480 --task {ROOT}/docs/tasks.csv --poses 8 --load 460 --out out"),
+    "simulate": command("simulate kr500_l480 --poses 40 --payload-kg 460 --out out.csv", "out.csv"),
+    "identify": command("identify kr500_l480 ../inputs/data.csv --out out"),
+    "identifiability": command(
+        "identifiability kr500_l480 ../inputs/data.csv --model MGCO68 --figure out.png", "out.png"
+    ),
+    "calibrate": command(f"calibrate ur10 {ROOT}/models/ur10/readings/series_A_every_8th.csv --out out"),
+    "predict": command(f"predict ../inputs/model {ROOT}/docs/tasks.csv --load 460 --out out"),
+    "compensate": command(f"compensate ../inputs/model {ROOT}/docs/program.csv --out out.csv", "out.csv"),
+    "check": command("check kr500_l480 --out out"),
+    "shot": command("shot ../inputs/model --out out.png", "out.png"),
+    "gif": command("shot ../inputs/model --gif --out out.gif", "out.gif"),
+    "web": command("view ../inputs/model --web", "", ends=False),
+}
+INPUTS = (
+    f"simulate kr500_l480 {ROOT}/docs/poses.csv --out data.csv --payload-kg 460.3",
+    "identify kr500_l480 data.csv --out model",
+)
+
+
+class Fault(Exception):
+    """What a kill has shown."""
+
+
+@dataclass
+class Bench:
+    """A place for a case."""
+
+    folder: Path  #: Where it runs.
+    temporary: Path  #: Its TMPDIR.
+    mark: str  #: In the environment of its processes.
+
+    def start(self, case: Case) -> subprocess.Popen[bytes]:
+        """Begin it, in a group of its own; what it says goes to a file."""
+        environment = {**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)}
+        with (self.temporary.parent / "said").open("wb") as said:
+            return subprocess.Popen(
+                case.words,
+                cwd=self.folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                start_new_session=True,
+                preexec_fn=heed,
+            )
+
+    def said(self) -> str:
+        """By the last process on standard error."""
+        return (self.temporary.parent / "said").read_text(errors="replace")
+
+    def living(self) -> list[str]:
+        """Command lines of the processes that run."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if f"{MARK}={self.mark}".encode() in (process / "environ").read_bytes().split(b"\0"):
+                    line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+                    found.append(f"{process.name} {line[:100]}")
+        return found
+
+    def files(self) -> dict[str, bytes]:
+        """What lies in its folder, each file's content; nothing of what tells the time."""
+        return {
+            path.relative_to(self.folder).as_posix(): b"" if path.name in CLOCKS else timeless(path)
+            for path in self.folder.rglob("*")
+            if path.is_file()
+        }
+
+
+def timeless(path: Path) -> bytes:
+    """The content of a file without how long a thing took."""
+    return re.sub(rb'"\w*seconds": [-+.\de]+', b"", path.read_bytes())
+
+
+def heed() -> None:
+    """A background job of a shell without job control has Ctrl-C ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def bench(parent: Path) -> Iterator[Bench]:
+    """An empty place, gone with the block, as are all processes that were started there."""
+    with tempfile.TemporaryDirectory(dir=parent) as home:
+        place = Bench(Path(home, "here"), Path(home, "tmp"), secrets.token_hex(8))
+        place.folder.mkdir()
+        place.temporary.mkdir()
+        if (parent / "inputs").exists():
+            Path(home, "inputs").symlink_to(parent / "inputs")
+        try:
+            yield place
+        finally:
+            for line in place.living():
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(int(line.split()[0]), signal.SIGKILL)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A run that is left alone."""
+
+    files: dict[str, bytes]  #: What it leaves.
+    seconds: float  #: Time that it takes [s].
+
+
+def finished(case: Case, place: Bench) -> Whole:
+    """Run the case to its end."""
+    if not case.ends:
+        return Whole({}, ENDLESS)
+    start = time.monotonic()
+    with place.start(case) as process:
+        code = process.wait(LONGEST)
+    if code != 0:
+        raise Fault(f"ended with {code}: {place.said()[-2000:]}")
+    return Whole(place.files(), time.monotonic() - start)
+
+
+def strike(process: subprocess.Popen[bytes], way: str, rng: random.Random) -> None:
+    """Kill it so."""
+    for k, name in enumerate(way.removesuffix(" group").split()):
+        time.sleep(rng.uniform(0, 0.3) if k else 0)
+        with contextlib.suppress(ProcessLookupError):
+            send = os.killpg if way.endswith(" group") else os.kill
+            send(process.pid, getattr(signal, f"SIG{name}"))
+
+
+def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random) -> str:
+    """Begin the case, kill it after a time [s]; how it ended.
+
+    Raises:
+        Fault: When something lives on, or it said more than a line.
+    """
+    with place.start(case) as process:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(after)
+        early = process.poll() is not None
+        strike(process, way, rng)
+        end = time.monotonic() + GRACE
+        while (left := place.living()) and time.monotonic() < end:
+            process.poll()
+            time.sleep(0.02)
+        if left:
+            raise Fault(f"{way} after {after:.2f} s: {GRACE:g} s later there run {left}")
+        code = process.wait()
+    said, when = place.said(), f"{way} after {after:.2f} s"
+    begun = code not in (-2, -15) or re.search(OURS, said)
+    if (begun and said.count("\n") > 1) or (early and said):
+        raise Fault(f"{when}: said {said[-3000:]!r}")
+    if code not in {0, *(code for word in way.split() for code in CODES.get(word, ()))}:
+        raise Fault(f"{when}: ended with {code}: {said!r}")
+    return "ended" if code == 0 else "killed"
+
+
+def stored(out: Path) -> dict[Path, int]:
+    """Trials in the stores of a run, read from copies, which locks nothing; none where it has ended."""
+    found = {}
+    for store in out.rglob("trials.sqlite"):
+        with tempfile.TemporaryDirectory() as folder:
+            for file in store.parent.glob(f"{store.name}*"):
+                shutil.copy(file, folder)
+            with (
+                contextlib.closing(sqlite3.connect(Path(folder, store.name))) as copy,
+                contextlib.suppress(sqlite3.OperationalError),  # its tables are not there yet
+            ):
+                ((found[store],),) = copy.execute("SELECT count(*) FROM trials")
+    return found
+
+
+def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int = CHAIN) -> Counter[str]:
+    """Some kills of a case, and a run to its end; how they ended.
+
+    Args:
+        case: The command.
+        place: Where; earlier results are kept by a command that has no trials.
+        whole: A run that was left alone.
+        rng: For moments and ways.
+        kills: How many.
+
+    Raises:
+        Fault: When something is wrong.
+    """
+    ends: Counter[str] = Counter()
+    if case.resumes:
+        shutil.rmtree(place.folder / case.out, ignore_errors=True)
+    held: dict[Path, int] = {}
+    for _ in range(kills):
+        way = rng.choice(WAYS)
+        ends[killed(case, place, rng.uniform(0, 1.1 * whole.seconds), way, rng)] += 1
+        if case.resumes:
+            held = checked(held, stored(place.folder), way)
+        else:
+            stands = {name: data for name, data in place.files().items() if "/.new-" not in f"/{name}"}
+            check_alike(stands, whole.files, f"{way}: earlier results")
+    if case.ends:
+        check_alike(finished(case, place).files, whole.files, "run to its end")
+    else:
+        killed(case, place, whole.seconds, "INT", rng)
+    left = [*place.temporary.rglob("*"), *place.folder.rglob(".new-*")]
+    if left:
+        raise Fault(f"left lying: {[str(path) for path in left]}")
+    return ends
+
+
+def checked(held: dict[Path, int], now: dict[Path, int], way: str) -> dict[Path, int]:
+    """What is stored now; a Fault if it is less than before."""
+    for store, count in held.items():
+        if now.get(store, 0) < count and not store.with_suffix(".parquet").exists():
+            raise Fault(f"{way}: of {count} trials in {store.name} there are {now.get(store, 0)}")
+    return now
+
+
+def check_alike(files: dict[str, bytes], whole: dict[str, bytes], what: str) -> None:
+    """Refuse files that are not those of a run that was left alone."""
+    differ = sorted(n for n in files.keys() | whole.keys() if files.get(n) != whole.get(n))
+    if differ:
+        raise Fault(f"{what}: not as left alone: {differ}")
+
+
+def main(count: int = 200, seed: int = 1, *names: str) -> int:
+    """Kill every case in turn until so many kills are done; prints a line a chain. How many chains failed."""
+    rng, faults, ends = random.Random(seed), 0, Counter[str]()
+    shm = set(SHM.iterdir())
+    with tempfile.TemporaryDirectory(prefix="kills_") as home, contextlib.ExitStack() as stack:
+        make_inputs(Path(home, "inputs"))
+        wholes: dict[str, tuple[Bench, Whole]] = {}
+        turns = itertools.cycle(names or CASES)
+        for done in range(CHAIN, count + CHAIN, CHAIN):
+            name = next(turns)
+            try:
+                if name not in wholes:
+                    place = stack.enter_context(bench(Path(home)))
+                    wholes[name] = place, finished(CASES[name], place)
+                    print(f"{name}: {wholes[name][1].seconds:.1f} s left alone", flush=True)
+                ends += chain(CASES[name], *wholes[name], rng)
+            except Fault as err:
+                faults += 1
+                wholes.pop(name, None)
+                print(f"FAULT: {name}: {err}", flush=True)
+            print(f"{done} kills, {faults} faults, {dict(ends)}, {name}", flush=True)
+    print(f"new in {SHM}: {sorted(path.name for path in set(SHM.iterdir()) - shm)}")
+    return faults
+
+
+def make_inputs(folder: Path) -> None:
+    """What commands read."""
+    folder.mkdir()
+    for line in INPUTS:
+        subprocess.run([*MAIN, *line.split()], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    numbers = [int(word) for word in sys.argv[1:] if word.isdecimal()]
+    sys.exit(bool(main(*numbers, *(word for word in sys.argv[1:] if not word.isdecimal()))))
