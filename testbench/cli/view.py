@@ -46,6 +46,7 @@ def command(asked: Options) -> None:
         _serve(file, asked.port or 0)
     if not viewer.has_display():
         raise BenchError(f"no display to open {file} on: {_ways(asked.folder, file)}")
+    viewer.check_whole(file)
     viewer.view(file)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from testbench.data.lines import Line, cells_of, count_cells, tabbed
 from testbench.data.mapping import Layout
 from testbench.data.units import Unit, find_unit
-from testbench.errors import InputError
+from testbench.errors import InputError, shown
 
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
 """Lines in which a header is looked for, letters of the longest one, and names of it that count."""
@@ -115,7 +115,8 @@ def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
     while lowest and not lowest[-1]:
         lowest.pop()
     merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
-    return [" ".join(filter(None, (*(row[k] for row in merged), own))) for k, own in enumerate(lowest)]
+    names = (" ".join(filter(None, (*(row[k] for row in merged), own))) for k, own in enumerate(lowest))
+    return list(map(shown, names))
 
 
 def _full(cells: list[str], count: int) -> bool:

@@ -17,7 +17,7 @@ from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.units import Unit
-from testbench.errors import Array, InputError
+from testbench.errors import Array, InputError, shown
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))
@@ -53,7 +53,7 @@ class Table:
 
     def texts(self, k: int) -> list[str]:
         """The cells of a column without blanks around them, nor what keeps spreadsheets from computing."""
-        return [from_cell(str(text)) for text in self.cells[k].to_pylist()]
+        return [from_cell(shown(str(text))) for text in self.cells[k].to_pylist()]
 
     def blank(self, k: int) -> Mask:
         """Which cells of a column are blank, (rows,)."""

@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -40,7 +41,8 @@ class Page(Figure):
         """Draw it, also such text as comes to be while it is drawn."""
         for text in self.findobj(Text):
             text.set_parse_math(False)
-        with rc_context({"text.parse_math": False}):
+        with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a script without a font here
             super().draw(renderer)
 
 

@@ -25,12 +25,11 @@ NAME = "report.md.j2"
 MOST = 5  #: Statements that are told at once; the others stand under "More".
 LINES = ("question", "title", "answer", "worst")  #: Blocks of one line.
 LIVE = re.compile(
-    r"""[`<|$] | \] (?=[(\[:]|$)        # code, tags, cells, formulas; links and pictures
+    r"""[`<|$~] | \] (?=[(\[:]|$)        # code, tags, cells, formulas; links and pictures
     | \\ (?=[!-/:-@\[-`{-~]|$)        # what takes the meaning of the next letter
     | & (?=[#\w]+;)                    # a letter by its name
     | (?<!\s) \* | \* (?!\s|$)         # stress
-    | (?<!\w) _ | _ (?!\w)
-    | ~ (?=~)
+    | (?<![^\W_]) _ | _ (?![^\W_])
     | ^ (?: > | \#{1,6} (?=\s|$) | [-+] (?=\s) )""",
     re.VERBOSE,
 )

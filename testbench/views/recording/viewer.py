@@ -18,6 +18,9 @@ from testbench.output.scratch import temporary_folder
 T = TypeVar("T")
 HERE = "127.0.0.1"  #: The address of this machine that no other one reaches.
 BEGINS = b"RRF2"  #: What a recording of Rerun begins with.
+ENDS, LAST = b"RRF2FOOT", 32
+"""What stands at the end of one that was closed, and among how many bytes there."""
+VERIFIED = b"1 file verified"  #: What the viewer's program says of a sound one.
 LOOK_EVERY = 0.25
 """Between two looks at a program that is waited for [s]."""
 
@@ -36,6 +39,7 @@ def newest(folder: Path) -> Path:
     else:
         settle(folder)
         found = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
+        found = [file for file in found if file.is_file()]  # a pipe of that name has no end
     if not found:
         raise BenchError(f"no recording (*.rrd) in {folder}: a scenario writes one into its --out folder")
     file = max(found, key=lambda file: file.stat().st_mtime).absolute()
@@ -43,6 +47,20 @@ def newest(folder: Path) -> Path:
         if opened.read(len(BEGINS)) != BEGINS:
             raise InputError(file, "", "is no recording of Rerun; run its scenario or command again")
     return file
+
+
+def check_whole(file: Path) -> None:
+    """Refuse a recording that the viewer would show half of, or nothing.
+
+    Raises:
+        InputError: When it has no end, or cannot be decoded.
+    """
+    with file.open("rb") as opened:
+        opened.seek(max(0, file.stat().st_size - LAST))
+        ended = ENDS in opened.read(LAST)
+    command = [program(), "rrd", "verify", str(file)]
+    if not ended or VERIFIED not in subprocess.run(command, check=False, capture_output=True).stderr:
+        raise InputError(file, "", "is no whole recording of Rerun; run its scenario or command again")
 
 
 def has_display() -> bool:

@@ -1,0 +1,246 @@
+"""Texts of strangers: refused at the door, or shown as text wherever they stand."""
+
+import csv
+import json
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+from xml.sax.saxutils import quoteattr
+
+import pytest
+from markdown_it import MarkdownIt
+
+from testbench.bench.campaign import build_cell
+from testbench.data.cells import as_cell, from_cell
+from testbench.data.csvfile import read_csv
+from testbench.data.program import read_program
+from testbench.data.program_corrected import write_program
+from testbench.errors import BenchError, InputError, shown
+from testbench.views.figure import page
+from testbench.views.markdown import as_markdown, as_plain, lines
+
+NAMES = {
+    "markup": "[/nope]",
+    "link of a terminal": "[link=file:///etc/passwd]x",
+    "tag": "<img src=x onerror=alert(1)>|a",
+    "script": "</script><script>alert(1)</script>",
+    "comment": "a <!-- b",
+    "letter by name": "&lt;b&gt; &#60;i&#62;",
+    "code": "`code` ``` ~~~",
+    "cell": "a|b\\|c\\",
+    "link": "[a](javascript:alert(1))",
+    "end of a link": "](javascript:alert(1))",
+    "picture": "![a](http://far.example/b.png)",
+    "stress": "**b** _i_ __u__ ~~s~~",
+    "heading": "# head",
+    "quote": "> said",
+    "item": "1. first",
+    "template": "{{ 7*7 }}{% raw %}",
+    "formula of a figure": "$\\frac",
+    "path": "../../etc/passwd",
+    "root": "/world/arm",
+    "honest": "robot/link 1 (A1) [deg]",
+    "dotted": "Bone.001",
+    "Greek": "άρθρωση_2",
+    "Chinese": "关节 2",
+}
+"""Names that an arm may have."""
+UNFIT = {
+    "title of a terminal": "a\x1b]0;owned\x07",
+    "cleared screen": "\x1b[2Ja",
+    "C1": "a\x9bb",
+    "return": "a\rb",
+    "backspace": "a\b\bb",
+    "lines": "a\nerror: b",
+    "end of a paragraph": "a\u2029b",
+    "turned": "a\u202egpj",
+    "without width": "a\u200bb",
+    "formula": "=cmd|'/c calc'!A1",
+    "sum": "@SUM(1)",
+    "plus": "+1",
+    "flag": "--save=x",
+    "blank": " a",
+    "long": "A" * 65,
+    "very long": "A" * 90_000,
+    "none": "",
+}
+"""Names that none may have."""
+CELLS = ["=1+1", "@SUM(1)", "+cmd|' /C calc'!A0", "-2+3", "\uff1d1", " =1", "--x"]
+NO_FORMULA = ["-5", "+3.2", "-1,5", "-1.5e-3", "- 5", "a=1", "'quoted'", "it's", ""]
+
+
+def written(lab, name, title="arm"):
+    """An arm whose second joint and marker are called so."""
+    for file, say in (("rigid.xml", quoteattr), ("elastic.toml", json.dumps)):
+        path = lab / "arm" / file
+        text = path.read_text()
+        for own in (JOINT, MARKER):
+            text = text.replace(f'"{own}"', say(name if own == JOINT else f"{name}_m"))
+        if file == "elastic.toml":
+            text = re.sub(r"^title = .*$", lambda _: f"title = {json.dumps(title)}", text, flags=re.M)
+        path.write_text(text)
+
+
+JOINT, MARKER = "joint_1", "probe"
+
+
+@pytest.fixture
+def renamed(lab):
+    return lambda name, title="arm": written(lab, name, title)
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_strange_name_is_text_on_the_terminal(name, attack, lab, renamed):
+    renamed(name, "\x1b]0;owned\x07\x1b[2J\u202etitle\n# [/x]")
+    done = attack(lab, "check", "arm")
+    done.done()
+    assert name in done.out
+
+
+@pytest.mark.parametrize("name", UNFIT.values(), ids=UNFIT)
+def test_a_name_that_steers_is_refused_at_the_door(name, attack, lab, renamed):
+    text = (lab / "arm" / "elastic.toml").read_text()
+    (lab / "arm" / "elastic.toml").write_text(text.replace(f'"{JOINT}"', json.dumps(name)))
+    attack(lab, "check", "arm").refused("elastic.toml: line ", "joint.0.name")
+
+
+@pytest.mark.parametrize("text", [text for text in (*NAMES.values(), *UNFIT.values()) if text])
+def test_markdown_of_a_text_shows_it_and_nothing_else(text):
+    """Alone, in the middle of a line, stressed, and in a cell of a table."""
+    md = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"])
+    own = as_markdown(text)
+    assert as_plain(own) == shown(text)
+    for place in ("{}", "Of {}: 5 mm", "**{}**", "- {}", "- Of {}(see below)"):
+        made = md.render(place.format(own))
+        assert not set(re.findall(r"<(\w+)", made)) - {"p", "strong", "ul", "li"}, made
+    table = md.render(lines([own, "b"], [[own, "c"], [f"**{own}**", "[1]"]]))
+    assert set(re.findall(r"<(\w+)", table)) <= {"table", "thead", "tbody", "tr", "th", "td", "strong"}
+    assert [row.count("</t") - 1 for row in re.findall(r"<tr>.*?</tr>", table, re.S)] == [2, 2, 2]
+
+
+@pytest.mark.parametrize("text", CELLS)
+def test_a_cell_that_a_spreadsheet_would_compute_is_none_and_is_read_as_it_was(text):
+    assert as_cell(text)[0] == "'"
+    assert from_cell(as_cell(text)) == text
+
+
+@pytest.mark.parametrize("text", NO_FORMULA)
+def test_other_cells_stay_as_they_are(text):
+    assert as_cell(text) == from_cell(text) == text
+
+
+def test_labels_of_a_program_come_back_from_the_corrected_one_as_no_formulas(lab):
+    labels = ["=cmd|'/c calc'!A1", "@x", "a\x1b]0;b\x07", "\u202egpj", "-5", "[/x]"]
+    arm = build_cell(lab / "arm").arm
+    joints = [joint.shown_column for joint in arm.joints]
+    with (lab / "program.csv").open("w", newline="") as file:
+        rows = [[label, *[k] * len(joints), "=HYPERLINK(1)"] for k, label in enumerate(labels)]
+        csv.writer(file).writerows([["label", *joints, "=1+1"], *rows])
+    program = read_program(lab / "program.csv", arm)
+    assert program.labels == tuple(map(shown, labels))
+    write_program(lab / "new.csv", program, program.q, {"said": ["=2"] * len(labels)})
+    with (lab / "new.csv").open(newline="") as file:
+        assert not [cell for row in csv.reader(file) for cell in row if cell[:1] in ("=", "@")]
+    again = read_program(lab / "new.csv", arm)
+    assert again.labels == program.labels
+    assert again.table.texts(len(again.table.names) - 1) == ["=2"] * len(labels)
+
+
+def test_a_figure_has_dollars_and_letters_without_a_font_as_text(tmp_path, pixels, recwarn):
+    figure = page(3.0)
+    axes = figure.subplots()
+    axes.plot([0, 1], label="$\\frac{")
+    axes.set_title("$\\nope$ 关节")
+    axes.set_xticks([0, 1], labels=["$", "$$\\x"])
+    axes.legend()
+    with pixels():
+        figure.savefig(tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert not recwarn.list
+
+
+OUTS = {
+    "markup": "x[/b]",
+    "flag": "--save=x",
+    "formula": "=1+1",
+    "turned": "\u202egpj",
+    "cell": "a b|c",
+    "code": "`a`",
+    "template": "{{x}}",
+}
+
+
+@pytest.mark.parametrize("name", OUTS.values(), ids=OUTS)
+def test_a_file_of_a_strange_name_is_written_and_named_as_text(name, attack, lab):
+    attack(lab, "elastic", "arm", "--", f"{name}.xml").done(f"{name}.xml".split("/")[0], f"{name}.xml")
+
+
+ARGUMENTS = {"escape": "a\x1bb", "lines": "a\nb", "return": "a\rb", "C1": "a\x9bb", "paragraph": "a\u2028b"}
+
+
+@pytest.mark.parametrize("name", ARGUMENTS.values(), ids=ARGUMENTS)
+def test_control_characters_on_the_command_line_are_refused(name, attack, lab):
+    attack(lab, "elastic", "arm", name).refused("expected no control characters")
+    attack(lab, "check", name).refused("expected no control characters")
+
+
+@pytest.mark.parametrize("name", ["[/nope]", "$\\frac", "A" * 100_000, "\u202ea", "..", "/"])
+def test_what_is_no_arm_is_said_in_a_line(name, attack, lab):
+    refused = attack(lab, "check", name)
+    refused.refused("elastic.toml" if name in ("..", "/") else "expected a folder")
+    assert len(refused.err) <= 2100
+
+
+def test_keys_and_values_of_toml_in_an_error_steer_nothing(attack, lab):
+    path = lab / "arm" / "elastic.toml"
+    path.write_text('"\\u001b]0;a\\u0007[/x]\\n" = "\\u001b[2J"\n' + path.read_text())
+    attack(lab, "check", "arm").refused("elastic.toml", "[/x]")
+
+
+def test_a_folder_whose_name_is_no_text_is_an_arm_like_others(attack, lab):
+    folder = lab / os.fsdecode(b"\xff\xfe\x1barm")
+    shutil.copytree(lab / "arm", folder)
+    done = attack(folder, "check", ".", "--out", "../checked")
+    done.done()
+    assert "\N{REPLACEMENT CHARACTER}" in (lab / "checked" / "report.html").read_text()
+
+
+def test_colours_alone_steer_a_terminal(lab, renamed):
+    """Rich behaves otherwise where it writes to one."""
+    renamed(NAMES["link of a terminal"], "\x1b]0;owned\x07\x9b2J")
+    own, other = pty.openpty()
+    code = "from testbench.cli import main; main()"
+    args = [sys.executable, "-c", code, "check", "arm"]
+    with subprocess.Popen(args, cwd=lab, stdout=other, stderr=other, stdin=other) as process:
+        os.close(other)
+        said = b"".join(iter(lambda: _read(own), b""))
+    os.close(own)
+    assert process.returncode == 0
+    text = re.sub(r"\x1b\[[\d;]*m", "", said.decode()).replace("\r\n", "\n")
+    assert NAMES["link of a terminal"] in text
+    assert all(c.isprintable() or c == "\n" for c in text)
+
+
+def _read(stream):
+    try:
+        return os.read(stream, 65536)
+    except OSError:  # nobody writes any more
+        return b""
+
+
+def test_an_error_of_python_is_one_clean_line_too(tmp_path):
+    with pytest.raises(BenchError) as info:
+        raise InputError(tmp_path / "a\x1b]0;b\x07\n\udcff", "line 1", "\u202e" + "x" * 5000)
+    assert str(info.value).isprintable()
+    assert len(str(info.value)) <= 2000
+
+
+def test_a_marker_reads_back_as_it_was_written(attack, lab, renamed):
+    renamed(NAMES["tag"])
+    asked = ("--poses", 3, "--payload-kg", 1, "--seed", 1)
+    attack(lab, "simulate", "arm", *asked, "--out", "new.csv").done("new.csv")
+    arm = build_cell(lab / "arm").arm
+    assert set(read_csv(lab / "new.csv", arm).markers) <= set(arm.markers)
