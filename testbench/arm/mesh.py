@@ -94,10 +94,10 @@ def _obj(file: Path, data: bytes) -> int:
     text = data.replace(b"\r", b"\n")
     if b"\\\n" in text:
         raise InputError(file, "", "expected an OBJ file without lines that go on in the next one")
+    if longest_line(text) > MAX_LINE:
+        raise InputError(file, "", f"expected lines of up to {MAX_LINE} bytes")
     vertices, polygons, more = VERTEX.findall(text), FACE.findall(text), len(MORE.findall(text))
     _check_counts(file, max(len(vertices), more), len(polygons))
-    if max(map(len, vertices + polygons)) > MAX_LINE:
-        raise InputError(file, "", f"expected lines of up to {MAX_LINE} bytes")
     corners = [len(line.split()) for line in polygons]
     if max(corners) > MAX_CORNERS:
         raise InputError(file, "", f"expected faces of up to {MAX_CORNERS} corners, got {max(corners)}")
@@ -109,6 +109,12 @@ def _obj(file: Path, data: bytes) -> int:
         raise InputError(file, "", "expected three numbers behind every v of an OBJ file") from err
     _check_sizes(file, places)
     return faces
+
+
+def longest_line(text: bytes) -> int:
+    """Bytes of the longest line."""
+    ends = np.flatnonzero(np.frombuffer(text, "u1") == ord("\n"))
+    return int(np.diff(ends, prepend=-1, append=len(text)).max()) - 1
 
 
 def _check_counts(file: Path, vertices: int, faces: int) -> None:

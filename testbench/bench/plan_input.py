@@ -1,6 +1,5 @@
 """What a plan is asked for in files and flags: tasks, places; and what a plan.csv hangs where."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from testbench.model.load import Load
 from testbench.plant import collisions
 
 MAX_TASKS = 1000
+LARGEST = 1e6  #: Of a number in a flag, whatever its unit.
 LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
 FORCE = ("force_x_N", "force_y_N", "force_z_N")  #: Columns of a plan: what pulls in a run, world axes.
 
@@ -161,6 +161,7 @@ def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
         values = tuple(read_decimals(part.strip() for part in text.split(",")))
     except ValueError:
         values = ()
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise BenchError(f"{flag}: expected {count} numbers with commas between them, got {text[:80]!r}")
+    if len(values) != count or not all(abs(value) <= LARGEST for value in values):
+        problem = f"expected {count} numbers with commas between them, up to {LARGEST:g}, got {text[:80]!r}"
+        raise BenchError(f"{flag}: {problem}")
     return values

@@ -11,7 +11,7 @@ from testbench.data.combined import take_apart
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What
 from testbench.data.table import Table
-from testbench.data.units import Unit, split_unit
+from testbench.data.units import LARGEST, Unit, split_unit
 from testbench.errors import Array, InputError
 
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
@@ -58,7 +58,14 @@ class Columns:
         lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'
         words = lost if column.slot.what == "reading" else ""
         values = self.table.numbers(column.index, self.mark, words)
-        scale = column.sign * (column.unit.scale if column.unit else 1.0)
+        if column.unit is None:
+            return column.sign * values
+        unit, most = column.unit, LARGEST[column.unit.si] / column.unit.scale
+        beyond = np.flatnonzero((values > most) | (values < -most))  # NaN where a cell is blank
+        if len(beyond):
+            problem = f"expected numbers up to {most:g} {unit.name}, got {values[beyond[0]]:g}"
+            raise self.table.error(beyond[0], column.name, problem)
+        scale = column.sign * unit.scale
         return values if scale == 1 else scale * values
 
     def full(self, column: Column) -> Array:

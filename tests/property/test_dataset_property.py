@@ -15,6 +15,7 @@ from testbench.arm.folder import load_arm
 from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.export import SIGMA_RANGE
+from testbench.data.units import LARGEST
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
@@ -23,14 +24,15 @@ LOWER, UPPER = ARM.limits
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=40)
 FUZZ = settings(REPEATABLE, max_examples=120)
 
-ANY = st.floats(allow_nan=False, allow_infinity=False)
+LEAST = min(LARGEST.values())
+ANY = st.floats(-LEAST, LEAST)
 SIGMA = st.floats(*SIGMA_RANGE)
 ID = st.integers(-(2**63), 2**63 - 1)
 
 
 @st.composite
 def datasets(draw: st.DrawFn) -> Dataset:
-    """One to four runs of any finite numbers, subnormal and extreme, with or without orientations."""
+    """One to four runs of any numbers that are read, subnormal and extreme, with or without orientations."""
     runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
 
     def numbers(*shape: int) -> np.ndarray:

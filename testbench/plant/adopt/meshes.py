@@ -2,7 +2,7 @@
 
 import io
 import logging
-import stat
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,20 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array
+from testbench.plant.adopt.mesh_door import MAX_FACES, MeshError, check_count, mesh_bytes
 
-MAX_BYTES = 64_000_000  #: Of one mesh file.
 MAX_TOTAL = 512_000_000  #: Of all mesh files of a robot.
+MAX_ALL_FACES = 4_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
 LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
 TOLD = 4  #: Meshes that a note names; the others it counts.
-READ = ("stl", "obj", "ply", "dae")
 
 Faces = npt.NDArray[np.int_]
 Surface = tuple[Array, Faces]
 """Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
-
-
-class MeshError(Exception):
-    """A mesh that cannot be read; the reader goes on without it and says so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +39,7 @@ class Meshes:
     read: dict[Path, Mesh] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     size: int = 0  #: Of all that was read [byte].
+    faces: int = 0  #: Of all that was asked for.
 
     def load(self, file: Path) -> Mesh:
         """The triangles of a file.
@@ -51,11 +48,14 @@ class Meshes:
             MeshError: When it cannot be read.
         """
         if file not in self.read:
-            data = _bytes(file)
+            data = mesh_bytes(file)
             self.size += len(data)
             if self.size > MAX_TOTAL:
                 raise MeshError(f"all meshes together have more than {MAX_TOTAL} bytes")
             self.read[file] = _parsed(data, file.suffix[1:].lower())
+        self.faces += len(self.read[file].faces)
+        if self.faces > MAX_ALL_FACES:
+            raise MeshError(f"all shapes together have more than {MAX_ALL_FACES} triangles")
         return self.read[file]
 
     def notes(self) -> list[str]:
@@ -67,36 +67,11 @@ class Meshes:
         return [f"meshes not read, the link's other shapes stand in: {', '.join(told + rest)}"]
 
 
-def _bytes(file: Path) -> bytes:
-    if file.suffix[1:].lower() not in READ:
-        raise MeshError(f"expected {', '.join(READ)}")
-    try:
-        status = file.stat()
-        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
-            raise MeshError(f"expected a file of at most {MAX_BYTES} bytes")
-        return file.read_bytes()
-    except (OSError, ValueError) as err:
-        raise MeshError(str(getattr(err, "strerror", None) or err)) from err
-
-
 def _parsed(data: bytes, kind: str) -> Mesh:
     """The triangles of a mesh file; whatever goes wrong inside of a parser is a MeshError."""
-    import trimesh
-
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
-    if kind == "dae" and any(
-        word in data for word in (b"<!DOCTYPE", b"<!ENTITY", b"\0")
-    ):  # UTF-16 hides them
-        raise MeshError("expected UTF-8 without document types and entities")
     try:
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-        if not parts:
-            raise MeshError(f"no triangles in this {kind}")
-        scale = _metre(data) if kind == "dae" else 1.0
-        vertices, faces = joined([(np.asarray(p.vertices, dtype=float), np.asarray(p.faces)) for p in parts])
-        vertices = vertices * scale
-        rgba = _main_colour(parts)
+        with warnings.catch_warnings(action="ignore"):  # of numbers too large, which are refused below
+            vertices, faces, rgba = _triangles(data, kind)
     except MeshError:
         raise
     except Exception as err:  # parsers of strangers' files fail in every way
@@ -104,10 +79,25 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         raise MeshError(f"not read as {kind}: {why}") from err
     if not np.isfinite(vertices).all():
         raise MeshError("expected finite numbers")
+    check_count("triangles", len(faces), MAX_FACES)
     vertices, faces = _welded(vertices, faces)
     if not len(faces):
         raise MeshError("no triangle has an area")
     return Mesh(vertices, faces, rgba)
+
+
+def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
+    """Corners, triangles and colour, whatever they are worth."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None)
+    parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    if not parts:
+        raise MeshError(f"no triangles in this {kind}")
+    scale = _metre(data) if kind == "dae" else 1.0
+    vertices, faces = joined([(np.asarray(p.vertices, dtype=float), np.asarray(p.faces)) for p in parts])
+    return vertices * scale, faces, _main_colour(parts)
 
 
 def _metre(data: bytes) -> float:

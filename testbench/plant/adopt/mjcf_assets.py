@@ -3,7 +3,8 @@
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from testbench.plant.adopt.meshes import MeshError, Meshes, check_size
+from testbench.plant.adopt.mesh_door import MeshError
+from testbench.plant.adopt.meshes import Meshes, check_size
 from testbench.plant.adopt.solids import hull_of
 from testbench.plant.adopt.source import beside, read_numbers
 from testbench.plant.adopt.thin import decimated, stl_bytes

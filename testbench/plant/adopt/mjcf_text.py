@@ -12,7 +12,15 @@ from pathlib import Path
 from testbench.errors import InputError
 from testbench.plant.adopt.meshes import Meshes
 from testbench.plant.adopt.mjcf_assets import read_assets
-from testbench.plant.adopt.source import MAX_ELEMENTS, beside, check_numbers, need, read_xml, where
+from testbench.plant.adopt.source import (
+    MAX_ELEMENTS,
+    beside,
+    check_numbers,
+    check_shapes,
+    need,
+    read_xml,
+    where,
+)
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
@@ -59,6 +67,7 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
     _include(file, root)
     if refused := [e for e in root.iter() if e.tag in REFUSED]:
         raise InputError(file, where(refused[0]), "not read; save the compiled model as one MJCF file first")
+    check_shapes(file, root, "geom")
     folder = _mesh_folder(file, root)
     left_out = _keep(root)
     for e in root.iter():

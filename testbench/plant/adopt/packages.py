@@ -1,12 +1,14 @@
 """Where a URDF's mesh is: package://NAME/..., file://... and plain paths."""
 
 import os
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
-from testbench.plant.adopt.meshes import MeshError
+from testbench.arm.document import parse_xml
+from testbench.errors import InputError, read_text
+from testbench.plant.adopt.mesh_door import MeshError
 
+MAX_BYTES = 1_000_000  #: Of a package.xml.
 UP = 8  #: Folders above the URDF in which a package is looked for.
 
 
@@ -52,11 +54,9 @@ def _packages(folder: Path, name: str) -> list[Path]:
 
 def _package_name(file: Path) -> str:
     try:
-        if file.is_file() and file.stat().st_size < 1_000_000:
-            return (ET.parse(file).findtext("name") or "").strip()
-    except (ET.ParseError, OSError, ValueError, LookupError):
-        pass
-    return ""
+        return (parse_xml(file, read_text(file, MAX_BYTES)).findtext("name") or "").strip()
+    except InputError:  # there is none, or it is none
+        return ""
 
 
 def _inside(folder: Path, file: Path) -> Path:

@@ -83,6 +83,10 @@ def _check_sizes(file: Path, tree: Tree) -> None:
             raise InputError(
                 file, body.name, f"expected at most {LONGEST:g} m and {HEAVIEST:g} kg, got {got}"
             )
+        inertia = np.abs(body.inertia).max()
+        if inertia > HEAVIEST * LONGEST:
+            problem = f"expected an inertia of at most {HEAVIEST * LONGEST:g} kg m^2, got {inertia:.3g}"
+            raise InputError(file, body.name, problem)
 
 
 def _belonging(tree: Tree, first: int) -> list[bool]:

@@ -15,6 +15,7 @@ from testbench.plant.adopt.pose import pose_of, turned
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
 MAX_DEPTH = 150
+MAX_SHAPES = 2000  #: Of a robot: every <geometry> of URDF, every <geom> of MJCF.
 LARGEST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
 
 
@@ -36,6 +37,13 @@ def read_xml(file: Path) -> ET.Element:
     if level or count > MAX_ELEMENTS:
         raise InputError(file, "", f"expected at most {MAX_ELEMENTS} elements, {MAX_DEPTH} deep")
     return root
+
+
+def check_shapes(file: Path, root: ET.Element, tag: str) -> None:
+    """Refuse a robot of more shapes than any has with an InputError."""
+    count = sum(1 for _ in root.iter(tag))
+    if count > MAX_SHAPES:
+        raise InputError(file, f"<{tag}>", f"expected at most {MAX_SHAPES} shapes, got {count}")
 
 
 def where(e: ET.Element) -> str:

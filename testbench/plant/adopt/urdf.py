@@ -10,7 +10,7 @@ import numpy as np
 from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import JointOf
 from testbench.plant.adopt.meshes import Meshes
-from testbench.plant.adopt.source import need, read_number, read_numbers, read_origin, where
+from testbench.plant.adopt.source import check_shapes, need, read_number, read_numbers, read_origin, where
 from testbench.plant.adopt.tree import Body, Tree
 from testbench.plant.adopt.urdf_shapes import link_shapes
 
@@ -31,6 +31,7 @@ def read_urdf(file: Path, root: ET.Element) -> Tree:
     Raises:
         InputError: When links or joints are wrong.
     """
+    check_shapes(file, root, "geometry")
     links = _by_name(file, root.findall("link"))
     joints = list(_by_name(file, root.findall("joint")).values())
     if not links:

@@ -8,7 +8,8 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import Shape, Solid
-from testbench.plant.adopt.meshes import MeshError, Meshes, check_size
+from testbench.plant.adopt.mesh_door import MeshError
+from testbench.plant.adopt.meshes import LARGEST, Meshes, check_size
 from testbench.plant.adopt.packages import find_mesh
 from testbench.plant.adopt.pose import moved
 from testbench.plant.adopt.solids import VISIBLE, solid_shape
@@ -70,6 +71,8 @@ def _solid(file: Path, form: ET.Element, pose: Array) -> Solid | None:
         raise InputError(file, where(form), f"expected {known} as a <geometry>")
     if min(solid.size) < 0:
         raise InputError(file, where(form), f"expected sizes of at least 0 m, got {min(solid.size):g}")
+    if max(solid.size) > LARGEST:
+        raise InputError(file, where(form), f"expected sizes up to {LARGEST:g} m, got {max(solid.size):g}")
     return solid if min(solid.size) > 1e-6 else None
 
 

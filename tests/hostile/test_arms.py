@@ -1,0 +1,173 @@
+"""Arms of strangers: mesh bombs, files that are none, too much of everything."""
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+Spoil = Callable[[Path], object]
+MESH = '<mesh name="m" file="{}"/>'
+GEOM = '<geom type="mesh" mesh="m"/>'
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+
+
+def asset(text: str, geom: str = GEOM) -> Spoil:
+    """The arm with an asset, shown by a geom of its first link."""
+
+    def spoil(arm: Path) -> None:
+        rigid = arm / "rigid.xml"
+        xml = rigid.read_text().replace("<worldbody>", f"<asset>{text}</asset><worldbody>", 1)
+        rigid.write_text(xml.replace("<geom", f"{geom}<geom", 4).replace(geom, "", 3))
+
+    return spoil
+
+
+def link(text: str) -> Spoil:
+    """The arm with more in its first link."""
+    return asset("", text)
+
+
+def mesh(name: str, make: Spoil) -> Spoil:
+    """The arm with a mesh file."""
+
+    def spoil(arm: Path) -> None:
+        asset(MESH.format(name))(arm)
+        make(arm / name)
+
+    return spoil
+
+
+def builtin(kind: str, params: str) -> Spoil:
+    return asset(f'<mesh name="m" builtin="{kind}" params="{params}"/>')
+
+
+def holds(data: str | bytes) -> Spoil:
+    return lambda file: file.write_bytes(data if isinstance(data, bytes) else data.encode())
+
+
+def sparse(size: int) -> Spoil:
+    def make(file: Path) -> None:
+        with file.open("wb") as stream:
+            stream.truncate(size)
+
+    return make
+
+
+def stl(count: int, claimed: int | None = None, value: float = 0.1) -> bytes:
+    """Binary STL of triangles that are all the same."""
+    head = bytes(80) + struct.pack("<I", count if claimed is None else claimed)
+    return head + count * struct.pack("<12fH", *[value] * 12, 0)
+
+
+def msh(*counts: int, body: int = 100) -> bytes:
+    return struct.pack("<4i", *counts) + bytes(body)
+
+
+def swap(old: str, new: str) -> Spoil:
+    """The arm with other words at the first place of some."""
+
+    def spoil(arm: Path) -> None:
+        rigid = arm / "rigid.xml"
+        text = rigid.read_text()
+        assert old in text
+        rigid.write_text(text.replace(old, new, 1))
+
+    return spoil
+
+
+def touching(count: int) -> Spoil:
+    """The arm with so many geoms in each of two links, all in one place."""
+
+    def spoil(arm: Path) -> None:
+        rigid = arm / "rigid.xml"
+        links = rigid.read_text().split("<inertial ")
+        for k in (2, 4):
+            links[k - 1] += '<geom size="1"/>' * count
+        rigid.write_text("<inertial ".join(links))
+
+    return spoil
+
+
+ARMS: dict[str, tuple[Spoil, str]] = {
+    "a supersphere without end": (builtin("supersphere", "3000 1 1"), "'builtin' is not allowed"),
+    "a supertorus without end": (builtin("supertorus", "20000 1 1 1"), "'builtin' is not allowed"),
+    "a cone without end": (builtin("cone", "100000000 1"), "'builtin' is not allowed"),
+    "a pipe": (mesh("a.stl", os.mkfifo), "got a folder or a device"),
+    "a folder": (mesh("a.stl", Path.mkdir), "got a folder or a device"),
+    "a device": (mesh("a.stl", lambda file: file.symlink_to("/dev/zero")), "inside the arm's folder"),
+    "a link that leads out": (
+        mesh("a.stl", lambda f: f.symlink_to("/etc/passwd")),
+        "inside the arm's folder",
+    ),
+    "a link to itself": (mesh("a.stl", lambda file: file.symlink_to(file)), "a.stl: cannot be read"),
+    "100 GB of nothing": (mesh("a.stl", sparse(10**11)), "expected at most 64000000 bytes"),
+    "60 MB of nothing": (mesh("a.stl", sparse(6 * 10**7)), "expected binary STL"),
+    "an empty mesh": (mesh("a.stl", holds("")), "expected binary STL"),
+    "a head that lies": (mesh("a.stl", holds(stl(4, 4 * 10**9))), "expected binary STL"),
+    "a million triangles": (mesh("a.stl", holds(stl(10**6))), "250000 triangles, got 1000000"),
+    "corners that are no number": (mesh("a.stl", holds(stl(4, value=np.nan))), "vertex 1: expected finite"),
+    "corners light years away": (mesh("a.stl", holds(stl(4, value=1e30))), "vertex 1: expected finite"),
+    "STL as text": (mesh("a.stl", holds("solid a\nendsolid a\n" * 9)), "expected binary STL"),
+    "a polygon without end": (
+        mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 500}\n")),
+        "up to 256 corners",
+    ),
+    "a line without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n")), "expected lines of up to"),
+    "a million vertices": (mesh("a.obj", holds(OBJ * 250_000 + "f 1 2 3\n")), "at most 750000 vertices"),
+    "vertices of 1e308 m": (
+        mesh("a.obj", holds(f"{OBJ}v 1e308 0 0\nf 1 2 3\n")),
+        "vertex 5: expected",
+    ),
+    "an index that is none": (mesh("a.obj", holds(f"{OBJ}f 1 2 3\nf 1 2 99\n")), "rigid.xml: MuJoCo refuses"),
+    "MSH of two billion": (mesh("a.msh", holds(msh(2**30, 0, 0, 2**30))), "by its head"),
+    "MSH of less than nothing": (mesh("a.msh", holds(msh(-4, 0, 0, -4))), "by its head"),
+    "a mesh of another kind": (mesh("a.dae", holds("<a/>")), "expected a mesh: stl, obj, msh"),
+    "a texture of 10^12": (
+        asset('<texture builtin="flat" width="1000000" height="1000000"/>'),
+        "<texture>",
+    ),
+    "a field of 10^10": (asset('<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>'), "<hfield>"),
+    "a skin": (asset('<skin file="a.skn"/>'), "<skin>: not allowed"),
+    "a flex of 10^9": (
+        link('<flexcomp type="grid" count="1000 1000 1000"/>'),
+        "<flexcomp>: not allowed",
+    ),
+    "a composite": (link('<composite type="cable" count="100000"/>'), "<composite>: not allowed"),
+    "a replicate": (link('<replicate count="1000000"/>'), "<replicate>: not allowed"),
+    "a plugin": (link('<plugin plugin="x"/>'), "<plugin>: not allowed"),
+    "itself included": (link('<include file="rigid.xml"/>'), "<include>: not allowed"),
+    "50,000 bodies": (link("".join(f'<body name="b{k}"/>' for k in range(50_000))), "at most 1000 in an arm"),
+    "50,000 attributes": (
+        link("<geom " + " ".join(f'a{k}="1"' for k in range(50_000)) + "/>"),
+        "'a0' is not allowed",
+    ),
+    "50,000 cameras": (link("<camera/>" * 50_000), "at most 100 in an arm"),
+    "50,000 pairs to exclude": (
+        swap("</mujoco>", "<contact>" + '<exclude body1="a" body2="b"/>' * 50_000 + "</contact></mujoco>"),
+        "<exclude>: expected at most 1000",
+    ),
+    "a name of 3 MB": (swap('name="link_0"', f'name="{"x" * 3_000_000}"'), "name: expected at most 1000"),
+    "a million numbers": (link(f'<geom size="{"1 " * 1_000_000}"/>'), "size: expected finite numbers"),
+    "a picture of a terabyte": (
+        swap("<worldbody>", '<visual><global offwidth="1000000"/></visual><worldbody>'),
+        "offwidth: expected finite numbers up to 16384",
+    ),
+    "250,000 pairs of geoms": (touching(500), "expected at most 50000 pairs of geoms"),
+    "40,000 contacts": (touching(200), "expected at most 5000 contacts in a pose"),
+}
+
+
+def test_sound_meshes_pass(attack, lab):
+    asset(MESH.format("a.obj"))(lab / "arm")
+    (lab / "arm/a.obj").write_text(f"# by hand\r\n{OBJ}f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
+    attack(lab, "check", "arm").done()
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_hostile_arm_is_refused_in_one_line(attack, lab, name):
+    spoil, said = ARMS[name]
+    spoil(lab / "arm")
+    attack(lab, "check", "arm").refused("arm/", said)
