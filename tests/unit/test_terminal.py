@@ -24,6 +24,17 @@ def test_brackets_and_colons_in_names_are_printed_as_they_are(capsys):
     assert [line.split()[-len(NAMES) :] for line in lines[1:]] == [[name] * len(NAMES) for name in NAMES]
 
 
+def test_what_steers_a_terminal_is_replaced_in_lines_and_tables(capsys):
+    name = "a\x1b]0;b\x07\x9bc\u202ed\u200b"
+    console = plain_console()
+    console.print(f"{name}\nnext", soft_wrap=True)
+    console.print(grid(Table((Column("name", name),), [{"name": name}], title=name, bold=name)))
+    said = capsys.readouterr().out
+    assert said.startswith("a\ufffd]0;b\ufffd\ufffdc\ufffdd\ufffd\nnext\n")
+    assert said.count("\ufffd]0;b") == 4
+    assert all(c.isprintable() or c == "\n" for c in said)
+
+
 def test_all_of_the_package_prints_by_it():
     package = Path(testbench.__file__).parent
     makers = [p for p in package.rglob("*.py") if re.search(r"\b\w*Console\(", p.read_text(encoding="utf-8"))]
