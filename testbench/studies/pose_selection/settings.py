@@ -111,7 +111,15 @@ class Scope:
 
 
 QUICK = Scope(
-    poses=(12,), fewer=(12,), criteria=("test", "D"), candidates=120, tasks=6, workspace=30, variants=1
+    poses=(9,),
+    fewer=(9,),
+    criteria=("test", "D"),
+    candidates=60,
+    tasks=6,
+    workspace=30,
+    featured=9,
+    variants=1,
+    anew=1,
 )
 
 
