@@ -4,7 +4,7 @@ python tools/kills.py [COUNT] [SEED] [CASE ...]
 
 Each case is a long command. It is begun and killed some times, then run to its end. Nothing that it started
 may live 5 s after a kill; earlier results and stored trials stand; the end has the files of a run that was
-left alone, byte by byte but for what tells the time, and leaves nothing beside them.
+left alone, bit by bit but for what tells the time, and leaves nothing beside them.
 """
 
 import contextlib
@@ -25,6 +25,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pyarrow import parquet
+
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")
 TRIALS = f"""
@@ -42,10 +44,13 @@ GRACE = 5.0  #: Time in which all must have ended [s].
 LONGEST, ENDLESS = 900.0, 5.0
 """Time after which a run has failed, and one of a command that does not end by itself [s]."""
 CHAIN = 5  #: Kills before a case is run to its end.
-CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or a random identity.
+CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or have a random identity.
+VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
+PICTURES = ("out.png", "out.gif")  #: Of the viewer.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
+UNDER_WAY = r"(^|/)\.(new|claim)-"  #: Names of what a run makes, and of what keeps others out of it.
 OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|stops|shell/interrupt)"
 """In a traceback: a module of ours that is imported when stops are heeded already."""
 WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")
@@ -83,7 +88,7 @@ CASES = {
     "simulate": command("simulate kr500_l480 --poses 40 --payload-kg 460 --out out.csv", "out.csv"),
     "identify": command("identify kr500_l480 ../inputs/data.csv --out out"),
     "identifiability": command(
-        "identifiability kr500_l480 ../inputs/data.csv --model MGCO68 --figure out.png", "out.png"
+        "identifiability kr500_l480 ../inputs/data.csv --model MGCO68 --figure seen.png", "seen.png"
     ),
     "calibrate": command(f"calibrate ur10 {ROOT}/models/ur10/readings/series_A_every_8th.csv --out out"),
     "predict": command(f"predict ../inputs/model {ROOT}/docs/tasks.csv --load 460 --out out"),
@@ -143,15 +148,25 @@ class Bench:
     def files(self) -> dict[str, bytes]:
         """What lies in its folder, each file's content; nothing of what tells the time."""
         return {
-            path.relative_to(self.folder).as_posix(): b"" if path.name in CLOCKS else timeless(path)
+            path.relative_to(self.folder).as_posix(): timeless(path)
             for path in self.folder.rglob("*")
             if path.is_file()
         }
 
 
 def timeless(path: Path) -> bytes:
-    """The content of a file without how long a thing took."""
-    return re.sub(rb'"\w*seconds": [-+.\de]+', b"", path.read_bytes())
+    """What a file holds, without how long a thing took; of pictures, drawn as time allows, both ends."""
+    data = path.read_bytes()
+    if path.name in CLOCKS or path.suffix in VIEWS:
+        return b""
+    if path.name in PICTURES:
+        return data[:6] + data[-1:]
+    if path.suffix == ".parquet":
+        table = parquet.read_table(path)
+        return repr(
+            table.drop_columns([c for c in table.column_names if c.endswith("seconds")]).to_pylist()
+        ).encode()
+    return re.sub(rb'"\w*seconds": [-+.\de]+', b"", data)
 
 
 def heed() -> None:
@@ -270,13 +285,17 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
         if case.resumes:
             held = checked(held, stored(place.folder), way)
         else:
-            stands = {name: data for name, data in place.files().items() if "/.new-" not in f"/{name}"}
+            files = place.files().items()
+            stands = {name: data for name, data in files if not re.search(UNDER_WAY, name)}
             check_alike(stands, whole.files, f"{way}: earlier results")
     if case.ends:
         check_alike(finished(case, place).files, whole.files, "run to its end")
     else:
         killed(case, place, whole.seconds, "INT", rng)
-    left = [*place.temporary.rglob("*"), *place.folder.rglob(".new-*")]
+    left = [
+        *place.temporary.rglob("*"),
+        *(p for p in place.folder.rglob("*") if re.search(UNDER_WAY, p.name)),
+    ]
     if left:
         raise Fault(f"left lying: {[str(path) for path in left]}")
     return ends
