@@ -116,7 +116,7 @@ ARMS: dict[str, tuple[Spoil, str]] = {
         "up to 256 corners",
     ),
     "a line without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n")), "expected lines of up to"),
-    "a million vertices": (mesh("a.obj", holds(OBJ * 250_000 + "f 1 2 3\n")), "at most 750000 vertices"),
+    "a million vertices": (mesh("a.obj", holds(OBJ * 200_000 + "f 1 2 3\n")), "at most 750000 vertices"),
     "vertices of 1e308 m": (
         mesh("a.obj", holds(f"{OBJ}v 1e308 0 0\nf 1 2 3\n")),
         "vertex 5: expected",
@@ -171,3 +171,43 @@ def test_a_hostile_arm_is_refused_in_one_line(attack, lab, name):
     spoil, said = ARMS[name]
     spoil(lab / "arm")
     attack(lab, "check", "arm").refused("arm/", said)
+
+
+PLY = "ply\nformat {}\nelement vertex {}\nproperty float x\nelement face {}\nend_header\n"
+BOMB = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>
+<library_nodes>{}</library_nodes>
+<library_visual_scenes><visual_scene id="s"><node><instance_node url="#k0"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>""".format(
+    "".join(f'<node id="k{k}">' + f'<instance_node url="#k{k + 1}"/>' * 10 + "</node>" for k in range(9))
+)
+ROBOTS: dict[str, tuple[str, Spoil, str]] = {
+    "a pipe": ("a.stl", os.mkfifo, "got a folder or a device"),
+    "100 GB of nothing": ("a.dae", sparse(10**11), "expected at most 64000000 bytes"),
+    "a head that lies": ("a.stl", holds(stl(4, 4 * 10**9)), "expected STL, binary"),
+    "a million triangles": ("a.stl", holds(stl(10**6)), "at most 500000 triangles"),
+    "solids without end": ("a.stl", holds("solid a\nendsolid\n" * 10**5), "at most 2000 solids"),
+    "groups without end": ("a.obj", holds(OBJ + "o a\nusemtl b\nf 1 2 3\n" * 10**4), "at most 2000 groups"),
+    "a line without end": ("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n"), "bytes in a line"),
+    "two billion vertices": (
+        "a.ply",
+        holds(PLY.format("ascii 1.0", 2 * 10**9, 1)),
+        "at most 1500000 elements",
+    ),
+    "a head without end": ("a.ply", holds("ply\n" + "comment\n" * 10**5), "expected the head of a PLY file"),
+    "a scene of 10^9 instances": ("a.dae", holds(BOMB), "at most 2000 instances"),
+    "an entity": ("a.dae", holds('<!DOCTYPE m [<!ENTITY a "b">]><a>&a;</a>'), "document types and entities"),
+    "deep XML": ("a.dae", holds("<a>" * 10**5), "expected COLLADA in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_goes_without_a_hostile_mesh_and_says_so(attack, lab, name):
+    file, make, said = ROBOTS[name]
+    make(lab / file)
+    robot = lab / "robot.urdf"
+    shown = f'<visual><geometry><mesh filename="{file}"/></geometry></visual><visual>'
+    robot.write_text(robot.read_text().replace("<visual>", shown, 1))
+    found = attack(lab, "new", "robot", "--from", "robot.urdf")
+    found.done("robot")
+    assert "meshes not read" in found.out
+    assert said in found.out
