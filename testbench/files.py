@@ -50,7 +50,7 @@ def write_manifest(
         "git": git_commit(ROOT),
         "models": models,
         "files": sorted({*inside(folder), "manifest.json"}),
-        "sha256": {name: digest_of_any(folder / name) for name in inside(folder) if name != "manifest.json"},
+        "sha256": {name: digest(folder / name) for name in inside(folder) if name != "manifest.json"},
     }
     write_json(manifest, folder / "manifest.json")
 
@@ -83,12 +83,6 @@ def digest(file: Path, max_bytes: int = MOST) -> str:
     """SHA-256 of a file; InputError where it is no plain file, or too large."""
     with open_file(file, max_bytes) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def digest_of_any(file: Path) -> str:
-    """SHA-256 of a file of ours, however large."""
-    with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
 def git_commit(folder: Path) -> str:

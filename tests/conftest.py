@@ -32,6 +32,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def lazy_disk() -> Iterator[None]:
+    """Files are not waited for until they are on the disk: a loss of power is none of a test."""
+    with mock.patch("os.fsync"):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def laid_out() -> Iterator[None]:
     """Figures are laid out and looked at, and not drawn: that would double their time."""
 

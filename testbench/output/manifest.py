@@ -1,10 +1,14 @@
 """What manifest.json says of the folder that it lies in."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from testbench.errors import InputError, read_bytes
+
 NAME = "manifest.json"
+MOST = 16 * 2**20  #: Largest one that is read [byte].
 
 
 @dataclass(frozen=True)
@@ -15,17 +19,19 @@ class Manifest:
     files: (
         frozenset[str] | None
     )  #: Its files, by their paths in it; None where it does not say: in older ones.
+    sha256: Mapping[str, str] = field(default_factory=dict)  #: Of the files, as far as it says.
 
 
 def read_manifest(folder: Path) -> Manifest:
     """What a folder's manifest.json says; nothing where there is none, or it is not one of ours."""
     try:
-        data = json.loads((folder / NAME).read_bytes())
+        data = json.loads(read_bytes(folder / NAME, MOST))
         if "testbench" not in data["versions"]:
             return Manifest(None, None)
-        files = data.get("files")
-        return Manifest(str(data["command"]), None if files is None else frozenset(map(str, files)))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        files, sha256 = data.get("files"), dict(data.get("sha256", {}))
+        named = None if files is None else frozenset(map(str, files))
+        return Manifest(str(data["command"]), named, sha256)
+    except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return Manifest(None, None)
 
 

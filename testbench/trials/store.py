@@ -1,35 +1,29 @@
 """The trial store: finished trials in an SQLite file, committed as they come, whatever stops the run.
 
 SQLite is what makes a trial whole or absent after a kill, a crash or a full disk, keeps a second run out and
-gives trials back in the order of their seeds, however they came.
+gives trials back in the order of their seeds, however they came. Each has a checksum of its experiment, its
+seed and its rows: edited numbers, swapped trials and those of another study are seen.
 """
 
 import contextlib
+import hashlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from testbench import files
 from testbench.errors import BenchError, InputError
-from testbench.output.scratch import folder_for
+from testbench.output.manifest import read_manifest
+from testbench.output.scratch import folder_for, sweep, writing
 from testbench.trials.experiment import Experiment, check_header
-from testbench.trials.rows import Flat, check_types, columns, restorer
+from testbench.trials.rows import SEED, Flat, check_types, columns, restorer
+from testbench.trials.storefile import AWAY, check_plain, open_file, told
 
 FILE, WHOLE = "trials.sqlite", "trials.parquet"
 """Trials of a run that is under way, and of one that has come to its end."""
-TABLES = (
-    "CREATE TABLE about (header TEXT)",
-    "INSERT INTO about VALUES ('{}')",
-    "CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT)",
-)
-FAULTS = {
-    "SQLITE_BUSY": "another run is writing it: wait for it or choose another folder",
-    "SQLITE_FULL": "cannot be written: the disk is full",
-    "SQLITE_IOERR": "cannot be written",
-    "SQLITE_CANTOPEN": "cannot be written",
-    "SQLITE_READONLY": "cannot be written",
-}
 
 R = TypeVar("R")
 
@@ -48,6 +42,7 @@ class TrialStore(Generic[R]):
         self.finished = False
         self._database = database
         self._done = bytearray(len(experiment.seeds))
+        self._key = hashlib.sha256(json.dumps(self.header, sort_keys=True).encode())
 
     @property
     def count(self) -> int:
@@ -69,9 +64,9 @@ class TrialStore(Generic[R]):
 
     def flat(self) -> Iterator[tuple[int, list[Flat]]]:
         """Stored trials in the order of the seeds, one at a time in memory: seed and flat rows."""
-        query = "SELECT seed, rows FROM trials WHERE seed <= ? ORDER BY seed"
+        query = "SELECT seed, rows FROM trials WHERE seed BETWEEN ? AND ? ORDER BY seed"
         with _told(self.path):
-            for seed, rows in self._database.execute(query, (self.experiment.seeds[-1],)):
+            for seed, rows in self._database.execute(query, (self.header[SEED], self.experiment.seeds[-1])):
                 yield seed, json.loads(rows)
 
     def append(self, seeds: Sequence[int], found: Iterable[list[Flat]]) -> None:
@@ -87,9 +82,10 @@ class TrialStore(Generic[R]):
     def load(self, *, resume: bool) -> None:
         """Find the trials of a run that was stopped or has ended; InputError where `open_store` says."""
         with _told(self.path):
-            ((header,),) = self._database.execute("SELECT header FROM about")
+            [(header,)] = self._database.execute("SELECT header FROM about").fetchmany(2)
             ((held,),) = self._database.execute("SELECT count(*) FROM trials")
-            found = json.loads(header)
+            if not isinstance(found := json.loads(header), dict):
+                raise ValueError("its header is no table of keys")
         if held and not resume:
             raise InputError(
                 self.path,
@@ -99,18 +95,58 @@ class TrialStore(Generic[R]):
             )
         if held:
             check_header(self.path, found, self.header)
-        elif resume and (whole := self.path.with_name(WHOLE)).exists():
-            from testbench.trials.parquet import read_trials
-
-            self._insert(read_trials(whole, self.header))
+            self._mark(self._verified())
+            return
+        whole = self.path.with_name(WHOLE)
+        if resume and os.path.lexists(whole):
+            self._insert(self._of_whole(whole))
         with _told(self.path), self._database:
             self._database.execute("UPDATE about SET header = ?", (json.dumps(self.header),))
             self._mark(seed for (seed,) in self._database.execute("SELECT seed FROM trials"))
 
+    def _verified(self) -> Iterator[int]:
+        """Seeds of the stored trials; InputError where one is not as it was stored, by a run of this kind."""
+        with _told(self.path):
+            for seed, rows, sha256 in self._database.execute("SELECT seed, rows, sha256 FROM trials"):
+                if not isinstance(rows, str) or sha256 != self._sha256(seed, rows):
+                    problem = "expected what was stored, its checksum is of something else: it was edited or"
+                    raise InputError(self.path, f"seed {seed}", f"{problem} is damaged; {AWAY}")
+                self._check_rows(self.path, seed, json.loads(rows))
+                yield seed
+
+    def _of_whole(self, whole: Path) -> Iterator[tuple[int, list[Flat]]]:
+        """Trials of a run that has come to its end."""
+        from testbench.trials.parquet import read_trials
+
+        check_plain(whole)
+        wanted = read_manifest(whole.parent).sha256.get(WHOLE)
+        if wanted is not None and files.digest(whole) != wanted:
+            problem = "expected what its run left, by manifest.json: it was edited or is damaged"
+            raise InputError(whole, "", f"{problem}; {AWAY}")
+        for seed, rows in read_trials(whole, self.header):
+            self._check_rows(whole, seed, rows)
+            yield seed, rows
+
+    def _check_rows(self, path: Path, seed: int, rows: object) -> None:
+        """Refuse what are no rows of this study."""
+        try:
+            if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+                raise BenchError("rows: expected those of a trial")
+            self._checked(rows)
+        except BenchError as err:
+            raise InputError(path, f"seed {seed}", str(err)) from err
+
+    def _sha256(self, seed: int, rows: str) -> str:
+        """Of a trial of this experiment."""
+        own = self._key.copy()
+        own.update(f"{seed} {rows}".encode())
+        return own.hexdigest()
+
     def _insert(self, trials: Iterable[tuple[int, list[Flat]]]) -> None:
+        texts = ((seed, json.dumps(self._checked(rows))) for seed, rows in trials)
         with _told(self.path), self._database as transaction:
-            lines = ((seed, json.dumps(self._checked(rows))) for seed, rows in trials)
-            transaction.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?)", lines)
+            lines = ((seed, rows, self._sha256(seed, rows)) for seed, rows in texts)
+            transaction.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?, ?)", lines)
 
     def _checked(self, rows: list[Flat]) -> list[Flat]:
         for row in rows:
@@ -145,7 +181,11 @@ def open_store(
             trials of something else (resume), or of a run that was stopped (no resume).
     """
     path = folder / FILE
-    with folder_for(folder), contextlib.closing(_locked(path)) as database:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(folder_for(folder))
+        with writing(path):
+            sweep(folder)
+        database = stack.enter_context(contextlib.closing(open_file(path)))
         try:
             store = TrialStore(path, experiment, row, database)
             store.load(resume=resume)
@@ -158,36 +198,10 @@ def open_store(
                     path.unlink()
 
 
-def _locked(path: Path) -> sqlite3.Connection:
-    if path.exists() and not path.is_file():
-        raise InputError(path, "", "expected a file, got a folder or a device")
-    with _told(path):
-        new, database = not path.exists(), sqlite3.connect(path, timeout=0)
-        try:
-            database.execute("PRAGMA locking_mode=EXCLUSIVE")
-            with database:
-                database.execute("BEGIN EXCLUSIVE")
-                if database.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
-                    for statement in TABLES:
-                        database.execute(statement)
-        except sqlite3.Error:
-            database.close()
-            if new and path.exists() and not path.stat().st_size:
-                path.unlink()
-            raise
-    return database
-
-
 @contextlib.contextmanager
 def _told(path: Path) -> Iterator[None]:
     """What SQLite's failures mean."""
     try:
         yield
     except (sqlite3.Error, ValueError) as err:
-        name = getattr(err, "sqlite_errorname", "")
-        for fault, words in FAULTS.items():
-            if name.startswith(fault):
-                raise InputError(path, "", words) from err
-        raise InputError(
-            path, "", f"expected a store of trials: {err}: it is damaged; move it away to start afresh"
-        ) from err
+        raise told(path, err) from err

@@ -1,11 +1,17 @@
 """The trial store and its Parquet files: what is stored comes back, what is damaged or foreign is refused."""
 
+import contextlib
+import hashlib
 import json
 import math
+import os
+import re
+import sqlite3
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -14,6 +20,7 @@ from testbench.trials.chunk import do_chunk
 from testbench.trials.experiment import Experiment
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
+from testbench.trials.storefile import NAMES_ANOTHER as MAGIC
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -229,6 +236,7 @@ def test_dataclasses_that_are_no_table_are_refused(tmp_path, row):
     "damage",
     [
         lambda data: data[:-1],
+        lambda data: data[:4096],
         lambda data: data[:100],
         lambda data: data.replace(b"CREATE TABLE trials", b"CREATE TABLE pebble"),
         lambda data: data.replace(b'[{"x": 2.66', b'[{"x"; 2.66'),
@@ -245,20 +253,137 @@ def test_a_damaged_store_is_one_line_and_left_alone(tmp_path, damage):
         open_store(tmp_path, TOY, row=X, resume=True) as store,
     ):
         list(store.trials())
-    assert "trials.sqlite: expected a store of trials" in str(caught.value)
+    assert re.search(
+        r"trials\.sqlite: (seed \d: )?expected (a store of trials|what was stored)", str(caught.value)
+    )
     assert "\n" not in str(caught.value)
     assert files(tmp_path) == before
 
 
-def test_a_row_of_other_columns_is_told_with_its_seed(tmp_path):
+EDITS = {
+    "a number": ("UPDATE trials SET rows = replace(rows, '2.6', '2.5') WHERE seed = 8", "seed 8"),
+    "the seed": ("UPDATE trials SET seed = 9 WHERE seed = 8", "seed 9"),
+    "swapped": (
+        "UPDATE trials SET rows = (SELECT rows FROM trials t WHERE t.seed = 15 - trials.seed)",
+        "seed 7",
+    ),
+    "no checksum": ("UPDATE trials SET sha256 = NULL", "seed 7"),
+    "no text": ("UPDATE trials SET rows = 7, sha256 = 7", "seed 7"),
+    "bytes": ("UPDATE trials SET rows = x'ff00' WHERE seed = 8", "seed 8"),
+    "a row of another study": ("INSERT INTO trials VALUES (9, '[{\"x\": 1.0}]', '0')", "seed 9"),
+    "no header": ("DELETE FROM about", "expected a store of trials"),
+    "two headers": ("INSERT INTO about VALUES ('{}')", "expected a store of trials"),
+    "a header of no JSON": ("UPDATE about SET header = x'00'", "expected a store of trials"),
+    "a header of another type": ("UPDATE about SET header = '[]'", "expected a store of trials"),
+    "another table": ("CREATE TABLE mine (x)", "it has other tables"),
+    "a trigger": (
+        "CREATE TRIGGER t AFTER INSERT ON trials BEGIN DELETE FROM trials; END",
+        "it has other tables",
+    ),
+    "endless": (
+        "DROP TABLE trials; CREATE VIEW trials AS WITH RECURSIVE r(seed, rows, sha256) AS "
+        "(SELECT 1, '', '' UNION ALL SELECT seed + 1, '', '' FROM r) SELECT * FROM r",
+        "it has other tables",
+    ),
+    "another log": ("PRAGMA journal_mode=WAL", "of this version"),
+    "another program": ("PRAGMA application_id=1", "of this version"),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_a_store_that_was_edited_is_one_line_and_left_alone(tmp_path, edit):
     fill(tmp_path, [7, 8])
-    path = tmp_path / FILE
-    path.write_bytes(path.read_bytes().replace(b'[{"x": 2.66', b'[{"y": 2.66'))
-    with (
-        open_store(tmp_path, TOY, row=X, resume=True) as store,
-        pytest.raises(InputError, match=r"trials\.sqlite: seed 8: rows: x: Field required"),
-    ):
-        list(store.trials())
+    statement, said = EDITS[edit]
+    with contextlib.closing(sqlite3.connect(tmp_path / FILE)) as database:
+        database.executescript(statement)
+        database.commit()
+    before = files(tmp_path)
+    with pytest.raises(InputError, match=r"trials\.sqlite") as caught:
+        missing(tmp_path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert files(tmp_path) == before
+
+
+def test_trials_of_another_study_that_are_whole_are_refused(tmp_path):
+    """Rows and checksums, of other settings, under this study's header."""
+    for name, scenario in (("mine", TOY.scenario), ("alien", {})):
+        fill(tmp_path / name, [7, 8], Experiment("toy", scenario, TOY.seeds))
+    with contextlib.closing(sqlite3.connect(tmp_path / "mine" / FILE)) as database:
+        database.execute("ATTACH ? AS alien", (str(tmp_path / "alien" / FILE),))
+        database.execute("DELETE FROM trials WHERE seed = 8")
+        database.execute("INSERT INTO trials SELECT * FROM alien.trials WHERE seed = 8")
+        database.commit()
+    with pytest.raises(InputError, match="seed 8: expected what was stored"):
+        missing(tmp_path / "mine")
+
+
+def test_a_finished_run_that_was_edited_is_not_resumed(tmp_path):
+    fill(tmp_path, TOY.seeds)
+    said = {"command": "toy", "versions": {"testbench": "0"}}
+    digests = {"sha256": {WHOLE: hashlib.sha256((tmp_path / WHOLE).read_bytes()).hexdigest()}}
+    (tmp_path / "manifest.json").write_text(json.dumps(said | digests))
+    assert missing(tmp_path) == []
+    (tmp_path / FILE).unlink()
+    table = pq.read_table(tmp_path / WHOLE)
+    edited = pa.Table.from_pylist([{**row, "x": 1.0} for row in table.to_pylist()], table.schema)
+    pq.write_table(edited, tmp_path / WHOLE, write_page_checksum=True)
+    before = files(tmp_path)
+    with pytest.raises(InputError, match=r"trials\.parquet: expected what its run left"):
+        missing(tmp_path)
+    assert files(tmp_path) == before
+
+
+PLACES = {
+    "link": lambda path, own: path.symlink_to(own),
+    "dangling": lambda path, own: path.symlink_to(own.with_name("none")),
+    "hard link": lambda path, own: os.link(own, path),
+    "pipe": lambda path, own: os.mkfifo(path),
+    "folder": lambda path, own: path.mkdir(),
+    "empty": lambda path, own: path.touch(),
+    "notes": lambda path, own: path.write_text("mine\n" * 40),
+    "sparse": lambda path, own: (path.touch(), os.truncate(path, 2**36)),
+    "other program's": lambda path, own: (
+        sqlite3.connect(path).executescript("CREATE TABLE trials (x)").close()
+    ),
+}
+
+
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize("kind", PLACES)
+def test_what_is_no_store_is_one_line_and_left_alone(tmp_path, kind, resume):
+    fill(tmp_path / "other", [7, 8])
+    (tmp_path / "run").mkdir()
+    PLACES[kind](tmp_path / "run" / FILE, tmp_path / "other" / FILE)
+    before, status = files(tmp_path / "other"), (tmp_path / "run" / FILE).lstat()
+    with pytest.raises(InputError, match=r"run/trials\.sqlite: .*move it away"):
+        fill(tmp_path / "run", [9], resume=resume)
+    assert files(tmp_path / "other") == before
+    assert list((tmp_path / "run").iterdir()) == [tmp_path / "run" / FILE]
+    assert (tmp_path / "run" / FILE).lstat().st_mtime_ns == status.st_mtime_ns
+
+
+@pytest.mark.parametrize("suffix", ["-journal", "-wal", "-shm"])
+@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
+def test_what_lies_beside_a_store_is_not_followed(tmp_path, suffix, kind):
+    fill(tmp_path, [7, 8])
+    (tmp_path / "mine").write_text("mine")
+    PLACES[kind](tmp_path / f"{FILE}{suffix}", tmp_path / "mine")
+    with pytest.raises(InputError, match=f"{FILE}{suffix}: .*move it away"):
+        missing(tmp_path)
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
+def test_a_journal_that_names_another_file_is_refused(tmp_path):
+    """SQLite would delete that file."""
+    fill(tmp_path, [7, 8])
+    (tmp_path / "mine").write_text("mine")
+    path = str(tmp_path / "mine").encode()
+    tail = path + len(path).to_bytes(4, "big") + sum(path).to_bytes(4, "big") + MAGIC
+    (tmp_path / f"{FILE}-journal").write_bytes(MAGIC + bytes(504) + bytes(4) + tail)
+    with pytest.raises(InputError, match="names another file"):
+        missing(tmp_path)
+    assert (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize("where", [40, -1, None])

@@ -1,0 +1,141 @@
+"""The file of a trial store, perhaps a stranger's: looked at before SQLite opens it, which would change it.
+
+SQLite follows links, rolls back what a journal says, wherever it comes from, deletes a file that a journal
+names, and computes views and triggers. So a file of another kind never reaches it.
+"""
+
+import contextlib
+import os
+import sqlite3
+import stat
+from pathlib import Path
+
+from testbench.errors import InputError
+from testbench.output.scratch import remove, scratch_name, sync, writing
+
+APPLICATION = 0x7462_7472  #: Says in a file's head that it is ours: "tbtr".
+HEAD = 100  #: Size of it [byte].
+MAGIC = b"SQLite format 3\0"
+ROLLBACK = b"\1\1"  #: Written with a rollback journal; with another one SQLite would read other files.
+NAMES_ANOTHER = bytes.fromhex("d9d505f920a163d7")  #: A journal ends so if it names a file of other databases.
+LONGEST = 2**28  #: Longest text of a cell [byte].
+TABLES = (
+    "CREATE TABLE about (header TEXT)",
+    "CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT, sha256 TEXT)",
+)
+AWAY = "move it away to start afresh"
+FAULTS = {
+    "SQLITE_BUSY": "another run is writing it: wait for it or choose another folder",
+    "SQLITE_FULL": "cannot be written: the disk is full",
+    "SQLITE_IOERR": "cannot be written",
+    "SQLITE_CANTOPEN": "cannot be written",
+    "SQLITE_READONLY": "cannot be written",
+}
+
+
+def told(path: Path, err: Exception) -> InputError:
+    """What a failure of SQLite, or of what is stored, means."""
+    name = getattr(err, "sqlite_errorname", "")
+    for fault, words in FAULTS.items():
+        if name.startswith(fault):
+            return InputError(path, "", words)
+    return InputError(path, "", f"expected a store of trials: {err}: it is damaged; {AWAY}")
+
+
+def open_file(path: Path) -> sqlite3.Connection:
+    """The database, locked; made where there is none.
+
+    Raises:
+        InputError: When something else stands there, which is left as it is; when another run writes it, or
+            it cannot be written.
+    """
+    if not os.path.lexists(path):
+        _make(path)
+    _check_file(path)
+    try:
+        database = sqlite3.connect(path, timeout=0)
+        try:
+            _lock(database)
+        except sqlite3.Error:
+            database.close()
+            raise
+    except sqlite3.Error as err:
+        raise told(path, err) from err
+    try:
+        _check_tables(path, database)
+    except InputError:
+        database.close()
+        raise
+    return database
+
+
+def _make(path: Path) -> None:
+    """An empty store: there as a whole one, so that one without a head is none of ours."""
+    part = path.with_name(scratch_name())
+    try:
+        with contextlib.closing(sqlite3.connect(part)) as database:
+            database.execute("PRAGMA journal_mode=OFF")
+            database.execute(f"PRAGMA application_id={APPLICATION}")
+            for statement in (*TABLES, "INSERT INTO about VALUES ('{}')"):
+                database.execute(statement)
+            database.commit()
+        with writing(path):
+            sync(part)
+            try:
+                os.link(part, path)
+            except FileExistsError:
+                return  # another run was faster, and is told from us by its lock
+            except OSError:  # a file system without hard links
+                part.replace(path)
+    except sqlite3.Error as err:
+        raise told(path, err) from err
+    finally:
+        remove(part)
+
+
+def _check_file(path: Path) -> None:
+    """Refuse what is no store of ours, or has a journal that is none of it."""
+    journal = path.with_name(f"{path.name}-journal")
+    check_plain(path)
+    if (names := path.lstat().st_nlink) > 1:
+        raise InputError(path, "", f"has {names} names (hard links), expected one; {AWAY}")
+    for other in ("-wal", "-shm"):
+        if os.path.lexists(path.with_name(path.name + other)):
+            raise InputError(path.with_name(path.name + other), "", f"is of no store of trials; {AWAY}")
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+        if os.path.lexists(journal):
+            check_plain(journal)
+            with journal.open("rb") as file:
+                file.seek(max(0, journal.stat().st_size - len(NAMES_ANOTHER)))
+                if file.read() == NAMES_ANOTHER:
+                    raise InputError(journal, "", f"names another file, as that of no store does; {AWAY}")
+    except OSError as err:
+        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
+    ours = APPLICATION.to_bytes(4, "big")
+    if head[:16] != MAGIC or head[18:20] != ROLLBACK or head[68:72] != ours or len(head) < HEAD:
+        raise InputError(path, "", f"expected a store of trials of this version; {AWAY}")
+
+
+def check_plain(path: Path) -> None:
+    """Refuse a link, a folder and a device."""
+    if not stat.S_ISREG(path.lstat().st_mode):
+        raise InputError(path, "", f"expected a file, got a link, a folder or a device; {AWAY}")
+
+
+def _lock(database: sqlite3.Connection) -> None:
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
+    for setting in ("trusted_schema=OFF", "cell_size_check=ON", "locking_mode=EXCLUSIVE"):
+        database.execute(f"PRAGMA {setting}")
+    with database:
+        database.execute("BEGIN EXCLUSIVE")
+
+
+def _check_tables(path: Path, database: sqlite3.Connection) -> None:
+    try:
+        found = {sql for (sql,) in database.execute("SELECT sql FROM sqlite_master LIMIT 9")}
+    except (sqlite3.Error, ValueError) as err:
+        raise told(path, err) from err
+    if found != set(TABLES):
+        raise InputError(path, "", f"expected a store of trials: it has other tables; {AWAY}")

@@ -1,0 +1,218 @@
+"""Two runs into one place, and one that is killed: what is there is of one run, never of two.
+
+TESTBENCH_RACES=300 pytest tests/unit/test_two_writers.py runs as many races as asked for.
+"""
+
+import errno
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from testbench import files
+from testbench.errors import InputError
+from testbench.output import lock
+from testbench.output.place import PNG, claim_file
+from testbench.output.replace import reading, settle
+from testbench.output.run import check_folder, claim_folder, new_folder, whole_folder
+from testbench.output.scratch import whole_files
+
+RACES = int(os.environ.get("TESTBENCH_RACES", "8"))
+COMMAND = "testbench identify"
+NAMES = {one: ["a.json", "b.png", f"{one}.csv", "meshes/c.stl"] for one in ("old", "one", "two")}
+
+
+def write(out, tag):
+    """A run whose files all say whose they are."""
+    with whole_folder(out) as folder:
+        for name in NAMES[tag]:
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(tag)
+        files.write_manifest(folder, command=COMMAND, scenario=tag, seeds=range(0), models={})
+
+
+def claimed(out, tag):
+    with claim_folder(out, COMMAND, force=False):
+        write(out, tag)
+
+
+def forked(work, *args):
+    """The process that does it; 0 if it ends well, 2 if it is refused, else something else broke."""
+    child = os.fork()
+    if child:
+        return child
+    code = 70
+    try:
+        work(*args)
+        code = 0
+    except InputError:
+        code = 2
+    finally:
+        os._exit(code)
+
+
+def code(child):
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def whose(out):
+    """The run of a folder; fails where its files are of several."""
+    manifest = json.loads((out / "manifest.json").read_text())
+    names = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file() and p.name[:5] != ".clai"}
+    names = {name for name in names if not name.startswith(".new-")}
+    assert names == set(manifest["files"]) == {*NAMES[manifest["scenario"]], "manifest.json"}
+    assert {name: files.digest(out / name) for name in manifest["sha256"]} == manifest["sha256"]
+    return manifest["scenario"]
+
+
+def look_often(out):
+    """A reader, who must see one run at any time."""
+    for _ in range(20):
+        with reading(out):
+            whose(out)
+
+
+@pytest.mark.parametrize("work", [write, claimed])
+def test_two_writers_of_a_folder_leave_the_files_of_one(tmp_path, work):
+    codes = set()
+    for race in range(RACES):
+        out = tmp_path / str(race)
+        write(out, "old")
+        children = [forked(work, out, "one"), forked(work, out, "two")]
+        reader = forked(look_often, out)
+        codes |= set(map(code, children))
+        assert code(reader) == 0
+        assert whose(out) in ("one", "two")
+        assert not list(out.rglob(".*"))
+    assert codes <= ({0} if work is write else {0, 2})
+
+
+def test_a_second_run_is_refused_at_once_and_told_who_writes(tmp_path):
+    out, picture = tmp_path / "deep" / "run", tmp_path / "p.png"
+    with claim_folder(out, COMMAND, force=False), claim_file(picture, PNG):
+        assert code(forked(claimed, out, "two")) == 2
+        for again in (claim_folder(out, COMMAND, force=True), claim_file(picture, PNG)):
+            with pytest.raises(InputError, match=f"is being written by another run, process {os.getpid()}:"):
+                again.__enter__()
+        with claim_file(tmp_path / "other.png", PNG):
+            pass
+    assert not list(tmp_path.iterdir())
+    claimed(out, "one")
+    assert whose(out) == "one"
+
+
+def test_two_new_folders_of_one_name_are_one(tmp_path):
+    with new_folder(tmp_path / "arm"), pytest.raises(InputError), new_folder(tmp_path / "arm"):
+        pass
+    assert [p.name for p in tmp_path.iterdir()] == ["arm"]
+
+
+def test_claims_of_killed_runs_go_and_what_is_no_claim_stays(tmp_path):
+    def die():
+        with claim_folder(tmp_path, COMMAND, force=False), claim_file(tmp_path / "x.png", PNG):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    assert code(forked(die)) == -signal.SIGKILL
+    left = list(tmp_path.iterdir())
+    assert len(left) == 2
+    left[0].write_text("mine")
+    write(tmp_path, "one")
+    assert left[0].read_text() == "mine"
+    assert not left[1].exists()
+    for path in left:
+        path.unlink(missing_ok=True)
+        path.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="cannot be written"):
+        claimed(tmp_path, "two")
+    assert not (tmp_path / "elsewhere").exists()
+    assert whose(tmp_path) == "one"
+
+
+def killed_at(k, out, monkeypatch):
+    """Write a run in a process that is killed before the k-th rename or removal of a file of it."""
+    left = [k]
+
+    def counting(original):
+        def counted(self, *args, **kwargs):
+            left[0] -= 1
+            if left[0] < 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return original(self, *args, **kwargs)
+
+        return counted
+
+    def work():
+        for name in ("replace", "rename", "unlink"):
+            monkeypatch.setattr(Path, name, counting(getattr(Path, name)))
+        write(out, "one")
+
+    return code(forked(work))
+
+
+def test_a_kill_at_any_moment_leaves_the_old_run_or_the_new_one(tmp_path, monkeypatch):
+    found = []
+    for k in range(30):
+        out = tmp_path / str(k)
+        write(out, "old")
+        ended = killed_at(k, out, monkeypatch)
+        settle(out)
+        check_folder(out, COMMAND, force=False)
+        found.append(whose(out))
+        write(out, "two")
+        assert whose(out) == "two"
+        assert not list(out.rglob(".*"))
+        if ended == 0:
+            break
+    assert found == sorted(found)  # the old one until a moment, the new one from then on
+    assert set(found) == {"old", "one"}
+    assert len(found) > 5
+
+
+def test_nothing_is_moved_where_something_else_stands_in_the_way(tmp_path):
+    write(tmp_path / "run", "old")
+    (tmp_path / "elsewhere").mkdir()
+    for name, text in (("one.csv", "got a folder"), ("meshes", "expected a folder")):
+        out = tmp_path / name
+        write(out, "old")
+        if name == "meshes":
+            (out / "meshes" / "c.stl").unlink()
+            (out / "meshes").rmdir()
+            (out / "meshes").symlink_to(tmp_path / "elsewhere")
+        else:
+            (out / name).mkdir()
+        with pytest.raises(InputError, match=text):
+            write(out, "one")
+        assert (out / "a.json").read_text() == "old"
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_several_files_take_their_places_together_or_not_at_all(tmp_path):
+    first, second = tmp_path / "1.csv", tmp_path / "deep" / "2.csv"
+    with whole_files([first, second]) as parts:
+        for part in parts:
+            part.write_text("old")
+    with pytest.raises(InputError, match=r"2\.csv: cannot be written: No space"):  # noqa: PT012, SIM117
+        with whole_files([first, second]) as parts:
+            parts[0].write_text("new")
+            raise OSError(errno.ENOSPC, "No space left on device")
+    assert first.read_text() == second.read_text() == "old"
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["1.csv", "2.csv", "deep"]
+
+
+def test_a_reader_waits_for_a_run_that_is_put_in_place(tmp_path):
+    write(tmp_path, "old")
+    begin, go = os.pipe()
+
+    def look():
+        os.read(begin, 1)  # made before the turn is taken, which it would share
+        look_often(tmp_path)
+
+    child = forked(look)
+    with lock.turn(tmp_path):
+        os.write(go, b".")
+        time.sleep(0.05)
+        assert os.waitpid(child, os.WNOHANG) == (0, 0)
+    assert code(child) == 0
