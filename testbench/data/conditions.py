@@ -64,6 +64,8 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> C
 
 def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:
     """Integers as they stand there; names by the number in each, or numbered in their order."""
+    if columns.table.counts(column.index):
+        return columns.table.integers(column.index), ""
     texts = columns.table.texts(column.index)
     names = list(dict.fromkeys(texts))
     if "" in names or any(map(is_integer, names)):
@@ -88,7 +90,11 @@ def same_poses(q: Array) -> Ids:
 
 def number_rows(values: Array | Ids) -> Ids:
     """Equal rows of a table by one number, from 0 as they first appear, (rows,)."""
-    _, first, code = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    code = np.zeros(len(values), dtype=int)
+    for column in values.T:
+        own, more = np.unique(column, return_inverse=True)
+        code = np.unique(code * len(own) + more.reshape(-1), return_inverse=True)[1].reshape(-1)
+    _, first, code = np.unique(code, return_index=True, return_inverse=True)
     place = np.empty(len(first), dtype=int)
     place[np.argsort(first, kind="stable")] = np.arange(len(first))
     return np.asarray(place[code.reshape(-1)])

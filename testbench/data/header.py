@@ -56,7 +56,7 @@ def find_header(path: Path, lines: Sequence[Line], layout: Layout, known: Callab
             names = _names(lines[k : k + layout.header], mark)
             known_here = sum(map(known, names[:COUNTED]))
             below = lines[k + layout.header : k + layout.header + 1]
-            fits = any(_full(_cells(line, mark), len(names)) for line in below)
+            fits = any(_full(cells_in(line, mark), len(names)) for line in below)
             score = known_here, not lines[k].comment, fits, len(names)
             if score[:3] > best[:3] or (not best[0] and score > best):
                 best, at, delimiter = score, k, mark
@@ -87,7 +87,7 @@ def _without_header(lines: Sequence[Line], layout: Layout) -> Header:
     count = len(layout.names)
 
     def fitting(mark: str) -> int:
-        return sum(_full(_cells(line, mark), count) for line in rows)
+        return sum(_full(cells_in(line, mark), count) for line in rows)
 
     return Header(
         line=0,
@@ -104,14 +104,15 @@ def _blanks(delimiter: str) -> bool:
     return delimiter.strip(" ") == ""
 
 
-def _cells(line: Line, delimiter: str) -> list[str]:
+def cells_in(line: Line, delimiter: str) -> list[str]:
+    """Cells of a line as of a header; a comment's are those behind its mark."""
     text = line.text.lstrip().lstrip("#/") if line.comment else line.text
     return cells_of(tabbed(text, delimiter), "\t") if _blanks(delimiter) else cells_of(text, delimiter)
 
 
 def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
     """Names of the columns; those of merged cells above hold for the blank ones to their right."""
-    *upper, lowest = [_cells(line, delimiter) for line in lines]
+    *upper, lowest = [cells_in(line, delimiter) for line in lines]
     while lowest and not lowest[-1]:
         lowest.pop()
     merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
@@ -130,7 +131,7 @@ def _kept(left: str, own: str) -> str:
 
 def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
     """The units of a line that holds nothing else."""
-    words = [cell.strip("[]() ") for cell in _cells(line, delimiter)][:count]
+    words = [cell.strip("[]() ") for cell in cells_in(line, delimiter)][:count]
     units = [find_unit(word) for word in words]
     other = [word for word, unit in zip(words, units, strict=True) if unit is None and word.strip("-1")]
     if other or not any(units):

@@ -2,17 +2,23 @@
 
 import csv
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.errors import InputError, read_bytes
 
 MAX_BYTES = 300_000_000
+MAX_LINES = 2_000_000  #: That say something: each is held as a line of its own.
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 """Byte order marks."""
-WORKBOOK = b"PK\x03\x04"  #: Beginning of an .xlsx or .ods file.
+PACKED = {b"PK\x03\x04": "a workbook; export the sheet as CSV", b"\x1f\x8b": "a gzip file; unpack it first"}
+"""Beginnings of files that are no text, and what they are: .xlsx and .ods, .gz."""
 COMMENTS = ("#", "//")
 JOINED = 20  #: Most lines that one quoted cell may take.
+LONGEST = 1_000_000  #: Letters of a line, with those of its quoted cells.
+SEPARATORS = " ;,|\t"  #: A line of these alone is blank.
+SAID = re.compile(f"[^{SEPARATORS}\n]")
 
 
 @dataclass(frozen=True)
@@ -34,9 +40,14 @@ def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
     Raises:
         InputError: When it is missing, no plain file, too large, or no text.
     """
-    content = read_bytes(path, MAX_BYTES)
-    if content.startswith(WORKBOOK):
-        raise InputError(path, "", "expected text, got a workbook; export the sheet as CSV")
+    return letters(path, read_bytes(path, MAX_BYTES), encoding)
+
+
+def letters(path: Path, content: bytes, encoding: str | None) -> tuple[str, str]:
+    """The same of bytes that were read."""
+    packed = next((what for begin, what in PACKED.items() if content.startswith(begin)), None)
+    if packed:
+        raise InputError(path, "", f"expected text, got {packed}")
     mark = next((mark for mark in MARKS if content.startswith(mark)), b"")
     tried = [MARKS[mark]] if mark else [encoding] if encoding else ["utf-8", "cp1252"]
     for name in tried:
@@ -63,31 +74,42 @@ def split_lines(path: Path, text: str) -> list[Line]:
     """All lines but blank ones; a line ends where no quotes are open.
 
     Raises:
-        InputError: When quotes never end.
+        InputError: When quotes never end, a line is longer than `LONGEST`, or there are more than `MAX_LINES`.
     """
     found: list[Line] = []
-    first, parts = 0, list[str]()
-    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
-        if not parts and '"' not in line:  # nearly all
-            if _says_something(line):
-                found.append(Line(number, line))
-            continue
-        first = first if parts else number
-        parts.append(line)
-        whole = " ".join(parts)
-        if whole.count('"') % 2 == 0:
-            if _says_something(whole):
-                found.append(Line(first, whole))
-            parts = []
-        elif len(parts) > JOINED:
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    first, begin, quotes = 0, -1, 0
+    for number, start, end in _written(text):
+        if begin < 0:
+            first, begin, quotes = number, start, 0
+        if end - begin > LONGEST:
+            raise InputError(path, f"line {first}", f"expected at most {LONGEST} letters, got {end - begin}")
+        if number - first > JOINED:
             break
-    if parts:
+        quotes += text.count('"', start, end)
+        if quotes % 2:
+            continue
+        line = text[begin:end].replace("\n", " ")
+        if not quotes or line.strip(f'{SEPARATORS}"'):
+            found.append(Line(first, line))
+        begin = -1
+        if len(found) > MAX_LINES:
+            raise InputError(path, f"line {number}", f"expected at most {MAX_LINES} lines of a table")
+    if begin >= 0:
         raise InputError(path, f"line {first}", "not a table: quotes without an end")
     return found
 
 
-def _says_something(line: str) -> bool:
-    return bool(line.strip(' ;,|\t"'))
+def _written(text: str) -> Iterator[tuple[int, int, int]]:
+    """Lines with more in them than separators: number, begin and end. Others are counted, never held."""
+    number, start = 1, 0
+    while said := SAID.search(text, start):
+        begin = max(start, text.rfind("\n", start, said.start()) + 1)
+        number += text.count("\n", start, begin)
+        end = text.find("\n", said.end())
+        end = len(text) if end < 0 else end
+        yield number, begin, end
+        number, start = number + 1, end + 1
 
 
 def tabbed(line: str, runs: str) -> str:

@@ -36,10 +36,12 @@ class Table:
     names: tuple[str, ...]  #: Of the columns, as they stand in the file.
     units: tuple[Unit | None, ...]  #: Of the columns, by a line of units below the header.
     header: int  #: Line of the header in the file.
+    delimiter: str  #: Between cells; blanks for runs of at least as many.
     lines: Ids  #: Line of every row in the file, (rows,).
     notes: tuple[str, ...]  #: How the file was read.
     decimal: str | None  #: The decimal mark; None where the cells decide.
-    cells: Sequence["pa.Array"] = field(repr=False)  #: Of every column.
+    #: Of every column: texts, or numbers where all of a column were read as such.
+    cells: Sequence["pa.Array"] = field(repr=False)
 
     @property
     def rows(self) -> int:
@@ -57,7 +59,13 @@ class Table:
 
     def blank(self, k: int) -> Mask:
         """Which cells of a column are blank, (rows,)."""
+        if not pa.types.is_string(self.cells[k].type):
+            return np.asarray(pc.is_null(self.cells[k]).to_numpy(zero_copy_only=False))
         return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
+
+    def counts(self, k: int) -> bool:
+        """Whether all of a column were read as integers."""
+        return bool(pa.types.is_integer(self.cells[k].type))
 
     def take(self, rows: Mask) -> "Table":
         """The rows under a mask, (rows,)."""
@@ -119,6 +127,8 @@ class Table:
 
     def integers(self, k: int) -> Ids:
         """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
+        if self.counts(k):
+            return np.asarray(self.cells[k].to_numpy())
         texts = self.texts(k)
         for row, text in enumerate(texts):
             if not is_integer(text):
@@ -149,6 +159,8 @@ class Table:
             InputError: At the first cell that holds something else.
         """
         plain = self.cells[k]
+        if pa.types.is_floating(plain.type):
+            return np.asarray(plain.to_numpy(zero_copy_only=False))
         grouped = pc.match_substring_regex(plain, GROUPED[mark])
         if pc.any(grouped).as_py():
             whole = pc.replace_substring_regex(plain, rf"[^0-9{mark}+-]", "")
@@ -181,7 +193,12 @@ def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None =
         InputError: When it cannot be read, is empty, or is no table.
     """
     layout = layout or Layout()
-    text, encoding = read_letters(path, layout.encoding)
+    return table_of(path, read_letters(path, layout.encoding), known, layout)
+
+
+def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: Layout) -> Table:
+    """The same of a text and its encoding."""
+    text, encoding = letters
     header = find_header(path, split_lines(path, text), layout, known)
     rows, lines = rows_of(path, header), np.array([line.number for line in header.body], dtype=int)
     return Table(
@@ -189,11 +206,68 @@ def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None =
         names=header.names,
         units=header.units,
         header=header.line,
+        delimiter=header.delimiter,
         lines=lines,
         notes=notes(encoding, header),
         decimal=layout.decimal,
         cells=_parse(path, rows, lines, header.delimiter, len(header.names)),
     )
+
+
+def read_numbers(
+    table: Table,
+    content: bytes,
+    number: int,
+    numbers: Sequence[int],
+    ids: Sequence[int],
+    words: Sequence[int],
+) -> Table | None:
+    """More rows of a table, told apart by one byte, their columns read at once; no others are looked at.
+
+    Args:
+        table: The rows before.
+        content: Whole lines.
+        number: How many lines there are in the file before them.
+        numbers: Columns that hold a finite number or nothing.
+        ids: Columns of integers.
+        words: Columns of anything.
+
+    Returns:
+        None for anything that has to be looked at line by line: comments, quotes, blank lines, cells that are
+        none of this.
+    """
+    if len(table.delimiter.encode()) > 1 or table.delimiter == " " or not content.isascii():
+        return None
+    if any(mark in content for mark in (b'"', b"#", b"//", b"\r", b"\0")):
+        return None
+    names = [str(k) for k in range(len(table.names))]
+    types = dict.fromkeys((names[k] for k in words), pa.string())
+    types |= dict.fromkeys((names[k] for k in numbers), pa.float64())
+    types |= dict.fromkeys((names[k] for k in ids), pa.int64())
+    try:
+        found = csv.read_csv(
+            pa.BufferReader(content),
+            csv.ReadOptions(use_threads=True, block_size=len(content) + 1, column_names=names),
+            csv.ParseOptions(delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False),
+            csv.ConvertOptions(
+                column_types=types,
+                include_columns=list(types),
+                null_values=[""],
+                decimal_point=table.decimal or ".",
+            ),
+        ).combine_chunks()
+    except pa.ArrowInvalid:
+        return None
+    rows = content.count(b"\n") + (not content.endswith(b"\n"))
+    cells = [pa.nulls(rows)] * len(names)
+    for name in types:
+        [cells[int(name)]] = found[name].chunks
+    sound = all(pc.all(pc.is_finite(cells[k])).as_py() is not False for k in numbers)
+    if found.num_rows != rows or not sound or any(cells[k].null_count for k in ids):
+        return None
+    for k in words:
+        cells[k] = pc.utf8_trim_whitespace(cells[k])
+    return replace(table, lines=number + 1 + np.arange(rows), cells=cells)
 
 
 def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: int) -> list["pa.Array"]:
