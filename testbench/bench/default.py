@@ -6,7 +6,7 @@ default. Joints alone stand beside it as a guard against a prior that is wrong i
 of: where they predict poses held out clearly better, they are taken.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +18,17 @@ from testbench.bench.models import EVERY, MODELS, Model, named_models, own_name,
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, check_array
 from testbench.identify import Estimate, Method, with_prior
-from testbench.identify.crossval import Candidate, Duel, every_fold, held_out_errors, unless_beaten
+from testbench.identify.crossval import (
+    Candidate,
+    Divided,
+    Duel,
+    Fold,
+    every_fold,
+    held_out_errors,
+    unless_beaten,
+)
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, f_m
-from testbench.identify.regularised import fit_each
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -108,14 +115,20 @@ def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendat
         models: Structures and methods; outliers stay in, as every model has to face the same readings.
         data: The runs.
     """
-    poses = len(np.unique(data.pose))
+    return recommended(cell, models, len(np.unique(data.pose)), lambda m: _errors(cell, m, data))
+
+
+def recommended(
+    cell: Cell, models: Sequence[Model], poses: int, errors: Callable[[Model], Array]
+) -> Recommendation:
+    """The same by errors of a model on what is held out, (folds,) [1], of runs in so many poses."""
     default = default_name(cell.arm)
     first = min(models, key=lambda m: (m.name != default, m.structure.n))
     if poses < LEAST_POSES or len(models) == 1:
         few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
         why = few if poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
-    every = tuple(Candidate(m.name, m.structure.n, _errors(cell, m, data)) for m in models)
+    every = tuple(Candidate(m.name, m.structure.n, errors(m)) for m in models)
     rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
     duel = unless_beaten(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name, default), every)
@@ -136,12 +149,16 @@ def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
     """F_M on what is held out, (folds,); an estimator of one's own sees the other runs as they are."""
     folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
     if isinstance(method, Method):
-
-        def fits(regressions: Sequence[Regression]) -> Array:
-            beliefs = method.beliefs(cell.vjm, regressions, widths=False)
-            return np.array([e.pi for e in fit_each(regressions, method.constraint, beliefs)])
-
-        return held_out_errors(folds, fits)
+        return errors_of(cell, method, folds)
     each = [method(cell.vjm, model.structure, fold.runs).pi for fold in folds]
     pi = check_array(np.array(each), (len(folds), model.structure.n), f"parameters found by {model.name}")
     return np.array([f_m(fold.held_out, p) for fold, p in zip(folds, pi, strict=True)])
+
+
+def errors_of(cell: Cell, method: Method, folds: Sequence[Fold | Divided]) -> Array:
+    """F_M of a method on what is held out, (folds,) [1]."""
+
+    def fits(regressions: Sequence[Regression]) -> Array:
+        return np.array([e.pi for e in method.of(cell.vjm, regressions, widths=False)])
+
+    return held_out_errors(folds, fits)

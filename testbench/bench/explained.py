@@ -83,17 +83,17 @@ class Explained:
         return longest(self.left[self.found.fits.recommended])
 
 
-def explained(filed: Cell, cell: Cell, found: Identified, runs: Runs, *, widths: bool) -> Explained:
+def explained(filed: Cell, cell: Cell, found: Identified, *, widths: bool) -> Explained:
     """Residuals of all models, and the intervals of the one to take.
 
     Args:
         filed: The arm as its folder has it.
         cell: The same with the targets that were found.
         found: Its fits.
-        runs: What was fitted, and what was held back.
         widths: Whether intervals are wanted.
     """
-    data, names = runs.every, list(found.estimates)
+    runs, names = found.runs, list(found.estimates)
+    data = runs.every
     moved = all_deflections(cell.vjm, [found.estimates[name] for name in names], data)
     left = np.where(data.seen[..., None], data.deflection - moved, 0.0)
     by_name = dict(zip(names, left, strict=True))

@@ -1,15 +1,16 @@
 """A user's runs fitted by several models, and which model to take."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.bench.campaign import Cell
-from testbench.bench.default import default_name, recommend
+from testbench.bench.default import Recommendation, default_name, recommend
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.looks import UNSEEN, Looks
+from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, error_row, fit_row
 from testbench.data.dataset import Dataset
@@ -29,12 +30,18 @@ class Runs:
     """A user's runs."""
 
     name: str  #: Of the file.
-    every: Dataset  #: All of them.
+    every: Dataset  #: All of them, or those that are looked at one by one.
     used: Dataset  #: Those to fit.
     check: Dataset | None  #: Those held back; None if there are none.
     notes: tuple[str, ...] = ()  #: What was understood of them.
     registration: RegistrationRow | None = None  #: Frames and targets; None where no frame fitted.
     looks: Looks = UNSEEN  #: What may be wrong with them.
+    many: Many | None = None  #: All, where they are too many to hold.
+
+    @property
+    def total(self) -> int:
+        """How many there are."""
+        return self.every.runs if self.many is None else self.many.every.runs
 
 
 @dataclass(frozen=True)
@@ -42,12 +49,17 @@ class Identified:
     """Models fitted to a user's runs, and what there is to say of them."""
 
     fits: Fits  #: Numbers and words.
+    runs: Runs  #: Of many those that are looked at one by one, the worst among them.
     estimates: Mapping[str, Estimate]  #: By the name of the model.
 
     @property
     def taken(self) -> Estimate:
         """Of the model to take."""
         return self.estimates[self.fits.recommended]
+
+
+Judged = tuple[ErrorRow, ErrorRow | None]
+"""Errors on the runs that were fitted, and on those held back."""
 
 
 def fit(
@@ -67,25 +79,30 @@ def fit(
     """
     looks = runs.looks.doubts
     try:
-        found = [_timed(cell, model, runs.used, clock) for model in models]
+        runs, found, taken, scores = _all(cell, models, runs, clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in looks), str(err)])) from err
     # beside a prior, intervals that count noise alone would look the surest
     plain = all(estimate.belief is None for estimate, _ in found)
-    taken = recommend(cell, models, runs.used)
     wanted = [
         widths and (plain or estimate.belief is not None or model.name == taken.name)
         for model, (estimate, _) in zip(models, found, strict=True)
     ]
+    widest = runs.check or runs.used
+    spread = [
+        _intervals(cell, estimate, widest) if own else None
+        for (estimate, _), own in zip(found, wanted, strict=True)
+    ]
     fitted = [
-        _fit(cell, m, runs, timed, widths=own) for m, timed, own in zip(models, found, wanted, strict=True)
+        _fit(cell, m, timed, errors, own)
+        for m, timed, errors, own in zip(models, found, scores, spread, strict=True)
     ]
     [(model, best)] = [(m, e) for m, (e, _) in zip(models, found, strict=True) if m.name == taken.name]
     fits = Fits(
         dataset=runs.name,
         arm=cell.arm.name,
-        runs=runs.used.runs,
-        poses=len(np.unique(runs.used.pose)),
+        runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
+        poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
         models=tuple(fitted),
         recommended=taken.name,
         why=taken.why,
@@ -96,7 +113,38 @@ def fit(
         registration=runs.registration,
         scale=runs.looks.scale,
     )
-    return Identified(fits, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
+    return Identified(fits, runs, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
+
+
+def _all(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
+) -> tuple[Runs, list[tuple[Estimate, float]], Recommendation, list[Judged]]:
+    """Runs that are looked at one by one; estimates and their times; which to take; errors of every model."""
+    if runs.many is None:
+        found = [_timed(cell, model, runs.used, clock) for model in models]
+        used = [_judged(cell, estimate, runs.used) for estimate, _ in found]
+        check = [None if runs.check is None else _judged(cell, estimate, runs.check) for estimate, _ in found]
+        return runs, found, recommend(cell, models, runs.used), list(zip(used, check, strict=True))
+    own = fit_many(cell, models, runs.many, clock)
+    every, fitted, held_back = runs.many.looked_at(own.worst)
+    shown = replace(
+        runs, every=every, used=fitted, check=held_back, notes=(*runs.notes, _shown(every, runs.total))
+    )
+    found = list(zip(own.estimates, own.seconds, strict=True))
+    held = own.check or [None] * len(models)
+    rows = [(error_row(a), None if b is None else error_row(b)) for a, b in zip(own.used, held, strict=True)]
+    return shown, found, own.taken, rows
+
+
+def _shown(shown: Dataset, total: int) -> str:
+    return (
+        f"all {total} runs are fitted and judged; doubts, intervals, tables and pictures are of {shown.runs} "
+        "of them, evenly out of all and those of which most is left"
+    )
+
+
+def _judged(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
+    return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
 
 
 def _of_prior(
@@ -125,19 +173,17 @@ def _timed(cell: Cell, model: Model, data: Dataset, clock: Callable[[], float]) 
     return model.estimator(cell.vjm, model.structure, data), clock() - start
 
 
-def _fit(cell: Cell, model: Model, runs: Runs, timed: tuple[Estimate, float], *, widths: bool) -> Fitted:
+def _fit(
+    cell: Cell, model: Model, timed: tuple[Estimate, float], errors: Judged, spread: IntervalsRow | None
+) -> Fitted:
     estimate, seconds = timed
-
-    def judge(data: Dataset) -> ErrorRow:
-        return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
-
     C = estimate.C_theta
     return Fitted(
         **vars(fit_row(model.name, estimate, seconds, prior=estimate.belief is not None)),
         equations=estimate.regression.equations,
-        identification=judge(runs.used),
-        check=None if runs.check is None else judge(runs.check),
-        intervals=_intervals(cell, estimate, runs.check or runs.used) if widths else None,
+        identification=errors[0],
+        check=errors[1],
+        intervals=spread,
         learnt=estimate.belief is not None and estimate.belief.moves is not None,
         links={
             link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -14,12 +15,16 @@ from testbench.bench.fits import Runs
 from testbench.bench.frame_choice import frame_files, to_base
 from testbench.bench.frame_rows import registration_row
 from testbench.bench.looks import Looks, look
+from testbench.bench.many import Many
 from testbench.bench.payload import overloaded
 from testbench.bench.rows import UM
 from testbench.data.dataset import split
 from testbench.data.export import Export, read_export
+from testbench.data.spool import Campaign
+from testbench.data.stream import read_campaign
 from testbench.errors import BenchError, InputError
 from testbench.identify.doubts import Doubt, HandedIn, open_places
+from testbench.identify.in_base import in_base
 from testbench.identify.registered import Registered
 
 
@@ -66,8 +71,15 @@ def files_read(asked: Source) -> list[Path]:
 
 def read(cell: Cell, asked: Source) -> Export:
     """The runs as they were read; InputError names what is wrong with the file or its map."""
+    return _loaded(asked, read_export(*_how(cell, asked)))
+
+
+def _how(cell: Cell, asked: Source) -> tuple[Path, Arm, Path | None, float | None]:
     sigma = None if asked.sigma_um is None else asked.sigma_um / UM
-    found = read_export(asked.dataset, with_new(cell.arm, asked.new_target or ()), asked.mapping, sigma)
+    return asked.dataset, with_new(cell.arm, asked.new_target or ()), asked.mapping, sigma
+
+
+def _loaded(asked: Source, found: Export) -> Export:
     if not found.data.wrench.any():
         raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
     return found
@@ -119,7 +131,8 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    export = read(cell, asked)
+    streamed = read_campaign(*_how(cell, asked))
+    export = _loaded(asked, streamed.export)
     if asked.full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
@@ -128,6 +141,8 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
     looks = look_at(filed, export, found, asked)
     notes = (*export.notes, *found.notes)
     runs = Runs(asked.dataset.name, found.data, found.data, None, notes, registration_row(found), looks)
+    if streamed.every is not None:
+        return cell, replace(runs, many=_many(streamed.every, found, asked))
     if not asked.check_pose:
         return cell, runs
     try:
@@ -138,6 +153,21 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
         poses = asked.check_pose
         raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
     return cell, replace(runs, used=used, check=check)
+
+
+def _many(every: Campaign, found: Registered, asked: Asked) -> Many:
+    """All runs in the base's frame, those in the poses that are held back left out of the fit."""
+    if found.frame == "tracker":
+        assert found.registration is not None
+        every = replace(every, mend=partial(in_base, found.registration))
+    poses = np.array(asked.check_pose or [], dtype=int)
+    missing, used = np.setdiff1d(poses, every.pose), ~np.isin(every.pose, poses)
+    if len(missing):
+        count = len(np.unique(every.pose))
+        raise BenchError(f"--check-pose: no pose {missing[0]} in the dataset, which has {count}")
+    if not used.any():
+        raise BenchError(f"--check-pose: expected runs on both sides, got {every.runs} of {every.runs}")
+    return Many(every, used)
 
 
 def with_new(arm: Arm, names: Sequence[str]) -> Arm:

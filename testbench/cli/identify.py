@@ -81,7 +81,7 @@ def command(asked: Options) -> None:
         if asked.strict:
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
         readings = {asked.dataset.name: files.digest(asked.dataset)}
-        made = explained(filed, cell, found, runs, widths=asked.intervals)
+        made = explained(filed, cell, found, widths=asked.intervals)
         text = write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
         console, out = terminal.plain_console(), asked.out
         console.print(as_plain(views.words(found.fits).block("title")))

@@ -74,7 +74,7 @@ def split_lines(path: Path, text: str) -> list[Line]:
     """All lines but blank ones; a line ends where no quotes are open.
 
     Raises:
-        InputError: When quotes never end, a line is longer than `LONGEST`, or there are more than `MAX_LINES`.
+        InputError: When quotes never end, or there is more than `LONGEST` in a line, or `MAX_LINES`.
     """
     found: list[Line] = []
     text = text.replace("\r\n", "\n").replace("\r", "\n")

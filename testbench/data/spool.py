@@ -1,8 +1,9 @@
 """Runs that are too many to hold: blocks of them in a file without a name, which ends with the process."""
 
+import io
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -10,14 +11,11 @@ import numpy as np
 from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.errors import Array, BenchError
 
-Stored = tuple[int, tuple[int, ...], "np.dtype[np.generic]"]
-"""Where an array begins, its shape, and of what."""
-
 
 @dataclass(frozen=True)
 class _Block:
     first: int  #: Index of its first run.
-    arrays: dict[str, Stored]
+    arrays: dict[str, tuple[int, int]]  #: Where each begins and ends in the file.
     bare: Dataset  #: The same without a run: names of markers, sigmas.
 
 
@@ -26,7 +24,7 @@ class Spool:
 
     def __init__(self) -> None:
         """An empty one."""
-        self._file = tempfile.TemporaryFile(prefix="testbench-runs-")  # noqa: SIM115: as long as this
+        self._file = tempfile.TemporaryFile(prefix="testbench-runs-")  # noqa: SIM115
         self._blocks: list[_Block] = []
         self._runs = 0
 
@@ -40,15 +38,15 @@ class Spool:
 
     def add(self, data: Dataset) -> None:
         """A block more; BenchError where the disk is full."""
-        arrays: dict[str, Stored] = {}
-        for name in (field.name for field in fields(data)):
-            value = getattr(data, name)
-            if isinstance(value, np.ndarray):
-                arrays[name] = self._file.tell(), value.shape, value.dtype
-                try:
-                    self._file.write(np.ascontiguousarray(value).data)
-                except OSError as err:
-                    raise BenchError(f"{tempfile.gettempdir()}: no room for the runs: {err.strerror}") from err
+        arrays: dict[str, tuple[int, int]] = {}
+        for name in _arrays(data):
+            begin = self._file.tell()
+            try:
+                np.save(self._file, getattr(data, name))
+            except OSError as err:
+                folder = tempfile.gettempdir()
+                raise BenchError(f"{folder}: no room for the runs: {err.strerror}") from err
+            arrays[name] = begin, self._file.tell()
         self._file.flush()
         self._blocks.append(_Block(self._runs, arrays, in_order(data, np.array([], dtype=int))))
         self._runs += data.runs
@@ -56,11 +54,12 @@ class Spool:
     def block(self, k: int) -> Dataset:
         """A block as it was added, for any thread."""
         own = self._blocks[k]
-        return replace(own.bare, **{name: self._read(*stored) for name, stored in own.arrays.items()})
-
-    def _read(self, begin: int, shape: tuple[int, ...], of: "np.dtype[np.generic]") -> Array:
-        size = int(np.prod(shape)) * of.itemsize
-        return np.frombuffer(os.pread(self._file.fileno(), size, begin), of).reshape(shape)
+        file = self._file.fileno()
+        found = {
+            name: np.load(io.BytesIO(os.pread(file, end - begin, begin)))
+            for name, (begin, end) in own.arrays.items()
+        }
+        return replace(own.bare, **found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +77,10 @@ class Campaign:
         """Number of runs."""
         return len(self.run)
 
+    def __len__(self) -> int:
+        """How many blocks there are."""
+        return len(self.spool)
+
     def block(self, k: int) -> tuple[Ids, Dataset]:
         """A block: indices of its runs, and these."""
         first = self.spool.first(k)
@@ -87,7 +90,7 @@ class Campaign:
     def pick(self, runs: Ids) -> Dataset:
         """Some of the runs by their indices, in rising order."""
         found = []
-        for k in range(len(self.spool)):
+        for k in range(len(self)):
             every, data = self.block(k)
             own = np.isin(every, runs)
             if own.any():
@@ -95,13 +98,39 @@ class Campaign:
         return together(found)
 
 
-def together(parts: Iterable[Dataset]) -> Dataset:
+def together(parts: Sequence[Dataset]) -> Dataset:
     """Runs of several datasets of one campaign as one; a precision stands where one of them has it."""
-    parts = list(parts)
     if any(p.precision is not None for p in parts):
         parts = [replace(p, precision=_precision(p)) for p in parts]
-    arrays = [f.name for f in fields(parts[0]) if isinstance(getattr(parts[0], f.name), np.ndarray)]
-    return replace(parts[0], **{name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays})
+    optional = {
+        name: np.concatenate([getattr(p, name) for p in parts])
+        for name in ("rotation_before", "rotation_after", "precision")
+        if getattr(parts[0], name) is not None
+    }
+    return replace(
+        parts[0],
+        run=np.concatenate([p.run for p in parts]),
+        pose=np.concatenate([p.pose for p in parts]),
+        q=np.concatenate([p.q for p in parts]),
+        wrench=np.concatenate([p.wrench for p in parts]),
+        point=np.concatenate([p.point for p in parts]),
+        before=np.concatenate([p.before for p in parts]),
+        after=np.concatenate([p.after for p in parts]),
+        station=_stations(parts),
+        rotation_before=optional.get("rotation_before"),
+        rotation_after=optional.get("rotation_after"),
+        precision=optional.get("precision"),
+    )
+
+
+def _stations(parts: Sequence[Dataset]) -> Ids | None:
+    found = [p.station for p in parts if p.station is not None]
+    return np.concatenate(found) if found else None
+
+
+def _arrays(data: Dataset) -> list[str]:
+    """Names of the fields that are arrays."""
+    return [field.name for field in fields(data) if isinstance(getattr(data, field.name), np.ndarray)]
 
 
 def _precision(data: Dataset) -> Array:

@@ -1,8 +1,8 @@
 """Files of any number of runs, read block by block: each as a file of its own under the same header.
 
-What a header means, and what a block of lines says, `read_table` and `runs_of` find, as of any file. Where all
-rows of a block are plain their columns are read at once. A file can be read so where every row says its run
-and pose and has both readings, and the rows of a run stand together.
+What a header means, and what a block of lines says, `read_table` and `runs_of` find, as of any file. Where
+all rows of a block are plain their columns are read at once. A file can be read so where every row says its
+run and pose and has both readings, and the rows of a run stand together.
 """
 
 import stat
@@ -13,22 +13,22 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import Columns, find_columns
+from testbench.data.columns import find_columns
 from testbench.data.dataset import Dataset, Ids
 from testbench.data.export import Export, read_export, runs_of
 from testbench.data.header import cells_in
 from testbench.data.lines import MAX_BYTES, Line, letters
 from testbench.data.mapping import Names, read_map
-from testbench.data.names import Slot
+from testbench.data.names import Slot, What
 from testbench.data.spool import Campaign, Spool
-from testbench.data.table import is_integer, read_numbers, table_of
+from testbench.data.table import Kinds, is_integer, read_numbers, table_of
 from testbench.errors import Array, InputError
 
 LEAST, MOST = 16_000_000, 20_000_000_000
 """Sizes of files that are read so [byte]: smaller ones are held whole, as the rows of any other file."""
 BLOCK = 8_000_000  #: What is read at a time [byte].
-SHOWN = 2000  #: Runs that are looked at one by one, evenly out of all.
-IDS = ("run", "pose", "station")  #: Quantities whose cells are integers here.
+SHOWN = 1000  #: Runs that are looked at one by one, evenly out of all.
+IDS: tuple[What, ...] = ("run", "pose", "station")  #: Quantities whose cells are integers here.
 HEAD = 1_000_000  #: Bytes by which the columns are understood.
 BLANK = b" ;,|\t\r\n"
 FORM = "expected integers for run and pose, both readings in every row, the rows of a run together, UTF-8"
@@ -96,13 +96,14 @@ def _streamed(path: Path, reader: "_Reader", size: int) -> Streamed:
 
 def some(runs: Ids) -> Ids:
     """So many of the runs that can be looked at one by one, evenly, the first and the last among them."""
-    return runs[np.linspace(0, len(runs) - 1, min(SHOWN, len(runs))).round().astype(int)]
+    return np.asarray(runs[np.linspace(0, len(runs) - 1, min(SHOWN, len(runs))).round().astype(int)])
 
 
 def _alike(path: Path, first: Dataset, data: Dataset) -> Dataset:
     """A block with the markers in the order of the first one."""
     if data.sigma != first.sigma or data.sigma_rotation != first.sigma_rotation:
-        raise InputError(path, "", f"expected one sigma in the whole file, got {first.sigma:g} and {data.sigma:g} m")
+        problem = f"run {data.run[0]}: expected one sigma in the whole file, got another than before"
+        raise InputError(path, "", problem)
     if set(data.markers) != set(first.markers):
         raise _Whole
     order = [data.markers.index(name) for name in first.markers]
@@ -163,16 +164,16 @@ class _Reader:
         if not all(is_integer(text) for k in self.ids for text in columns.table.texts(k)):
             raise _Whole
         self.start = int(table.lines[0]) - 1
-        settled = {"delimiter": table.delimiter, "decimal": columns.mark}
+        settled: dict[str, object] = {"delimiter": table.delimiter, "decimal": columns.mark}
         if own.header == 1 and not own.names:
             settled["skip"] = table.header - 1
         self.layout = own.model_copy(update=settled)
         self.above = b"".join(content.splitlines(keepends=True)[: self.start])
         plain = [c for c in columns.found.values() if c.index not in self.ids]
-        self.words = [c.index for c in plain if c.slot.what == "marker"]
-        self.numbers = [c.index for c in plain if c.unit]
-        self.plain = len(self.words) + len(self.numbers) == len(plain) and not self.names.lost
-        self.plain &= not self.names.loads
+        words = [c.index for c in plain if c.slot.what == "marker"]
+        self.kinds = Kinds([c.index for c in plain if c.unit], self.ids, words)
+        self.plain = len(self.kinds.numbers) + len(words) == len(plain)
+        self.plain &= not (self.names.lost or self.names.loads)
 
     def _known(self, name: str) -> bool:
         return self.names.find(name) is not None
@@ -200,7 +201,7 @@ class _Reader:
         table = replace(self.columns.table, decimal=self.columns.mark)
         plain = block.replace(b"\r\n", b"\n") if b"\r" in block else block
         if self.plain:
-            fast = read_numbers(table, plain, number, self.numbers, self.ids, self.words)
+            fast = read_numbers(table, plain, number, self.kinds)
             if fast is not None:
                 try:
                     return runs_of(replace(self.columns, table=fast), self.arm, self.sigma)

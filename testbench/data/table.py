@@ -214,13 +214,20 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
     )
 
 
+@dataclass(frozen=True)
+class Kinds:
+    """What plain cells of the columns of a table hold."""
+
+    numbers: Sequence[int]  #: A finite number, or nothing.
+    ids: Sequence[int]  #: An integer.
+    words: Sequence[int]  #: Anything.
+
+
 def read_numbers(
     table: Table,
     content: bytes,
     number: int,
-    numbers: Sequence[int],
-    ids: Sequence[int],
-    words: Sequence[int],
+    kinds: Kinds,
 ) -> Table | None:
     """More rows of a table, told apart by one byte, their columns read at once; no others are looked at.
 
@@ -228,9 +235,7 @@ def read_numbers(
         table: The rows before.
         content: Whole lines.
         number: How many lines there are in the file before them.
-        numbers: Columns that hold a finite number or nothing.
-        ids: Columns of integers.
-        words: Columns of anything.
+        kinds: The columns that are read.
 
     Returns:
         None for anything that has to be looked at line by line: comments, quotes, blank lines, cells that are
@@ -241,9 +246,9 @@ def read_numbers(
     if any(mark in content for mark in (b'"', b"#", b"//", b"\r", b"\0")):
         return None
     names = [str(k) for k in range(len(table.names))]
-    types = dict.fromkeys((names[k] for k in words), pa.string())
-    types |= dict.fromkeys((names[k] for k in numbers), pa.float64())
-    types |= dict.fromkeys((names[k] for k in ids), pa.int64())
+    types = dict.fromkeys((names[k] for k in kinds.words), pa.string())
+    types |= dict.fromkeys((names[k] for k in kinds.numbers), pa.float64())
+    types |= dict.fromkeys((names[k] for k in kinds.ids), pa.int64())
     try:
         found = csv.read_csv(
             pa.BufferReader(content),
@@ -262,10 +267,10 @@ def read_numbers(
     cells = [pa.nulls(rows)] * len(names)
     for name in types:
         [cells[int(name)]] = found[name].chunks
-    sound = all(pc.all(pc.is_finite(cells[k])).as_py() is not False for k in numbers)
-    if found.num_rows != rows or not sound or any(cells[k].null_count for k in ids):
+    sound = all(pc.all(pc.is_finite(cells[k])).as_py() is not False for k in kinds.numbers)
+    if found.num_rows != rows or not sound or any(cells[k].null_count for k in kinds.ids):
         return None
-    for k in words:
+    for k in kinds.words:
         cells[k] = pc.utf8_trim_whitespace(cells[k])
     return replace(table, lines=number + 1 + np.arange(rows), cells=cells)
 

@@ -1,7 +1,8 @@
 """Very many runs boiled down in one pass: cell by cell, for several structures at once.
 
-A cell is what is left out, or kept, together: runs whose pose is of one fold and whose load is of one fold. Memory
-does not grow with the runs. Two threads share the blocks, always in the same way: sums do not depend on chance.
+A cell is what is left out, or kept, together: runs whose pose is of one fold and whose load is of one fold.
+Memory does not grow with the runs. Two threads share the blocks, always in the same way: sums do not depend
+on chance.
 """
 
 from collections.abc import Callable, Sequence
@@ -156,6 +157,6 @@ def _narrowed(parts: Parts, structure: Structure) -> Parts:
     at = [*columns.tolist(), parts.structure.n]
 
     def own(factor: Factor) -> Factor:
-        return Factor(np.linalg.qr(factor.T[:, at], mode="r"), factor.rest, factor.equations)
+        return Factor(np.asarray(np.linalg.qr(factor.T[:, at], mode="r")), factor.rest, factor.equations)
 
     return Parts(structure, tuple(tuple(map(own, kind)) for kind in parts.kinds))

@@ -13,7 +13,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, Ids, Mask, select
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import Belief, Case, Metric
-from testbench.identify.parts import reduce_parts
+from testbench.identify.parts import Parts, reduce_parts
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
@@ -48,6 +48,14 @@ class Fold:
 
 
 @dataclass(frozen=True)
+class Divided:
+    """What is fitted, and what is held out, reduced."""
+
+    fitted: Regression
+    held_out: Regression
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One of the models that cross-validation compares."""
 
@@ -69,20 +77,34 @@ class Candidate:
 
 def fold_poses(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """Deal the poses, two at least (BenchError), out in turn to at most `FOLDS` folds, each reduced."""
-    poses, pose = np.unique(data.pose, return_inverse=True)
+    return _folds(vjm, structure, data, pose_parts(data.pose))
+
+
+def pose_parts(pose: Ids) -> Ids:
+    """Fold of every run by its pose, (runs,); BenchError for a single pose."""
+    poses, place = np.unique(pose, return_inverse=True)
     if len(poses) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
-    return _folds(vjm, structure, data, pose % FOLDS)
+    return np.asarray(place % FOLDS)
+
+
+def load_parts(level: Array) -> Ids:
+    """Fold of every run by its load, (runs,), of lengths of force and moment, (runs, 2) [N, N m].
+
+    Levels are dealt out in turn where there are more than `FOLDS`; all are in one fold where there is one.
+    """
+    force, moment = (np.unique(part, return_inverse=True)[1] for part in level.round(LEVEL_DIGITS).T)
+    return np.asarray(np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS)
 
 
 def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """A fold for every load level, held out whole; none where the data have only one.
+    """At most `FOLDS` folds over the load levels, each held out whole; none where the data have only one.
 
     Loads whose force and moment have the same length are one level.
     """
     size = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
-    levels, level = np.unique(size.round(LEVEL_DIGITS), axis=0, return_inverse=True)
-    return _folds(vjm, structure, data, level.ravel()) if len(levels) > 1 else []
+    level = load_parts(size)
+    return _folds(vjm, structure, data, level) if level.any() else []
 
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
@@ -99,7 +121,22 @@ def _folds(vjm: Vjm, structure: Structure, data: Dataset, part: Ids) -> list[Fol
     return [Fold(data, part != k, parts.together(others[k]), parts.together([k])) for k in every]
 
 
-def held_out_errors(folds: Sequence[Fold], fits: Fits) -> Array:
+def divided(parts: Parts, cells: Ids) -> list[Divided]:
+    """The folds of `every_fold` of parts that are cells, numbered pose fold times `FOLDS` plus load fold.
+
+    Args:
+        parts: One a cell.
+        cells: Those with runs.
+    """
+    folds = []
+    for part in (cells // FOLDS, cells % FOLDS):
+        every = np.unique(part)
+        if len(every) > 1:
+            folds += [(cells[part != k].tolist(), cells[part == k].tolist()) for k in every]
+    return [Divided(parts.together(kept), parts.together(held)) for kept, held in folds]
+
+
+def held_out_errors(folds: Sequence[Fold | Divided], fits: Fits) -> Array:
     """F_M on the poses held out, fitted to the others, (folds,) [1]."""
     found = fits([fold.fitted for fold in folds])
     return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, found, strict=True)])

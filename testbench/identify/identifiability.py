@@ -88,8 +88,15 @@ def describe(
         BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
             definite, or the structure leaves the symmetry open.
     """
+    return of_regression(vjm, reduce(vjm, structure, data), data, prior, strength)
+
+
+def of_regression(
+    vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
+) -> Identifiability:
+    """The same of a regression; the dataset may be some of its runs, evenly out of all."""
+    structure = regression.structure
     scaled = any_metric(prior, vjm, structure)
-    regression = reduce(vjm, structure, data)
     own, loads = _rows(vjm, regression, data)
     unit = _unit(prior, vjm, structure)
     to_structure, to_loads = _unseen(vjm, structure, loads, unit)

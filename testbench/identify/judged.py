@@ -41,7 +41,7 @@ def judge(vjm: Vjm, estimates: Sequence[Estimate], blocks: Blocks, which: Mask, 
         for k in share:
             runs, data = blocks.block(k)
             if which[runs].any():
-                found.add(vjm, estimates, data, which[runs], runs, taken)
+                found.add(all_deflections(vjm, estimates, data), data, (runs, which[runs]), taken)
         return found
 
     one, *more = in_threads(blocks, work)
@@ -59,14 +59,13 @@ class _Sums:
         self.counts = np.zeros((2, models, BINS), dtype=np.int64)
         self.worst, self.size = np.array([], dtype=int), np.array([])
 
-    def add(
-        self, vjm: Vjm, estimates: Sequence[Estimate], data: Dataset, use: Mask, runs: Ids, taken: int
-    ) -> None:
-        """The runs of a block that count."""
+    def add(self, moved: Array, data: Dataset, counted: tuple[Ids, Mask], taken: int) -> None:
+        """Deflections of a block by every model, (models, runs, m, 3) [m]; indices of runs, which count."""
+        runs, use = counted
         seen = data.seen & use[:, None]
         if not seen.any():
             return
-        left = np.linalg.norm(all_deflections(vjm, estimates, data) - data.deflection, axis=-1)
+        left = np.linalg.norm(moved - data.deflection, axis=-1)
         size = np.linalg.norm(data.deflection, axis=-1)[seen]
         largest = np.where(seen, left[taken], 0.0).max(axis=1)
         far = np.argsort(-largest, kind="stable")[:FAR]
@@ -106,7 +105,7 @@ class _Sums:
 
 def _bin(values: Array) -> Ids:
     place = (np.log10(np.maximum(values, LEAST) / LEAST) * (BINS / DECADES)).astype(int)
-    return np.minimum(place, BINS - 1)
+    return np.asarray(np.minimum(place, BINS - 1))
 
 
 def _quantile(counts: Ids, share: float) -> float:

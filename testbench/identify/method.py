@@ -61,11 +61,14 @@ class Method:
     def each(self, vjm: Vjm, structure: Structure, datasets: Sequence[Dataset]) -> list[Estimate]:
         """The same of several datasets, their programs solved together."""
         regressions = [reduce(vjm, structure, data) for data in datasets]
-        beliefs = self.beliefs(vjm, regressions)
-        if self.loss == "robust":
-            runs = zip(datasets, regressions, beliefs, strict=True)
-            return [without_outliers(vjm, data, r, self.constraint, own) for data, r, own in runs]
-        return fit_each(regressions, self.constraint, beliefs)
+        if self.loss == "plain":
+            return self.of(vjm, regressions)
+        runs = zip(datasets, regressions, self.beliefs(vjm, regressions), strict=True)
+        return [without_outliers(vjm, data, r, self.constraint, own) for data, r, own in runs]
+
+    def of(self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True) -> list[Estimate]:
+        """The same of datasets that were reduced before, outliers among them."""
+        return fit_each(regressions, self.constraint, self.beliefs(vjm, regressions, widths=widths))
 
     def beliefs(
         self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True

@@ -41,7 +41,7 @@ def seen(cell: Cell, made: Explained, report: IdentifiedReport) -> Seen:
     if elsewhere is not None:
         groups.append(_places(cell, elsewhere))
     lines = [_line(m, MM * longest(made.left[m.name])[some]) for m in models]
-    labels, note = [str(data.run[k]) for k in some], of_all(len(some), data.runs, "runs")
+    labels, note = [str(data.run[k]) for k in some], of_all(len(some), made.runs.total, "runs")
     chart = RunChart(LEFT_MM, 0, labels, lines, report.noise_p95_mm, note)
     return Seen(
         scene=Scene(cell, title, groups) if groups else None,

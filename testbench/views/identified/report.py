@@ -21,7 +21,7 @@ from testbench.bench.rows import MM, ErrorRow
 from testbench.identify import Constraint
 from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Estimate
-from testbench.identify.identifiability import describe
+from testbench.identify.identifiability import describe, of_regression
 from testbench.identify.prior import Strength, cad_prior
 from testbench.views.identifiability.report import Seen, seen_report
 
@@ -125,8 +125,11 @@ class IdentifiedReport:
 
 def report_of(cell: Cell, made: Explained) -> IdentifiedReport:
     """The report of fits; `cell` has the targets that were found."""
-    fits, structure = made.found.fits, made.found.taken.structure
-    seen = describe(cell.vjm, structure, made.runs.used, cad_prior(cell.arm), USUAL)
+    fits, args = made.found.fits, (made.runs.used, cad_prior(cell.arm), USUAL)
+    if made.runs.many is None:
+        seen = describe(cell.vjm, made.found.taken.structure, *args)
+    else:
+        seen = of_regression(cell.vjm, made.found.taken.regression, *args)
     return IdentifiedReport(
         arm=fits.arm,
         dataset=fits.dataset,

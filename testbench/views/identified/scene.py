@@ -52,7 +52,7 @@ def scene(cell: Cell, made: Explained, report: IdentifiedReport) -> AbsoluteScen
         plot="Left in a run; half width at a place (mm)",
         map=_map(made, report, text),
     )
-    reading = {"scales": drawn.scales, "tops": drawn.tops_mm, "shown": len(some), "total": len(data.run)}
+    reading = {"scales": drawn.scales, "tops": drawn.tops_mm, "shown": len(some), "total": made.runs.total}
     return drawn.saying(text.block("how_to_read", **reading)).saying(text.block("statements"))
 
 
