@@ -47,9 +47,9 @@ def model() -> tuple[Vjm, Structure]:
     return build_vjm(arm), mgco147(arm)
 
 
-def synthetic(vjm: Vjm, structure: Structure, runs: int) -> Dataset:
+def synthetic(vjm: Vjm, structure: Structure, runs: int, seed: int = 3) -> Dataset:
     """Three markers under 20 to 100 % of the payload: deflection = A @ truth + noise."""
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     truth = structure.entries(vjm.arm.C_theta)
     lower, upper = vjm.arm.limits
     q = lower + (upper - lower) * rng.random((runs, vjm.arm.n_joints))

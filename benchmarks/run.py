@@ -22,6 +22,7 @@ from families import families_of_fits
 from large_dataset import reducing_large_datasets
 from many_trials import parallel_efficiency
 from measure import Row, processor
+from million_runs import identifying_a_million_runs
 from planning import planning_of_many_poses
 from recordings import logging_two_hundred_poses
 from rich.console import Console
@@ -45,6 +46,7 @@ BENCHMARKS = {
     "k": planning_of_many_poses,
     "l": calibrating_by_absolute_poses,
     "m": correcting_ten_thousand_points,
+    "n": identifying_a_million_runs,
 }
 
 app = typer.Typer(add_completion=False)
@@ -52,7 +54,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def main(
-    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijklm",
+    only: Annotated[str, typer.Option(help="Letters of the benchmarks to run.")] = "abcdefghijklmn",
     out: Annotated[Path, typer.Option(help="Folder of bench.json.")] = Path("runs") / "bench",
 ) -> int:
     """Run the benchmarks and judge them."""

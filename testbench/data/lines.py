@@ -9,14 +9,14 @@ from pathlib import Path
 from testbench.errors import InputError, read_bytes
 
 MAX_BYTES = 300_000_000
-MAX_LINES = 2_000_000  #: That say something: each is held as a line of its own.
+MAX_LINES = 1_000_000  #: That say something: each is held as a line of its own.
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 """Byte order marks."""
 PACKED = {b"PK\x03\x04": "a workbook; export the sheet as CSV", b"\x1f\x8b": "a gzip file; unpack it first"}
 """Beginnings of files that are no text, and what they are: .xlsx and .ods, .gz."""
 COMMENTS = ("#", "//")
 JOINED = 20  #: Most lines that one quoted cell may take.
-LONGEST = 1_000_000  #: Letters of a line, with those of its quoted cells.
+LONGEST = 10_000_000  #: Letters of a line, with those of its quoted cells.
 SEPARATORS = " ;,|\t"  #: A line of these alone is blank.
 SAID = re.compile(f"[^{SEPARATORS}\n]")
 

@@ -3,6 +3,7 @@
 import io
 import os
 import tempfile
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -25,6 +26,7 @@ class Spool:
     def __init__(self) -> None:
         """An empty one."""
         self._file = tempfile.TemporaryFile(prefix="testbench-runs-")  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
         self._blocks: list[_Block] = []
         self._runs = 0
 

@@ -21,15 +21,16 @@ from testbench.data.lines import MAX_BYTES, Line, letters
 from testbench.data.mapping import Names, read_map
 from testbench.data.names import Slot, What
 from testbench.data.spool import Campaign, Spool
-from testbench.data.table import Kinds, is_integer, read_numbers, table_of
+from testbench.data.table import Kinds, is_integer, read_numbers, release, table_of
 from testbench.errors import Array, InputError
 
 LEAST, MOST = 16_000_000, 20_000_000_000
 """Sizes of files that are read so [byte]: smaller ones are held whole, as the rows of any other file."""
-BLOCK = 8_000_000  #: What is read at a time [byte].
-SHOWN = 1000  #: Runs that are looked at one by one, evenly out of all.
+BLOCK = 4_000_000  #: What is read at a time [byte].
+SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
 IDS: tuple[What, ...] = ("run", "pose", "station")  #: Quantities whose cells are integers here.
 HEAD = 1_000_000  #: Bytes by which the columns are understood.
+LONGEST_RUN = 4_000_000  #: Bytes of a run, with blank lines below it.
 BLANK = b" ;,|\t\r\n"
 FORM = "expected integers for run and pose, both readings in every row, the rows of a run together, UTF-8"
 
@@ -47,7 +48,7 @@ class Streamed:
 
 
 def read_campaign(
-    path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None, *, least: int = LEAST
+    path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None, least: int = LEAST
 ) -> Streamed:
     """Read the runs of an arm as `read_export` does, in blocks where the file is large.
 
@@ -69,23 +70,24 @@ def read_campaign(
     if large:
         names = read_map(mapping, arm)
         try:
-            return _streamed(path, _Reader(path, arm, names, sigma), max(1, min(BLOCK, least)))
+            return _streamed(path, _Reader(path, arm, names, sigma))
         except _Whole as err:
             if status.st_size > MAX_BYTES:
                 raise InputError(path, "", f"more than {MAX_BYTES} bytes: {FORM}") from err
     return Streamed(read_export(path, arm, mapping, sigma), None)
 
 
-def _streamed(path: Path, reader: "_Reader", size: int) -> Streamed:
+def _streamed(path: Path, reader: "_Reader") -> Streamed:
     spool, first = Spool(), None
     run, pose, level = list[Ids](), list[Ids](), list[Array]()
-    for export in reader.exports(size):
+    for export in reader.exports():
         first = first or export
         data = _alike(path, first.data, export.data)
         run.append(data.run)
         pose.append(data.pose)
         level.append(np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, 1)], 1))
         spool.add(data)
+    release()
     assert first is not None
     every = Campaign(spool, np.concatenate(run), np.concatenate(pose), np.concatenate(level))
     ordered = np.sort(every.run)
@@ -102,8 +104,7 @@ def some(runs: Ids) -> Ids:
 def _alike(path: Path, first: Dataset, data: Dataset) -> Dataset:
     """A block with the markers in the order of the first one."""
     if data.sigma != first.sigma or data.sigma_rotation != first.sigma_rotation:
-        problem = f"run {data.run[0]}: expected one sigma in the whole file, got another than before"
-        raise InputError(path, "", problem)
+        raise InputError(path, f"run {data.run[0]}", "expected one value of sigma in the whole file")
     if set(data.markers) != set(first.markers):
         raise _Whole
     order = [data.markers.index(name) for name in first.markers]
@@ -120,25 +121,32 @@ class _Reader:
     def __init__(self, path: Path, arm: Arm, names: Names, sigma: float | None) -> None:
         self.path, self.arm, self.names, self.sigma = path, arm, names, sigma
 
-    def exports(self, size: int) -> Iterator[Export]:
-        """The runs of every block of about as many bytes.
+    def exports(self) -> Iterator[Export]:
+        """The runs of every block.
 
         Raises:
             InputError: Names line and column, and what was expected.
             _Whole: When the file cannot be read so.
         """
         with self.path.open("rb") as file:
-            content = file.read(size)
-            head = content[:HEAD]
-            self._understand(head[: head.rfind(b"\n") + 1])
-            above = len(b"".join(content.splitlines(keepends=True)[: self.start]))
-            content, number, more = content[above:], self.start, True
+            head = file.read(HEAD)
+            try:
+                letters(self.path, head, self.names.layout.encoding or "latin-1")
+                self._understand(head[: head.rfind(b"\n") + 1])
+            except InputError as err:
+                if self.path.stat().st_size <= MAX_BYTES:
+                    raise _Whole from err
+                raise
+            file.seek(len(self.above))
+            content, number, more = b"", self.start, True
             while more:
-                found = file.read(size)
+                found = file.read(BLOCK)
                 content, more = content + found, bool(found)
                 end = self._whole_runs(content) if more else len(content)
                 block, content = content[:end], content[end:]
-                if len(content) > 4 * size:
+                if b"\0" in content:
+                    self._export(content, number)  # says where
+                if len(content) > BLOCK + LONGEST_RUN:
                     raise _Whole
                 if block.strip(BLANK):
                     yield self._export(block, number)
@@ -189,9 +197,11 @@ class _Reader:
             line = content[begin:end].decode(self.encoding, "replace").rstrip("\r\n")
             cells = cells_in(Line(0, line), self.columns.table.delimiter)
             own = cells[self.ids[0]] if len(cells) > self.ids[0] else ""
-            if last and own and own != last:
-                return end
-            last, end = own or last, begin
+            if is_integer(own):  # no comment, no header again
+                if last and own != last:
+                    return end
+                last = own
+            end = begin
         return 0
 
     def _export(self, block: bytes, number: int) -> Export:

@@ -223,6 +223,11 @@ class Kinds:
     words: Sequence[int]  #: Anything.
 
 
+def release() -> None:
+    """Give memory of tables that are gone back to the system."""
+    pa.default_memory_pool().release_unused()
+
+
 def read_numbers(
     table: Table,
     content: bytes,

@@ -12,8 +12,8 @@ from testbench.identify.estimate import Estimate
 from testbench.identify.evaluate import Score, all_deflections
 from testbench.model.vjm import Vjm
 
-BINS, LEAST, DECADES = 150_000, 1e-12, 15
-"""Of the counts by which quantiles are found: each is 0.023 % wide."""
+BINS, LEAST, DECADES = 30_000, 1e-12, 15
+"""Of the counts by which quantiles are found: each is 0.12 % wide."""
 FAR = 40  #: Runs that are remembered for what is left of them.
 
 

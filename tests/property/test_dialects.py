@@ -6,13 +6,13 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
+from blockwise import read_both_ways
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset
-from testbench.data.export import read_export
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
@@ -134,7 +134,7 @@ def read(content: bytes) -> Dataset:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "export.txt"
         file.write_bytes(content)
-        return read_export(file, ARM).data
+        return read_both_ways(file, ARM)[0]
 
 
 @REPEATABLE

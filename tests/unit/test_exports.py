@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blockwise import check_equal, in_blocks, whole
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
@@ -369,6 +370,7 @@ def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     assert EXPORTS[name][1].strip().count("\n") < 10
     found = read_export(own.data, ARM, own.map)
     check_alike(found.data)
+    check_equal(whole(in_blocks(own.data, ARM, own.map)), found.data)
     assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
 
 

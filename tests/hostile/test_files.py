@@ -1,0 +1,98 @@
+"""Files of readings as nobody means them: refused in one line, in little time and memory."""
+
+import gzip
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from testbench.data.stream import LEAST
+
+MANY = LEAST + 1000  #: Bytes of a file that is read block by block.
+
+
+def _after(file: Path, rest: bytes) -> None:
+    file.write_bytes(file.read_bytes() + rest)
+
+
+def _pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file)
+
+
+def _link(to: str) -> Callable[[Path], None]:
+    def make(file: Path) -> None:
+        file.unlink()
+        file.symlink_to(to)
+
+    return make
+
+
+def _folder(file: Path) -> None:
+    file.unlink()
+    file.mkdir()
+
+
+def _hole(size: int) -> Callable[[Path], None]:
+    """A file that takes no room on the disk."""
+
+    def make(file: Path) -> None:
+        os.truncate(file, size)
+
+    return make
+
+
+def _gone(file: Path) -> None:
+    file.write_bytes(b"")
+    os.truncate(file, 5 * 10**9)
+
+
+def _one_run(file: Path) -> None:
+    """A run whose rows never end."""
+    head, row = file.read_bytes().splitlines()[:2]
+    file.write_bytes(head + b"\n" + (row + b"\n") * (MANY // len(row)))
+
+
+def _apart(file: Path) -> None:
+    """Rows of a run that stand apart, in a file too large to be held."""
+    head, *rows = file.read_bytes().splitlines()
+    file.write_bytes(b"\n".join([head, *rows, *rows[:2], b"\n" * 301_000_000]))
+
+
+HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "empty": (lambda f: f.write_bytes(b""), "empty"),
+    "newlines": (lambda f: f.write_bytes(b"\n" * MANY), "empty"),
+    "separators": (lambda f: f.write_bytes(b";;, |\t\n" * (MANY // 7)), "empty"),
+    "newlines_behind": (lambda f: _after(f, b"\n" * MANY + b"x"), "field"),
+    "a_long_line": (lambda f: f.write_bytes(b"x" * MANY), "letters"),
+    "a_long_line_behind": (lambda f: _after(f, b"x" * MANY), "letters"),
+    "columns": (lambda f: f.write_bytes(b",".join(b"c%d" % k for k in range(1_000_000))), "letters"),
+    "short_lines": (lambda f: f.write_bytes(b"1\n" * 1_001_000), "lines"),
+    "zeros": (lambda f: f.write_bytes(bytes(MANY)), "zero byte"),
+    "zeros_behind": (lambda f: _after(f, bytes(MANY)), "zero byte"),
+    "quotes": (lambda f: _after(f, b'"' + b"a\n" * (MANY // 2)), "quotes"),
+    "quotes_in_pairs": (lambda f: _after(f, b'a"' * (MANY // 2)), "letters"),
+    "returns": (lambda f: f.write_bytes(b"\r" * MANY), "empty"),
+    "comments": (lambda f: f.write_bytes(b"# run\n" * 10_000), "row"),
+    "wide_letters": (lambda f: f.write_bytes(("run," * 9 + "\n").encode("utf-32-le") * 10), "text"),
+    "gzip": (lambda f: f.write_bytes(gzip.compress(bytes(MANY))), "gzip"),
+    "workbook": (lambda f: f.write_bytes(b"PK\x03\x04" + bytes(100)), "workbook"),
+    "noise": (lambda f: f.write_bytes(os.urandom(MANY)), "data.csv"),
+    "pipe": (_pipe, "expected a file"),
+    "folder": (_folder, "expected a file"),
+    "zero_device": (_link("/dev/zero"), "expected a file"),
+    "its_own_link": (_link("data.csv"), "cannot be read"),
+    "five_gigabytes_of_nothing": (_gone, "zero byte"),
+    "five_gigabytes_behind": (_hole(5 * 10**9), "zero byte"),
+    "a_terabyte": (_hole(10**12), "bytes"),
+    "one_run": (_one_run, "run"),
+    "rows_apart": (_apart, "together"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_file_of_readings_is_refused(attack, lab, name):
+    spoil, said = HOSTILE[name]
+    spoil(lab / "data.csv")
+    attack(lab, "identify", "arm", "data.csv", "--out", "out").refused("data.csv", said)

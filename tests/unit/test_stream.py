@@ -1,0 +1,203 @@
+"""Files of any number of runs: read block by block as they are read as a whole, fitted as from memory."""
+
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blockwise import check_equal, in_blocks, read_both_ways
+
+from testbench.arm.folder import load_arm
+from testbench.bench.campaign import build_cell
+from testbench.bench.fits import Runs, fit
+from testbench.bench.many import Many
+from testbench.bench.models import named_models
+from testbench.data.csvfile import write_csv
+from testbench.data.dataset import Dataset, select
+from testbench.data.spool import Campaign, Spool
+from testbench.errors import InputError
+from testbench.identify.cells import reduce_cells
+from testbench.identify.crossval import FOLDS, divided, every_fold, load_parts, pose_parts
+from testbench.identify.regression import f_m, reduce
+from testbench.model.vjm import chain, observation, tool_points
+
+ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
+CELL = build_cell("kr500_l480")
+
+
+def runs(count: int, *, lost: bool = False) -> Dataset:
+    """Runs in as many poses under loads of three levels, read as the arm's own compliances have them."""
+    rng, vjm = np.random.default_rng(count), CELL.vjm
+    lower, upper = ARM.limits
+    q = lower + (upper - lower) * rng.random((count, 6))
+    wrench = np.zeros((count, 6))
+    wrench[:, 2] = -1000 * rng.integers(2, 5, count)
+    point = np.tile(vjm.load, (count, 1))
+    [structure] = {m.structure for m in named_models(CELL, ["ALL153"])}
+    moved = observation(chain(vjm, q), structure, wrench, point, vjm.markers) @ structure.entries(ARM.C_theta)
+    before = tool_points(vjm, q, vjm.markers) + 5e-5 * rng.standard_normal((count, 3, 3))
+    after = before + moved + 5e-5 * rng.standard_normal((count, 3, 3))
+    number = np.arange(count) + 1
+    found = Dataset(ARM.markers, number, number, q, wrench, point, before, after, 5e-5)
+    if not lost:
+        return found
+    gone = (rng.random((count, 3)) < 0.2)[..., None]
+    precision = np.where(gone[..., None], 0.0, np.eye(3) / (2 * 5e-5**2))
+    before, after = (np.where(gone, 0.0, x) for x in (before, after))
+    return replace(found, before=before, after=after, precision=precision)
+
+
+def campaign(data: Dataset, size: int = 17) -> Campaign:
+    spool = Spool()
+    for first in range(0, data.runs, size):
+        here = (np.arange(data.runs) >= first) & (np.arange(data.runs) < first + size)
+        spool.add(select(data, here))
+    level = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
+    return Campaign(spool, data.run, data.pose, level)
+
+
+def _remarks(text: str) -> bytes:
+    head, *rows = text.splitlines()
+    return "\n".join([f"{head},remark", *(f"{row},é" for row in rows)]).encode("cp1252")
+
+
+WRITTEN = {
+    "plain": str.encode,
+    "windows": lambda text: text.replace("\n", "\r\n").encode("utf-8-sig"),
+    "decimal_comma": lambda text: text.replace(",", ";").replace(".", ",").encode(),
+    "tabs_and_no_end": lambda text: text.replace(",", "\t").rstrip("\n").encode(),
+    "title": lambda text: f"Report; of a day\n\n\n{text}".encode(),
+    "comments_and_blank_lines": lambda text: text.replace("\n14,", "\n\n# a remark\n,,,\n14,").encode(),
+    "header_again": lambda text: text.replace("\n19,", f"\n{text[: text.index(chr(10))]}\n19,", 1).encode(),
+    "quotes": lambda text: text.replace(",P2,", ',"P2",').encode(),
+    "blanks_and_signs": lambda text: text.replace(",P3,", ", P3 ,").replace(",0.0,", ",+0.0,").encode(),
+    "remarks": _remarks,
+    "runs_of_blanks": lambda text: text.replace(",", "  ").encode(),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_blocks_are_read_as_the_whole_file_is(tmp_path, name):
+    """Runs of blanks have no blank cells."""
+    write_csv(runs(24, lost=name != "runs_of_blanks"), ARM, tmp_path / "runs.csv")
+    file = tmp_path / "other.csv"
+    file.write_bytes(WRITTEN[name]((tmp_path / "runs.csv").read_text(encoding="utf-8")))
+    _, streamed = read_both_ways(file, ARM)
+    assert streamed
+    assert len(in_blocks(file, ARM).every) > 10
+
+
+@pytest.fixture
+def lines(tmp_path):
+    write_csv(runs(60), ARM, tmp_path / "runs.csv")
+    return (tmp_path / "runs.csv").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize(
+    ("cell", "other"), [(3, "x"), (3, "9"), (3, ""), (20, "nan"), (0, "1.5"), (1, ""), (2, "P9"), (20, "\0")]
+)
+def test_a_wrong_cell_far_down_is_named_as_ever(tmp_path, lines, cell, other):
+    cells = lines[150].split(",")
+    lines[150] = ",".join([*cells[:cell], other, *cells[cell + 1 :]])
+    (tmp_path / "bad.csv").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(InputError) as whole_file:
+        read_both_ways(tmp_path / "bad.csv", ARM)
+    with pytest.raises(InputError) as blocks:
+        in_blocks(tmp_path / "bad.csv", ARM)
+    assert str(blocks.value) == str(whole_file.value)
+    assert "line 151" in str(blocks.value)
+
+
+def test_rows_of_a_run_that_stand_apart_are_read_as_a_whole(tmp_path, lines):
+    (tmp_path / "apart.csv").write_text("\n".join([*lines[:2], *lines[3:], lines[2]]), encoding="utf-8")
+    assert not read_both_ways(tmp_path / "apart.csv", ARM)[1]
+
+
+def test_a_run_that_stands_there_twice_is_refused(tmp_path, lines):
+    (tmp_path / "twice.csv").write_text("\n".join([*lines, *lines[1:4]]), encoding="utf-8")
+    with pytest.raises(InputError, match="stands in the file twice"):
+        in_blocks(tmp_path / "twice.csv", ARM)
+
+
+def test_memory_does_not_grow_with_the_runs(tmp_path):
+    """Identifiers and sizes of loads are held, 32 bytes a run, and sorted; the runs themselves take 264.
+
+    Both files are longer than what their columns are understood by.
+    """
+    few, many = tmp_path / "few.csv", tmp_path / "many.csv"
+    write_csv(runs(1100), ARM, few)
+    head, _, rows = few.read_text(encoding="utf-8").partition("\n")
+    with many.open("w", encoding="utf-8") as file:
+        file.write(f"{head}\n")
+        for k in range(3):
+            again = (row.split(",", 1) for row in rows.splitlines())
+            file.writelines(f"{int(run) + 1100 * k},{rest}\n" for run, rest in again)
+
+    def peak(path: Path) -> int:
+        tracemalloc.start()
+        found = in_blocks(path, ARM, size=60_000)
+        assert max(found.every.block(k)[1].runs for k in range(len(found.every))) < 100
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    peak(few)
+    assert peak(many) - peak(few) < 2200 * 130
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_cells_hold_what_reduce_and_its_folds_do(lost):
+    data, vjm = runs(90, lost=lost), CELL.vjm
+    data = select(data, data.seen.any(axis=1))
+    models = named_models(CELL, ["MLS56", "MGCO68", "ALL153"])
+    many = campaign(data)
+    cell = FOLDS * pose_parts(data.pose) + load_parts(many.level)
+    reduced = reduce_cells(vjm, [m.structure for m in models], many, cell)
+    for model, parts in zip(models, reduced, strict=True):
+        expected = reduce(vjm, model.structure, data)
+        [own], [term] = parts.together(np.unique(cell).tolist()).terms, expected.terms
+        size = np.abs(term.R.T @ term.R).max()
+        np.testing.assert_allclose(own.R.T @ own.R, term.R.T @ term.R, rtol=0, atol=1e-10 * size)
+        assert own.equations == term.equations
+        lengths = [t.z @ t.z + t.rest for t in (own, term)]
+        assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
+        pi = model.structure.entries(ARM.C_theta)
+        folds = divided(parts, np.unique(cell))
+        for fold, other in zip(folds, every_fold(vjm, model.structure, data), strict=True):
+            for kind in ("fitted", "held_out"):
+                one, two = (f_m(getattr(x, kind), pi) for x in (fold, other))
+                assert one == pytest.approx(two, rel=1e-9)
+
+
+def test_very_many_runs_are_fitted_chosen_and_judged_as_few_are():
+    data = runs(80)
+    held = data.pose % 9 == 0
+    models = named_models(CELL, ["Joints", "MLS56", "MGCO56"])
+    few = Runs("runs.csv", data, select(data, ~held), select(data, held))
+    many = replace(few, many=Many(campaign(data), ~held))
+    one, two = (fit(CELL, models, own, lambda: 0.0, widths=True) for own in (few, many))
+    assert (two.fits.recommended, two.fits.runs, two.fits.poses) == (one.fits.recommended, 72, 72)
+    for a, b in zip(one.fits.models, two.fits.models, strict=True):
+        for there in ("identification", "check"):
+            row, other = getattr(a, there), getattr(b, there)
+            assert other.rms_mm == pytest.approx(row.rms_mm, rel=1e-6)
+            assert other.max_mm == pytest.approx(row.max_mm, rel=1e-5)
+            assert other.max_relative_percent == pytest.approx(row.max_relative_percent, rel=1e-5)
+        assert b.f_m == pytest.approx(a.f_m, rel=1e-6)
+    for a, b in zip(one.fits.held_out, two.fits.held_out, strict=True):
+        assert b.f_m == pytest.approx(a.f_m, rel=1e-6)
+    check_equal(two.runs.every, data)  # all of so few are looked at
+    assert "all 80 runs are fitted" in two.fits.notes[-1]
+
+
+def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
+    data = runs(80)
+    data.after[37, 1] += 0.01
+    monkeypatch.setattr("testbench.data.stream.SHOWN", 10)
+    monkeypatch.setattr("testbench.identify.judged.FAR", 3)
+    many = Runs("runs.csv", data, data, None, many=Many(campaign(data), np.ones(80, dtype=bool)))
+    found = fit(CELL, named_models(CELL, ["Joints"]), many, lambda: 0.0).runs
+    assert 10 <= found.every.runs <= 13
+    assert 38 in found.every.run
+    assert found.total == 80
