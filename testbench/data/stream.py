@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.decimal import is_integer
 from testbench.arm.folder import Arm
 from testbench.data.columns import find_columns
 from testbench.data.dataset import Dataset, Ids
@@ -21,8 +22,8 @@ from testbench.data.lines import MAX_BYTES, Line, letters
 from testbench.data.mapping import Names, read_map
 from testbench.data.names import Slot, What
 from testbench.data.spool import Campaign, Spool
-from testbench.data.table import Kinds, is_integer, read_numbers, release, table_of
-from testbench.errors import Array, InputError
+from testbench.data.table import Kinds, read_numbers, release, table_of
+from testbench.errors import Array, InputError, open_file
 
 LEAST, MOST = 16_000_000, 20_000_000_000
 """Sizes of files that are read so [byte]: smaller ones are held whole, as the rows of any other file."""
@@ -128,7 +129,7 @@ class _Reader:
             InputError: Names line and column, and what was expected.
             _Whole: When the file cannot be read so.
         """
-        with self.path.open("rb") as file:
+        with open_file(self.path, MOST) as file:
             head = file.read(HEAD)
             try:
                 letters(self.path, head, self.names.layout.encoding or "latin-1")
