@@ -58,7 +58,7 @@ Attack = Callable[..., Outcome]
 def warm() -> Iterator[Attack]:
     """A process that has all commands loaded; gives the function that runs one in a folder.
 
-    Its arguments: the folder, then the words of the command line.
+    Its arguments: the folder, then the words of the command line; and the largest file that the disk takes.
     """
     paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
@@ -70,10 +70,10 @@ def warm() -> Iterator[Attack]:
         env={**os.environ, **one, "PYTHONPATH": paths},
     )
 
-    def attack(folder: Path, *args: object) -> Outcome:
+    def attack(folder: Path, *args: object, largest: int | None = None) -> Outcome:
         words = [str(word) for word in args]
         before = state(folder)
-        asked = {"args": words, "folder": str(folder), "seconds": SECONDS}
+        asked = {"args": words, "folder": str(folder), "seconds": SECONDS, "largest": largest}
         process.stdin.write(json.dumps(asked) + "\n")
         process.stdin.flush()
         found = json.loads(process.stdout.readline())

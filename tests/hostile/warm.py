@@ -33,12 +33,12 @@ def held() -> int:
     return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def run(args: list[str], folder: str, seconds: int) -> dict[str, object]:
+def run(args: list[str], folder: str, seconds: int, largest: int | None) -> dict[str, object]:
     """What a command line said and took."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = os.fork()
         if not child:
-            _command(args, folder, seconds, (out.fileno(), err.fileno()))
+            _command(args, folder, (seconds, largest), (out.fileno(), err.fileno()))
         end = time.monotonic() + PATIENCE
         while True:
             pid, status, used = os.wait4(child, os.WNOHANG)
@@ -62,12 +62,15 @@ def _text(stream: object) -> str:
     return stream.read().decode(errors="backslashreplace")
 
 
-def _command(args: list[str], folder: str, seconds: int, streams: tuple[int, int]) -> None:
+def _command(args: list[str], folder: str, limits: tuple[int, int | None], streams: tuple[int, int]) -> None:
     """In the fork; never returns."""
     os.setpgid(0, 0)
     os.chdir(folder)
     for own, stream in enumerate(streams, 1):
         os.dup2(stream, own)
+    seconds, largest = limits
+    if largest is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
     resource.setrlimit(resource.RLIMIT_AS, (held() + MEMORY,) * 2)
     sys.argv = ["testbench", *args]
