@@ -26,7 +26,7 @@ class Fitted:
     whole: Experiment  #: The measurement with every unknown of the arm.
     uncertainty: float  #: Of the arm's compliances around its metric's expectation, relative [1].
     model: Experiment  #: The measurement with the model's unknowns.
-    K: Array  #: Of the fit x_m = K y + k, (n, readings).
+    scatter: Array  #: K of the fit x_m = K y + k, or no more than n columns with the same K K^T, (n, ...).
     k: Array  #: (n,).
     gain: Array  #: K A: what is found of each of the arm's unknowns, (n, all).
 
@@ -43,7 +43,7 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
     K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
-    return Fitted(whole, uncertainty, spec.experiment, K, k, K @ A)
+    return Fitted(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
 
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
@@ -51,7 +51,7 @@ def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
     T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
     D = T - own @ fit.gain
     bias = D @ fit.whole.metric.expected - own @ fit.k
-    return forecast_of(bias, np.concatenate([fit.uncertainty * D, own @ fit.K], axis=2))
+    return forecast_of(bias, np.concatenate([fit.uncertainty * D, own @ fit.scatter], axis=2))
 
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
@@ -62,6 +62,11 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     B, c = precision_root(own, Strength(spec.uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
+
+
+def _narrow(K: Array) -> Array:
+    """A matrix with the same K K^T and no more columns than rows: noise of many readings is drawn as fast."""
+    return K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r").T)
 
 
 def _flat(rows: Array) -> Array:
