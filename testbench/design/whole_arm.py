@@ -66,7 +66,7 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
 
 def _narrow(K: Array) -> Array:
     """A matrix with the same K K^T and no more columns than rows: noise of many readings is drawn as fast."""
-    return K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r").T)
+    return K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r")).T
 
 
 def _flat(rows: Array) -> Array:
