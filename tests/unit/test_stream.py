@@ -3,6 +3,7 @@
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from testbench.bench.campaign import build_cell
 from testbench.bench.fits import Runs, fit
 from testbench.bench.many import Many
 from testbench.bench.models import named_models
+from testbench.data import stream
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, select
 from testbench.data.spool import Campaign, Spool
@@ -86,6 +88,17 @@ def test_blocks_are_read_as_the_whole_file_is(tmp_path, name):
     _, streamed = read_both_ways(file, ARM)
     assert streamed
     assert len(in_blocks(file, ARM).every) > 10
+
+
+@pytest.mark.parametrize("name", ["plain", "windows", "decimal_comma", "tabs_and_no_end", "title"])
+def test_rows_of_numbers_are_read_at_once(tmp_path, name):
+    """Only what the columns are understood by is looked at line by line."""
+    write_csv(runs(24, lost=True), ARM, tmp_path / "runs.csv")
+    file = tmp_path / "other.csv"
+    file.write_bytes(WRITTEN[name]((tmp_path / "runs.csv").read_text(encoding="utf-8")))
+    with patch.object(stream, "table_of", wraps=stream.table_of) as asked:
+        assert len(in_blocks(file, ARM).every) > 10
+    assert asked.call_count == 1
 
 
 @pytest.fixture
