@@ -114,7 +114,7 @@ class Words:
             parts: Tables, and words as they are.
             then: Names of the blocks at the end.
         """
-        texts = [part if isinstance(part, str) else grid(part) for part in parts]
+        texts = [part if isinstance(part, str) else _titled(part) for part in parts]
         head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**", *self.worst()]
         return "\n\n".join([*head, *texts, *map(self.block, then)])
 
@@ -139,6 +139,12 @@ class Words:
         lines = written_out(self._template.render(self._values)).strip().split("\n")
         kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
         return "\n".join(line.rstrip() for line in kept) + "\n"
+
+
+def _titled(table: Table) -> str:
+    """A table below its title."""
+    title = f"{table.title[:1].upper()}{table.title[1:]}:" if table.title else ""
+    return "\n\n".join(filter(None, [as_markdown(title), grid(table)]))
 
 
 @functools.cache  # compiling a template takes longer than filling it

@@ -115,7 +115,7 @@ def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
         list(rows.values()),
         table.title,
         table.bold,
-        across=across.title,
+        across=across.heading if across.unit == across.heading else across.title,
         looks=looks(table.rows, down),
     )
 

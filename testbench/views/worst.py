@@ -32,7 +32,7 @@ def _row(found: ErrorPlaces, name: str) -> WorstRow:
         typical_mm=found.typical_mm(name) if worst else None,
         worst_mm=worst.error_mm if worst else None,
         unbounded=found.unbounded(name),
-        place=worst.place if worst else None,
+        place=worst.place + 1 if worst else None,
         where_m=", ".join(f"{x:.2f}" for x in worst.position_m) if worst else "",
         joints=worst.joints if worst else "",
     )

@@ -233,15 +233,15 @@ def test_the_arm_goes_to_every_place_and_the_worst_is_named(chunks, kr500, scene
     found = scene.map.found
     frames = rigid_frames(kr500.room, np.array(found.q))
     at = columns(on(chunks, "place"), "/world/arm/link_6")
-    assert at["place"] == list(range(len(found.run)))
+    assert at["place"] == list(range(1, len(found.run) + 1))
     expected = frames.positions[:, body_names(kr500.room).index("link_6")]
     assert np.array(at["Transform3D:translation"])[:, 0] == pytest.approx(expected, abs=1e-6)
     for name, path in ((RIVAL, "mls56"), (OURS, "all153_prior")):
         worst = found.worst[name]
         label = columns(chunks, f"/world/error_map/{path}/worst")["Points3D:labels"]
-        assert label == [[f"worst {worst.error_mm:.3f} mm, place {worst.place}"]]
+        assert label == [[f"worst {worst.error_mm:.3f} mm, place {worst.place + 1}"]]
     said = columns(on(chunks, "place"), "/this_step")["TextDocument:text"]
-    assert said[0][0].startswith(f"**Place 0 of 40: MLS56 no bound, {OURS} ")
+    assert said[0][0].startswith(f"**Place 1 of 40: MLS56 no bound, {OURS} ")
     assert f"where {OURS} is worst" in said[found.worst[OURS].place][0]
 
 

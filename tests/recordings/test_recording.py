@@ -93,7 +93,7 @@ def test_timelines_are_places_runs_by_residual_or_as_measured_and_the_load(chunk
     runs = columns(on(chunks, "run"), "/here")
     assert runs["run"] == list(range(1, 22))
     assert sorted(runs["worst_first"]) == list(range(21))
-    assert columns(on(chunks, "place"), "/here")["place"] == list(range(5))
+    assert columns(on(chunks, "place"), "/here")["place"] == list(range(1, 6))
 
 
 def test_whatever_moves_has_a_state_on_every_timeline_so_that_no_view_is_blank_or_collapses(chunks):
@@ -191,8 +191,8 @@ def test_the_summary_is_answer_table_and_words_of_the_report(chunks, heavy):
     text = document(chunks, "/summary")
     assert text.startswith(heavy[0].summary)
     first, *_, last = heavy[0].map.compared
-    assert f"at 0 {first} and {last} differ most" in text
-    assert f"worst {first} {heavy[0].map.worst[first].place}, " in text
+    assert f"at 1 {first} and {last} differ most" in text
+    assert f"worst {first} {heavy[0].map.worst[first].place + 1}, " in text
 
 
 def test_seed_scenario_versions_and_magnification_are_properties(chunks):
@@ -356,7 +356,7 @@ def test_error_maps_of_all_models_have_one_scale_and_name_the_worst_place(chunks
         drawn = np.column_stack([packed >> shift & 255 for shift in (24, 16, 8)])
         assert (drawn == shades(scale.shares(mm))).all()
         label = columns(chunks, f"/world/error_map/{name.lower()}/worst")
-        assert label["Points3D:labels"] == [[f"worst {mm.max():.3f} mm, place {worst.place}"]]
+        assert label["Points3D:labels"] == [[f"worst {mm.max():.3f} mm, place {worst.place + 1}"]]
         assert label["Points3D:positions"][0][0][2] > max(z for *_, z in found.position_m)
         assert label["LineStrips3D:strips"][0][0][0] == pytest.approx(worst.position_m, abs=1e-6)
         assert worst.joints in document(chunks, "/error_words")

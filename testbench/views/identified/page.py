@@ -110,7 +110,7 @@ def _places(cell: Cell, found: Elsewhere) -> Poses:
     sizes = zip(MM * found.deflection, MM * found.half, found.q, strict=True)
     return Poses(
         name="Workspace, under the largest load",
-        names=[f"Place {k} of {len(found.q)}" for k in range(len(found.q))],
+        names=[f"Place {k} of {len(found.q)}" for k in range(1, len(found.q) + 1)],
         words=[
             f"The tool moves {size:.3f} mm, {f'+- {half:.3f} mm' if np.isfinite(half) else NOWHERE} (95 %). "
             f"{cell.arm.words(q)}."

@@ -62,7 +62,7 @@ def calibration_seen(made: Calibrated) -> Seen:
     estimates = [made.results[k].estimate for k in shown]
     found = all_deflections(made.cell.vjm, estimates, over)
     residuals = np.array([made.results[k].residuals for k in shown])
-    names = [f"Place {k} of {over.runs}" for k in range(over.runs)]
+    names = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
     places = _Set("Workspace, against the truth", names, over, over.deflection - found, made.map.joints)
     words = [made.cell.arm.words(q) for q in every.q]
     runs = _Set("Runs, against their readings", _named(made.campaign), every, residuals, words)

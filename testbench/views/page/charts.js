@@ -65,6 +65,7 @@ function dotChart(place, table) {
   const all = table.across && columns.length > 1;
   if (all) button(0, `by ${table.across}`);
   for (const k of columns) button(k, table.head[k].title);
+  if (table.title) place.append(make("p", { class: "note" }, table.title));
   place.append(heads, picture);
   show(table.first > 0 ? table.first : all ? 0 : columns.at(-1));
 }
@@ -74,11 +75,12 @@ function drawAll(table, columns, width) {
   const rows = table.rows.filter((row) => columns.some((k) => row.cells[k].v !== undefined));
   const every = rows.flatMap((row) => columns.map((k) => row.cells[k].v)).filter((x) => x !== undefined);
   const names = rows.map((row) => row.cells[0].text);
-  const right = Math.min(24 + 7 * Math.max(...names.map((n) => n.length)), 0.42 * width);
-  const titles = columns.map((k) => table.head[k].title), long = 7 * Math.max(...titles.map((t) => t.length));
+  const right = Math.min(24 + Math.max(...names.map(wide)), 0.45 * width);
+  const lines = names.map((name) => folded(name, right - 16)), step = lines.some((own) => own.length > 1) ? 29 : 15;
+  const titles = columns.map((k) => table.head[k].title), long = 8 + Math.max(...titles.map(wide));
   const tilted = long > (width - right - 46) / columns.length; // too many words to stand side by side
   const bottom = tilted ? 20 + 0.7 * long : 24;
-  const [left, top, height] = [46, 8, Math.max(290, 17 * rows.length + 40) + bottom - 24];
+  const [left, top, height] = [46, 8, Math.max(290, (step + 2) * rows.length + 40) + bottom - 24];
   const y = scale(every, height - bottom, top), joined = titles.every((title) => /^-?[\d.]/.test(title));
   const at = (i) => left + ((width - left - right) * (i + 0.5)) / columns.length;
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.title || table.across });
@@ -90,13 +92,13 @@ function drawAll(table, columns, width) {
     const place = tilted ? { transform: `translate(${at(i) + 4} ${height - bottom + 16}) rotate(-45)`, "text-anchor": "end" } : { x: at(i), y: height - 6, "text-anchor": "middle" };
     svg.append(make("text", { class: "soft", ...place }, title));
   });
-  const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), 15, top + 6, height - bottom - 6);
-  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14 })));
+  const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), step, top + 6, height - bottom - 6);
+  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14, lines: lines[r] })));
   return svg;
 }
 
 /** One row of a table as dots over its columns, joined where the columns are steps of a number. */
-function drawRow(row, look, { columns, joined, at, y, end, x }) {
+function drawRow(row, look, { columns, joined, at, y, end, x, lines }) {
   const group = make("g", { class: "row" });
   const dots = columns.map((k, i) => [row.cells[k], at(i)]).filter(([cell]) => cell.v !== undefined);
   const path = dots.map(([cell, here]) => `${here} ${y.place(cell.v)}`).join("L");
@@ -109,9 +111,8 @@ function drawRow(row, look, { columns, joined, at, y, end, x }) {
     mark.append(make("title", {}, `${row.cells[0].text}: ${cell.text}`));
     group.append(mark);
   }
-  const name = make("text", { x, y: end + 4, "font-weight": row.marked ? "700" : "400" }, row.cells[0].text);
-  name.append(make("title", {}, dots.map(([cell]) => cell.text).join(", ")));
-  group.append(name);
+  const title = `${row.cells[0].text}: ${dots.map(([cell]) => cell.text).join(", ")}`;
+  group.append(...named(lines, title, { x, y: end, "font-weight": row.marked ? "700" : "400" }));
   return group;
 }
 
@@ -141,11 +142,31 @@ function fitted(text, most) {
   return `${text.slice(0, end)}\u2026`;
 }
 
+/** A text in one line, or in two that are no wider, parted between words. */
+function folded(text, most) {
+  if (wide(text) <= most) return [text];
+  const words = text.split(" ");
+  let count = words.length;
+  while (count > 1 && wide(words.slice(0, count).join(" ")) > most) count--;
+  const [first, second] = [words.slice(0, count).join(" "), words.slice(count).join(" ")];
+  return [fitted(first, most), ...(second ? [fitted(second, most)] : [])];
+}
+
+/** The lines of a name about a height, and what is said when they are pointed at. */
+function named(lines, title, { y, ...style }) {
+  return lines.map((line, n) => {
+    const found = make("text", { ...style, y: y + 4 + 13 * (n - (lines.length - 1) / 2) }, line);
+    found.append(make("title", {}, title));
+    return found;
+  });
+}
+
 function drawColumn(table, k, width) {
   const rows = table.rows.filter((row) => row.cells[k].v !== undefined);
   const names = rows.map((row) => row.cells[0].text);
   const most = Math.max(0.42 * width, Math.min(200, 0.55 * width)) - 14, left = 14 + Math.min(most, Math.max(...names.map(wide)));
-  const [line, top, right] = [21, 6, 74];
+  const lines = names.map((own) => folded(own, most));
+  const [line, top, right] = [lines.some((own) => own.length > 1) ? 30 : 21, 6, 74];
   const height = top + line * rows.length + 22;
   const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
   const x = scale(every, left, width - right);
@@ -161,9 +182,7 @@ function drawColumn(table, k, width) {
   rows.forEach((row, i) => {
     const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";
-    const name = make("text", { x: left - 10, y: y + 4, "text-anchor": "end", "font-weight": weight }, fitted(names[i], most));
-    name.append(make("title", {}, `${names[i]}: ${cell.text}`));
-    svg.append(name);
+    svg.append(...named(lines[i], `${names[i]}: ${cell.text}`, { x: left - 10, y, "text-anchor": "end", "font-weight": weight }));
     if (cell.low !== undefined && cell.high > cell.low)
       svg.append(make("line", { x1: x.place(cell.low), x2: x.place(cell.high), y1: y, y2: y, stroke: look.colour, "stroke-width": 2.5, opacity: 0.6 }));
     const mark = dot(x.place(cell.v), y, look);
@@ -217,7 +236,13 @@ function runChart(place, chart, names, choose) {
       svg.append(dot(at(i), y.place(line.values[k]), line, radius));
     }));
     const every = Math.ceil((n * (Math.max(...labels.map(wide)) + 14)) / (width - left));
-    order.forEach((k, i) => i % every === 0 && svg.append(make("text", { class: "soft", x: at(i), y: height - 6, "text-anchor": at(i) > width - 30 ? "end" : "middle" }, labels[k])));
+    let free = -Infinity; // where the next label has room
+    order.forEach((k, i) => {
+      const half = wide(labels[k]) / 2, x = Math.min(at(i), width - half);
+      if (i % every || x - half < free) return;
+      free = x + half + 6;
+      svg.append(make("text", { class: "soft", x, y: height - 6, "text-anchor": "middle" }, labels[k]));
+    });
   };
   const nearest = (event) => {
     const box = svg.getBoundingClientRect();

@@ -4,6 +4,7 @@ import base64
 import functools
 import json
 import math
+import re
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -18,6 +19,7 @@ from testbench.views.schema import Column, Table, looks
 FOLDER = Path(__file__).parent
 SCRIPTS = ("tables.js", "charts.js", "raster.js", "scene.js", "maps.js", "page.js")
 """In the order in which they are run."""
+BRACKETS = re.compile(r" (?=[(\[])")
 
 
 def markdown(text: str) -> Markup:
@@ -64,6 +66,12 @@ def _cell(column: Column, row: object) -> Json:
     return {"text": f"{text} [{known}]" if known else text, **keys}
 
 
+def unbroken(text: str) -> Markup:
+    """The text of a cell: it breaks before what is in brackets, and nowhere else."""
+    parts = BRACKETS.split(text)
+    return Markup(" ").join(Markup("<span>{}</span>").format(part) for part in parts)
+
+
 def _numbers(value: object) -> tuple[float, ...]:
     """A number alone, or a median with 5th and 95th percentile; nothing of words, NaN, infinity."""
     found: tuple[float, ...] = ()
@@ -105,5 +113,5 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"markdown": markdown, "data": data}
+    found.filters |= {"markdown": markdown, "data": data, "unbroken": unbroken}
     return found

@@ -96,7 +96,9 @@ class Maps {
     pen.beginPath();
     pen.arc(x, y, 13 * ratio, 0, 7);
     pen.stroke();
-    written(pen, "worst", x + 16 * ratio, y + 4 * ratio, ratio);
+    pen.font = `${12 * ratio}px system-ui, sans-serif`;
+    const size = pen.measureText("worst").width, right = x + 16 * ratio + size < pen.canvas.width;
+    written(pen, "worst", right ? x + 16 * ratio : x - 16 * ratio - size, y + 4 * ratio, ratio);
   }
 
   pick(pane, event) {

@@ -70,6 +70,6 @@ class World:
 
 def places(world: World, q: Array, words: Sequence[str], first: int) -> Poses:
     """The arm all over the workspace."""
-    names, at = [f"Place {k} of {len(q)}" for k in range(len(q))], tool_pose(world.cell.vjm, q)[0]
+    names, at = [f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)], tool_pose(world.cell.vjm, q)[0]
     tool = Layer("tool", MEASURED, "dots", at[:, None])
     return world.around(Poses("Workspace", names, words, world.rigid(q), None, [tool], first))

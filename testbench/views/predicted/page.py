@@ -105,7 +105,7 @@ def _places(made: Predicted) -> Poses:
     sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
     return Poses(
         name="Workspace",
-        names=[f"Place {k} of {len(field.q)}" for k in range(len(field.q))],
+        names=[f"Place {k} of {len(field.q)}" for k in range(1, len(field.q) + 1)],
         words=[
             f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_sure(half)}. "
             f"{made.model.arm.words(q)}."

@@ -30,7 +30,7 @@ from testbench.views.recording.scene import loading_view, map_camera, world_view
 from testbench.views.recording.stream import layout, recording
 
 PLACE, WORST, RUN, LOAD = "place", "worst_first", "run", "load"
-"""Timelines: places of the workspace, runs by their residual, runs of the dataset from 1, load [%]."""
+"""Timelines: places of the workspace from 1, runs by their residual, runs of the dataset from 1, load [%]."""
 
 
 def write_calibration(
@@ -51,7 +51,7 @@ def write_calibration(
     with recording(path, "calibration", header, _blueprint(drawing, chart)) as pen:
         order = np.arange(drawing.data.runs) + 1
         runs = pen.on(rr.TimeColumn(WORST, sequence=drawing.rank), rr.TimeColumn(RUN, sequence=order))
-        places = pen.on(rr.TimeColumn(PLACE, sequence=np.arange(len(about.map.run))))
+        places = pen.on(rr.TimeColumn(PLACE, sequence=1 + np.arange(len(about.map.run))))
         load = pen.on(rr.TimeColumn(LOAD, sequence=np.rint(100 * drawing.share).astype(int)))
         _write_words(runs, places, load, drawing)
         write_scene(runs, places, load, drawing)

@@ -32,7 +32,7 @@ from testbench.views.scale import Scale, scale_for, scale_of
 from testbench.views.schema import show
 from testbench.views.worst import WorstRow, worst_rows, worst_table
 
-TIMELINE = "place"  #: Of the places of the workspace, from 0, where models differ most.
+TIMELINE = "place"  #: Of the places of the workspace, from 1, where models differ most.
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
 BALL = 0.025  #: Radius of the largest ball over the reach of the arm [1].
 EMPTY: Mapping[str, tuple[Array, Array]] = {}
@@ -105,7 +105,7 @@ def _write_worst(pen: Pen, path: str, worst: WorstPlace, at: Array, reach: float
     name[2] = at[:, 2].max() + CLEAR * reach
     end = name - [0, 0, CLEAR * reach / 2]  # a name hangs below its point
     pen.still(path, rr.LineStrips3D([[own, end]], colors=SCALE[-1], radii=-0.75))
-    label = f"worst {show(worst.error_mm)} mm, place {worst.place}"
+    label = f"worst {show(worst.error_mm)} mm, place {worst.place + 1}"
     pen.names(path, name[None], [label], SCALE[-1])
 
 
@@ -136,7 +136,7 @@ def write_places_of(pen: Pen, cell: Cell, scene: PlaceScene, words: str, plot: s
     """
     found = scene.found
     frames = rigid_frames(cell.room, np.array(found.q))
-    size, count = reach(frames), np.arange(len(found.run))
+    size, count = reach(frames), 1 + np.arange(len(found.run))
     write_error_maps(pen, found, size, scene.tasks, scene.more)
     place = pen.on(rr.TimeColumn(TIMELINE, sequence=count))
     write_places(place, cell, frames)
