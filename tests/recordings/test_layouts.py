@@ -335,7 +335,7 @@ def test_sweep_has_the_median_and_spread_of_every_row(made):
     for method, name in (("linear", "Eq. (6)"), ("secant", "Eq. (7) once")):
         rows = [r for r in found["rows"] if (r["truth"], r["method"]) == ("own weight", method)]
         expected = [[1e3 * r[f"{key}_mm"] for key in ("median", "p05", "p95")] for r in rows]
-        np.testing.assert_allclose(drawn[f"{name}, sagged"], expected, rtol=PLACED)
+        np.testing.assert_allclose(drawn[f"{name}, own weight"], expected, rtol=PLACED)
     assert columns(data, "/error_of_the_tool_s_deflection_um/cursor")["sweep"] == [1, 2]
 
 

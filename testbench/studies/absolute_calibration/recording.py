@@ -25,6 +25,6 @@ def write(run: Run[Settings, AbsoluteCalibrationReport]) -> None:
     write_series(run.folder / "dataset.csv", cell.arm, own.series)
     found = Calibrated(explain(own.gathered, MODELS[CHOSEN]), own.series, ())
     made = scene(cell, reported(found))
-    words = run.words.summary(run.tables["poses"], run.words.block("reading", scale=made.scale))
+    words = run.words.summary(run.tables["recorded"], run.words.block("reading", scale=made.scale))
     header = Header(run.report.scenario, run.parameters, seed)
     write_absolute(run.folder / "recording.rrd", header, replace(made, summary=words))

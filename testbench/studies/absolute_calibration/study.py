@@ -18,7 +18,7 @@ STUDY = Study(
     trials=trial.trials,
     summary=summary.summary,
     tables=tables.tables,
-    printed=("poses",),
+    printed=("short",),
     figures={"absolute_calibration.png": figure.curves},
     write=recording.write,
 )

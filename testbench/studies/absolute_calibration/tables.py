@@ -1,5 +1,7 @@
 """The columns of the study of absolute calibration, and its tables."""
 
+from dataclasses import replace
+
 from testbench.studies.absolute_calibration.report import AbsoluteCalibrationReport
 from testbench.views.schema import Column, Table, pivot
 
@@ -57,13 +59,19 @@ def tables(report: AbsoluteCalibrationReport) -> dict[str, Table]:
                 MODELS, [row for row in report.models if row.arm == arm], f"{arm}: RMS error, own weight, mm"
             ),
             NAME,
-            POSES,
+            replace(POSES, unit="poses"),
             ERROR,
         )
         for arm in report.arms
     }
+    featured = Table(
+        (),
+        [row for row in report.models if row.poses == report.featured],
+        f"RMS error where nothing was measured, {report.featured} poses, own weight, mm",
+    )
     return {
-        "poses": next(iter(by_poses.values())),
+        "short": pivot(featured, NAME, ARM, ERROR),
+        "recorded": pivot(featured, NAME, ARM, replace(ERROR, exact=True)),
         **by_poses,
         "models": Table(MODELS, report.models),
         "hiding": Table(HIDING, report.hiding),

@@ -24,7 +24,7 @@ COLOURS: dict[Method, tuple[Colour, Colour]] = {
     "integrated": (GCO, SERIES[4]),
 }
 """Of the weightless arm, and of the one with its own weight."""
-TRUTHS: dict[Truth, str] = {"weightless": "weightless", "own weight": "sagged"}  #: In a word.
+TRUTHS: tuple[Truth, ...] = ("weightless", "own weight")
 
 
 def write(run: Run[Settings, LoadedReport]) -> None:
@@ -38,14 +38,14 @@ def write_recording(run: Run[Settings, LoadedReport]) -> None:
     """Error of Eq. (6) and (7) against the hung weight; what is exact is no line worth looking at."""
     points: list[Point] = []
     looks: dict[str, Look] = {}
-    for shade, (truth, whose) in enumerate(TRUTHS.items()):
+    for shade, truth in enumerate(TRUTHS):
         for method, name in NAMES.items():
-            line, own = run.report.line(truth, method), f"{name}, {whose}"
+            line, own = run.report.line(truth, method), f"{name}, {truth}"
             if not all(row.exact for row in line):
                 looks[own] = Look(COLOURS[method][shade], len(looks), prior=False)
                 points += [Point(row.load_N, own, error(row)) for row in line]
     y = replace(MEDIAN, heading="error of the tool's deflection")
-    sagged = [name for name in looks if name.endswith(TRUTHS["own weight"])]
+    sagged = [name for name in looks if name.endswith(TRUTHS[1])]
     linear = [name for name in sagged if name.startswith(NAMES["linear"])]
     sweep = Sweep(Column("load_N", "load", "N"), y, points, looks, against=linear, among=sagged)
     header = Header(run.report.scenario, run.parameters, run.seeds[0])

@@ -11,7 +11,7 @@ from testbench.errors import Array
 from testbench.studies.loaded_stiffness.trial import NAME, Method, PoseRow, Settings, Truth
 from testbench.studies.study import Trials
 from testbench.trials.spread import grouped, spread
-from testbench.views.schema import Best, Column, Table, best_of
+from testbench.views.schema import Best, Column, Table, best_of, pivot
 
 ROUNDING_MM = 1e-6  #: A method that is nowhere further off is exact: what is left is rounding.
 METHODS: dict[Method, str] = {
@@ -209,8 +209,17 @@ def tables(report: LoadedReport) -> dict[str, Table]:
     return {
         "rows": Table(COLUMNS, ordered),
         "errors": Table(tuple(side), by_load),
+        "by_load": _by_load(report),
         "tangent": Table(TANGENT, report.tangent),
     }
+
+
+def _by_load(report: LoadedReport) -> Table:
+    """RMS errors, a row a method and arm, a column a weight."""
+    title = "RMS error of the tool's deflection by hung weight, um"
+    rows = [{"method": f"{NAMES[row.method]}, {row.truth}", "row": row} for row in report.rows]
+    load, error = replace(LOAD, key=f"row.{LOAD.key}"), replace(RMS, key=f"row.{RMS.key}")
+    return pivot(Table((), rows, title), Column("method", "method, arm"), load, error)
 
 
 def _side_by_side(report: LoadedReport) -> dict[tuple[Truth, float], dict[Method, LoadedRow]]:

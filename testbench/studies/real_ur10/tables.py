@@ -6,6 +6,7 @@ from testbench.studies.real_ur10.readings import SPLITS
 from testbench.studies.real_ur10.report import RealReport
 from testbench.views.schema import Column, Table
 
+SHORT = {"blocks, realigned": "realigned"}  #: Headings, where the name of a split is long.
 MEAN = Column("error.mean_mm", "mean", "mm")
 LADDER = (
     Column("model", "model"),
@@ -94,5 +95,5 @@ def _short(report: RealReport) -> Table:
         | {name: report.mean(model.name, name) for name in asked if report.has(model.name, name)}
         for model in report.models
     ]
-    columns = (Column("model", "model"), *(Column(name, name, "mm") for name in asked))
-    return Table(columns, rows, "mean error of positions that were not fitted")
+    columns = (Column("model", "model"), *(Column(name, SHORT.get(name, name), "mm") for name in asked))
+    return Table(columns, rows, "mean error of positions that were not fitted", headline="blocks")

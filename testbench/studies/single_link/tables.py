@@ -90,7 +90,7 @@ def tables(report: LinkReport) -> dict[str, Table]:
     ]
     return {
         "shape": Table(SHAPE, report.models),
-        "errors": Table(ERRORS, report.models),
+        "errors": Table(ERRORS, report.models, headline=POSITION.key),
         "recorded": Table(tuple(replace(every[key], exact=True) for key in RECORDED), report.models),
         "paired": Table(_wins(), wins),
         "order": Table(ORDER, report.order),
