@@ -162,7 +162,7 @@ def test_flags_are_taken_as_they_are_said():
         ((None, None, ["A=0,0,0", "B=1,0,0"], None), "--marker: expected three markers or more, got 2"),
         ((None, None, ["A"], None), "--marker: expected NAME=x,y,z"),
         ((None, None, [], "0,0,350"), "--load: expected metres up to 10"),
-        ((None, None, [], "0,0,nan"), "--load: expected finite numbers"),
+        ((None, None, [], "0,0,nan"), "--load: expected numbers with commas between"),
     ],
 )
 def test_a_wrong_flag_is_named(flags, words):
