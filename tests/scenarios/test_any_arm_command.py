@@ -10,7 +10,7 @@ from serial_arms import write_arm
 
 from testbench.cli.program import program
 
-ARMS = {"scara": "zzZ", "seven": "zyzyzyz", "nine": "zyzyzyzXY"}
+ARMS = {"scara": "zzZ", "nine": "zyzyzyzXY"}
 
 
 def run(*args):

@@ -34,7 +34,7 @@ def load(folder):
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
     out = tmp_path_factory.mktemp("single_link")
-    done = run("--seed", 1, "--out", out, "--quick")
+    done = run("--seed", 1, "--out", out, "--quick", "--workers", 1)
     assert done.returncode == 0, done.stderr
     return out, done
 

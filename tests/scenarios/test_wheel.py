@@ -56,5 +56,5 @@ def test_the_demo_runs_from_any_folder(program, tmp_path):
     manifest = json.loads((tmp_path / "results" / "manifest.json").read_text())
     assert manifest["git"] == "unknown"
     assert manifest["seed"] == 1
-    assert set(manifest["models"]["kr500_l480"]) == {"README.md", "elastic.toml", "rigid.xml"}
+    assert set(manifest["models"]["kr500_l480"]) == {"elastic.toml", "rigid.xml"}
     assert sorted(p.name for p in tmp_path.iterdir()) == ["results"]

@@ -66,8 +66,7 @@ def _minima(axes: Axes, report: SolverComparisonReport) -> None:
             k, 20.0, f"{100 * row.share_close:.0f} % within\n0.001 %", ha="center", va="top", fontsize=SMALL
         )
     axes.axhline(PERCENT, color=SOFT, linewidth=1, linestyle="--")
-    axes.set_yscale("log")
-    axes.set_ylim(LEAST / 2, 30)
+    log_ticks(axes, "y", LEAST, 24)
     names = [f"m = {row.m}\nover {row.reference.replace(' of ', chr(10) + 'of ')}" for row in rows]
     axes.set_xticks(range(len(rows)), names, fontsize=SMALL)
     axes.set_ylabel("excess of F_M, relative")
