@@ -2,22 +2,29 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
-from testbench.arm.document import Strict
-from testbench.bench.model_document import AboutRow, Document, Numbers, Rows
+from testbench.bench.model_document import LARGEST, AboutRow, Document, Numbers, Row, Rows, Size
 
 Few = Annotated[int, Field(ge=0, le=10_000)]
+LEAST = 1e-30  #: Of what is divided by, besides zero, which says that there is none.
 
 
-class FrameRow(Strict):
+def _divides(scale: float) -> float:
+    if 0 < scale < LEAST:
+        raise PydanticCustomError("scale", "Input should be 0 or at least {least}", {"least": LEAST})
+    return scale
+
+
+class FrameRow(Row):
     """The base in a tracker's frame."""
 
     rotation: Rows
     translation_m: Numbers
 
 
-class MountRow(Strict):
+class MountRow(Row):
     """Targets on the tool, by name."""
 
     markers: list[str]
@@ -25,7 +32,7 @@ class MountRow(Strict):
     rotation: Rows
 
 
-class ErrorsRow(Strict):
+class ErrorsRow(Row):
     """Errors of the joints, a row of coefficients a joint."""
 
     orders: list[Few]
@@ -33,15 +40,15 @@ class ErrorsRow(Strict):
     play: bool
     stiffening: bool
     coefficients: Rows
-    torque_scale: Numbers
+    torque_scale: list[Annotated[Size, AfterValidator(_divides)]]
 
 
-class NoiseRow(Strict):
+class NoiseRow(Row):
     """How far readings scatter; factors of every kind of equations."""
 
-    open_position_m: Annotated[float, Field(ge=0)]
-    open_rotation_rad: Annotated[float, Field(ge=0)]
-    factor: list[Annotated[float, Field(gt=0)]]
+    open_position_m: Size
+    open_rotation_rad: Size
+    factor: list[Annotated[float, Field(gt=0, le=LARGEST)]]
 
 
 class CalibrationDocument(Document):

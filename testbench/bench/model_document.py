@@ -12,9 +12,19 @@ from testbench.model.load import Load, resultant
 from testbench.model.vjm import Vjm, chain
 from testbench.model.weights import Weights
 
-Numbers = list[float]
+LARGEST = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
+LONGEST, NAME = 20_000, 255
+"""Longest text of a model, and longest name of its arm [characters]."""
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Numbers = list[Number]
 Rows = list[Numbers]
-Size = Annotated[float, Field(ge=0)]
+Size = Annotated[float, Field(ge=0, le=LARGEST)]
+
+
+class Row(Strict):
+    """A part of model.json, perhaps a stranger's: no text of it fills a page."""
+
+    model_config = ConfigDict(str_max_length=LONGEST)
 
 
 class Head(Strict):
@@ -26,14 +36,14 @@ class Head(Strict):
     format: int
 
 
-class WeightsRow(Strict):
+class WeightsRow(Row):
     """Masses and centres of all bodies."""
 
     mass_kg: list[Size]
     centre_m: Rows
 
 
-class AboutRow(Strict):
+class AboutRow(Row):
     """Where a model comes from."""
 
     method: str
@@ -44,12 +54,12 @@ class AboutRow(Strict):
     versions: dict[str, str]
 
 
-class Document(Strict):
+class Document(Row):
     """What all kinds have."""
 
     kind: str
     format: int
-    arm: str
+    arm: Annotated[str, Field(max_length=NAME)]
     digests: dict[str, str]
     weights: WeightsRow
     posterior: str | None = None  #: SHA-256 of posterior.npz.

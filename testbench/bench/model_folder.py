@@ -32,6 +32,7 @@ from testbench.model.weights import Weights
 DOCUMENT, POSTERIOR, FITS = "model.json", "posterior.npz", "models.json"
 ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.
 MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
+LARGEST_OF_ROOT = 1e100  #: Of posterior.npz: sums of squares are finite.
 D = TypeVar("D", bound=Strict)
 BROKEN = (BenchError, OSError, ValueError, KeyError, MemoryError, EOFError, NotImplementedError, RuntimeError)
 """What numpy and zipfile raise of a file that is none, beside errors of their own."""
@@ -201,7 +202,10 @@ def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Ar
 def _numbers(array: npt.NDArray[np.generic], name: str) -> Array:
     if array.dtype != np.float64:
         raise BenchError(f"{name}: expected numbers of double precision, got {array.dtype}")
-    return check_array(array, (None,) * array.ndim, name)
+    found = check_array(array, (None,) * array.ndim, name)
+    if np.abs(found).max(initial=0.0) > LARGEST_OF_ROOT:
+        raise BenchError(f"{name}: expected numbers up to {LARGEST_OF_ROOT:g}")
+    return found
 
 
 def weights_of(row: WeightsRow, arm: Arm) -> Weights:

@@ -4,19 +4,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from testbench.arm.document import Strict
-from testbench.bench.model_document import AboutRow, Document, Rows, Size
+from testbench.bench.model_document import LARGEST, AboutRow, Document, Number, Row, Rows, Size
 
 
-class Entry(Strict):
+class Entry(Row):
     """An entry of C_theta, and of its mirror where the structure is symmetric [m/N, rad/(N m), rad/N]."""
 
     row: str  #: Link and axis, such as link_2.phi_x, or a joint.
     column: str
-    value: float
+    value: Number
 
 
-class StructureRow(Strict):
+class StructureRow(Row):
     """Which compliances were unknown, and what they are."""
 
     name: str
@@ -24,27 +23,27 @@ class StructureRow(Strict):
     entries: list[Entry]
 
 
-class ScaleRow(Strict):
+class ScaleRow(Row):
     """How much softer than the prior the readings want a link or a joint; see `identify.metric.Scale`."""
 
     name: str
-    factor: float
-    deviation: float | None
+    factor: Number
+    deviation: Number | None
 
 
-class PriorRow(Strict):
+class PriorRow(Row):
     """The prior that counted as data; uncertainties are relative, null where the readings say all."""
 
     name: str
     learnt: bool  #: Whether the readings taught it.
-    uncertainty: float
-    scale_uncertainty: float | None
-    coupling: float | None
-    misfit: float  #: Noise, and what the model cannot explain, over the noise of the readings.
+    uncertainty: Number
+    scale_uncertainty: Number | None
+    coupling: Number | None
+    misfit: Number  #: Noise, and what the model cannot explain, over the noise of the readings.
     scales: list[ScaleRow]
 
 
-class RunsRow(Strict):
+class RunsRow(Row):
     """What was fitted."""
 
     runs: int
@@ -55,17 +54,17 @@ class RunsRow(Strict):
     sigma_rotation_rad: Size | None
 
 
-class CertificateRow(Strict):
+class CertificateRow(Row):
     """How good the fit is: the cost F_M of Eq. 19, and bounds of how far it is from the least."""
 
     status: str
-    f_m: float
-    f_m_floor: float
-    duality_gap: float | None
-    f_m_excess_bound: float | None
+    f_m: Number
+    f_m_floor: Number
+    duality_gap: Number | None
+    f_m_excess_bound: Number | None
 
 
-class UnseenRow(Strict):
+class UnseenRow(Row):
     """What the readings cannot tell."""
 
     directions: int  #: Of the unknowns, without the prior.
@@ -75,11 +74,11 @@ class UnseenRow(Strict):
     words: list[str]
 
 
-class SpreadRow(Strict):
+class SpreadRow(Row):
     """Of the distribution in posterior.npz."""
 
     degrees_of_freedom: (
-        Annotated[float, Field(gt=0)] | None
+        Annotated[float, Field(gt=0, le=LARGEST)] | None
     )  #: Of Student's distribution; null for the normal one.
     heavy_rows: Annotated[int, Field(ge=0)]  #: Last rows of root that are the prior's, of Student's.
     pull: Size
@@ -96,7 +95,7 @@ class StiffnessDocument(Document):
     structure: StructureRow
     links: dict[str, Rows]  #: Compliance of every link in its beam frame.
     joints: dict[
-        str, float | None
+        str, Number | None
     ]  #: Of every joint; null where it is counted in that of the link before it.
     units: str  #: Of both.
     prior: PriorRow | None

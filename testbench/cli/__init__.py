@@ -4,11 +4,13 @@ import sys
 
 from testbench import stops
 from testbench.shell import interrupt
+from testbench.shell.surroundings import undisturbed
 
 
 def main() -> None:
     """Entry point of the command."""
     stops.handle(interrupt.leave_at_once)
+    undisturbed()
     from testbench.cli.program import program  # here: imports can be interrupted from now on
     from testbench.shell import command
 

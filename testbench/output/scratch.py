@@ -137,8 +137,12 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
 
 
 def sync(path: Path) -> None:
-    """Have a file, or the names in a folder, on the disk before anything else is done."""
-    file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    """Have a file, or the names in a folder, on the disk before anything else is done.
+
+    A folder may be a link, as `runs` often is to one on another disk; a file may not.
+    """
+    kind = os.O_DIRECTORY if path.is_dir() else os.O_NOFOLLOW
+    file = os.open(path, os.O_RDONLY | os.O_NONBLOCK | kind)
     try:
         os.fsync(file)
     finally:

@@ -4,6 +4,7 @@ from importlib import import_module
 
 from testbench import stops
 from testbench.shell import interrupt
+from testbench.shell.surroundings import undisturbed
 
 
 def main(name: str) -> None:
@@ -13,6 +14,7 @@ def main(name: str) -> None:
         name: Of its folder.
     """
     stops.handle(interrupt.leave_at_once)
+    undisturbed()
     from testbench.shell import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app
 

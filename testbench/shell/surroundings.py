@@ -1,0 +1,40 @@
+"""What else steers the libraries of a program: settings in the environment and in its working folder.
+
+Matplotlib reads `matplotlibrc` of the working folder, which may be a stranger's: it says how large a picture
+is, and which programs set its letters.
+"""
+
+import importlib
+import os
+import sys
+import warnings
+from pathlib import Path
+
+RECORDINGS = (
+    "RERUN_FLUSH",
+    "RERUN_CHUNK",
+)  #: Begin the names of what cuts recordings otherwise; RERUN=off none.
+SETTINGS = "matplotlibrc"
+
+
+def undisturbed() -> None:
+    """Have recordings and figures as they are meant, libraries' warnings unsaid; before any is imported.
+
+    Warnings name lines of code, which are nothing for people at a terminal: `python -W` asks for them.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    for name in [name for name in os.environ if name == "RERUN" or name.startswith(RECORDINGS)]:
+        del os.environ[name]
+    os.environ["MPLBACKEND"] = "agg"
+    if os.path.lexists(SETTINGS):
+        _import_elsewhere("matplotlib")
+
+
+def _import_elsewhere(package: str) -> None:
+    here = Path.cwd()
+    os.chdir("/")
+    try:
+        importlib.import_module(package)
+    finally:
+        os.chdir(here)

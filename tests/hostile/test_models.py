@@ -1,0 +1,80 @@
+"""Folders of models that a stranger forged, checksums and all: `predict` refuses what no model can say."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.bench.model_seal import sealed
+
+Change = Callable[[dict], object]
+
+
+@pytest.fixture(scope="module")
+def model(attack, stock, tmp_path_factory):
+    """A sound model, and the program that it is asked about."""
+    folder = tmp_path_factory.mktemp("models") / "lab"
+    shutil.copytree(stock, folder)
+    words = "identify arm data.csv --no-intervals --model MGCO56 --out model"
+    assert attack(folder, *words.split()).code == 0
+    return folder
+
+
+def forge(model: Path, change: Change, **arrays: np.ndarray) -> None:
+    """Change model.json and posterior.npz, and seal them again."""
+    document = json.loads((model / "model.json").read_text())
+    change(document)
+    if arrays:
+        with np.load(model / "posterior.npz") as old:
+            np.savez_compressed(model / "posterior.npz", **{**old, **arrays})
+    whole = sealed(document, (model / "posterior.npz").read_bytes())
+    (model / "model.json").write_text(json.dumps(whole))
+
+
+def says(*place: str, value: object) -> Change:
+    """Another value at a place of model.json."""
+
+    def change(document: dict) -> None:
+        *first, last = place
+        for key in first:
+            document = document[key]
+        document[last] = value
+
+    return change
+
+
+NUMBERS = {
+    "an arm of a long name": (says("arm", value="x" * 5_000_000), "arm: String should have at most 255"),
+    "a note that fills pages": (says("notes", value=["x" * 10**6]), "notes.0: String should have at most"),
+    "a name that fills pages": (says("name", value="x" * 10**6), "name: String should have at most"),
+    "masses of 1e300 kg": (says("weights", "mass_kg", value=[1e300] * 8), "weights.mass_kg.0: Input should"),
+    "a compliance of 1e308": (says("joints", value={"joint_1": 1e308}), "joints.joint_1: Input should"),
+    "no digests": (says("digests", value={}), "is not the arm of the model"),
+    "a format of 30 digits": (says("format", value=10**30), "is a stiffness of format"),
+    "rows that are none": (says("spread", "heavy_rows", value=10**9), "spread.heavy_rows"),
+}
+ARRAYS = {
+    "errors of 1e200": ({"root": np.full((200, 56), 1e200)}, "root: expected numbers up to 1e+100"),
+    "no errors": ({"root": np.zeros((0, 56))}, "heavy_rows"),
+    "three axes": ({"root": np.zeros((2, 56, 2))}, "root: expected shape"),
+    "objects": ({"root": np.array([{}], dtype=object)}, "Object arrays cannot be loaded"),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_forged_document_is_refused(attack, model, tmp_path, name):
+    change, said = NUMBERS[name]
+    lab = Path(shutil.copytree(model, tmp_path / "lab"))
+    forge(lab / "model", change)
+    attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_a_forged_posterior_is_refused(attack, model, tmp_path, name):
+    arrays, said = ARRAYS[name]
+    lab = Path(shutil.copytree(model, tmp_path / "lab"))
+    forge(lab / "model", dict, **arrays)
+    attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)

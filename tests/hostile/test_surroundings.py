@@ -1,0 +1,57 @@
+"""What stands around a command: settings in its folder and in the environment, folders that are links."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from attack import ROOT
+
+ASKED = """
+from testbench.shell.surroundings import undisturbed
+undisturbed()
+import matplotlib, os
+found = matplotlib.rcParams
+print(found["savefig.dpi"], found["text.usetex"], os.environ.get("RERUN"), os.getcwd())
+"""
+
+
+@pytest.mark.parametrize("pipe", [False, True])
+def test_settings_of_the_folder_and_the_environment_are_not_read(tmp_path, pipe):
+    settings = tmp_path / "matplotlibrc"
+    if pipe:
+        os.mkfifo(settings)
+    else:
+        settings.write_text("savefig.dpi: 1000000\ntext.usetex: True\n")
+    strange = {
+        "MPLBACKEND": "none",
+        "RERUN": "off",
+        "PYTHONPATH": str(ROOT),
+        "MPLCONFIGDIR": str(tmp_path / "x"),
+    }
+    found = subprocess.run(
+        [sys.executable, "-c", ASKED],
+        cwd=tmp_path,
+        env={**os.environ, **strange},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert found.stdout.split() == ["figure", "False", "None", str(tmp_path)]
+
+
+@pytest.mark.parametrize(
+    "words", ["simulate arm poses.csv --payload-kg 1 --out runs/new.csv", "new runs/new --from robot.urdf"]
+)
+def test_the_folder_of_results_may_be_a_link(attack, lab, words):
+    (lab / "disk").mkdir()
+    (lab / "runs").symlink_to("disk")
+    attack(lab, *words.split()).done("disk")
+
+
+def test_a_link_as_folder_of_results_is_written_by_force_alone(attack, lab):
+    (lab / "disk").mkdir()
+    (lab / "runs").symlink_to("disk")
+    attack(lab, "check", "arm", "--out", "runs").refused("is a symbolic link")
+    attack(lab, "check", "arm", "--out", "runs", "--force").done("disk")
