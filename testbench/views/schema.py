@@ -163,6 +163,8 @@ def show(value: object, form: str = ".3f") -> str:
 def _form(value: object, form: str) -> str:
     if isinstance(value, float) and math.isnan(value):
         return "-"
+    if isinstance(value, float) and math.isinf(value):
+        return "infinite" if value > 0 else "minus infinite"
     text = plain(format(value, form))
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text  # never "-0.000"
 

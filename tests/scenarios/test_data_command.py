@@ -37,6 +37,11 @@ def test_no_pane_of_the_recording_is_blank_on_any_timeline(spreadsheet, blank_pa
     assert blank_panes(spreadsheet[0] / "recording.rrd") == []
 
 
+def test_small_lengths_are_shown_in_micrometres():
+    done = run("data", "check", ARM, ROOT / "docs" / "example_dataset.csv")
+    assert "sigma sigma_m m 50 um" in " ".join(done.stdout.split())
+
+
 def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     out, done = spreadsheet
     words = " ".join(done.stdout.split())

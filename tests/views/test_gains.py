@@ -7,7 +7,7 @@ from testbench.trials.gain import gained
 from testbench.trials.spread import Spread
 from testbench.views.gains import beside, less, more
 from testbench.views.markdown import place
-from testbench.views.schema import plain, written_out
+from testbench.views.schema import plain, show, written_out
 
 
 def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
@@ -69,6 +69,12 @@ def test_numbers_in_sentences_of_others_are_written_out_but_not_in_commands():
     said = "they lie 1.23e+03 mm off, weight 1e-08. `--tol 1e-06`, run 2e-3b, 1.5e-05 m."
     out = "they lie 1230 mm off, weight 1 x 10^-8. `--tol 1e-06`, run 2e-3b, 1.5 x 10^-5 m."
     assert written_out(said) == out
+
+
+def test_numbers_beyond_all_are_words():
+    assert show(float("inf")) == "infinite"
+    assert show(Spread(1.0, 0.5, float("inf")), ".1f") == "1.0 (0.5 to infinite)"
+    assert show(float("nan")) == "-"
 
 
 def test_a_place_has_its_axes_and_unit():

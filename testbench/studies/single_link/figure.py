@@ -28,7 +28,7 @@ def single_link(report: LinkReport) -> Figure:
     level = POSITION.value(ls)
     _order(axes["b"], report, ORDER[1])
     _order(axes["c"], report, POSITION, middle(level))
-    axes["b"].set_title("F_M and error by order m, Eq. (16)", fontsize="medium")
+    axes["b"].set_title("by order m, Eq. (16)", fontsize="medium")
     axes["b"].tick_params(labelbottom=False)
     axes["c"].axhline(middle(level), color=_hex(ls), linewidth=2, label=LEAST_SQUARES)
     axes["c"].text(

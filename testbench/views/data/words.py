@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from testbench.bench.looks import Looks
-from testbench.bench.rows import MM
+from testbench.bench.rows import MM, UM
 from testbench.bench.understood import ColumnRow, Understood
 from testbench.identify.registered import Registered
 from testbench.identify.weighed import marker_points
 from testbench.model.vjm import tool_points
 from testbench.views.markdown import Words
-from testbench.views.schema import Column, Table, show, written_out
+from testbench.views.schema import NUMBER, Column, Table, plain, show, written_out
 
 COLUMNS = (
     Column("quantity", "quantity"),
@@ -23,6 +23,7 @@ COLUMNS = (
 )
 MOST = 6  #: Loads and names that are listed.
 GAP = 2  #: Blanks between two columns.
+SMALL = 1e-3  #: Lengths below are shown in um [m].
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,16 @@ def table(found: Understood) -> list[str]:
 
 
 def _values(row: ColumnRow) -> str:
-    """Numbers have no powers of ten that a reader must decode; words stay."""
+    """Numbers have no powers of ten that a reader must decode, small lengths are in um; words stay."""
+    if row.unit == "m":
+        return NUMBER.sub(lambda number: _length(number[0]), row.values)
     return written_out(row.values) if row.unit else row.values
+
+
+def _length(number: str) -> str:
+    """A number of metres as people write it."""
+    metres = float(number)
+    return f"{UM * metres:g} um" if 0 < abs(metres) < SMALL else plain(number)
 
 
 def lines(found: Understood) -> list[str]:
