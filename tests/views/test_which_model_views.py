@@ -20,7 +20,7 @@ from read_back import PLACED, chunks_of, columns, plotted
 from testbench.bench.truths import CALLED, TRUTHS
 from testbench.bench.wrong_prior import PRIORS, PRIORS_CALLED
 from testbench.studies.study import Run
-from testbench.studies.which_model import figure, recording
+from testbench.studies.which_model import figure, recording, tables
 from testbench.studies.which_model.methods import COVERED
 from testbench.studies.which_model.rows import Case, Cover, Doubted, FitRow
 from testbench.studies.which_model.study import STUDY
@@ -384,7 +384,9 @@ def test_the_figure_draws_the_reports_numbers(report):
         for spread, dot, m in zip(others[::2], others[1::2], own, strict=True):
             np.testing.assert_allclose(spread, (m.workspace_mm.p05, m.workspace_mm.p95))
             np.testing.assert_allclose(dot, m.workspace_mm.median)
-    assert len({figure.look_of(m) for m in report.family}) == len(METHODS)
+    assert len({tables.look_of(m) for m in report.family}) == len(METHODS)
+    shown = tables.tables(report)["family_short"].looks
+    assert shown == {m.method: tables.look_of(m) for m in report.family}
 
 
 def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):

@@ -2,11 +2,10 @@
 
 from matplotlib.figure import Figure
 
-from testbench.studies.which_model.methods import CHOSEN
-from testbench.studies.which_model.report import MethodAt, WhichModelReport
-from testbench.studies.which_model.tables import ERROR, METHOD
+from testbench.studies.which_model.report import WhichModelReport
+from testbench.studies.which_model.tables import ERROR, METHOD, look_of
 from testbench.trials.spread import ends
-from testbench.views.colours import CHOICE, Look, look
+from testbench.views.colours import CHOICE
 from testbench.views.figure import SOFT, dots, log_ticks, page, say
 from testbench.views.gains import beside
 
@@ -35,10 +34,3 @@ def methods(report: WhichModelReport) -> Figure:
         "line: joints alone.",
     )
     return figure
-
-
-def look_of(method: MethodAt) -> Look:
-    """How a method is drawn."""
-    if method.method == CHOSEN:
-        return CHOICE
-    return look(method.structure, method.constraint, method.filled)

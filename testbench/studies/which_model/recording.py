@@ -8,9 +8,8 @@ from testbench.bench.campaign import build_cell, draw_poses, simulate_at
 from testbench.bench.truths import true_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.study import Run
-from testbench.studies.which_model.figure import look_of
 from testbench.studies.which_model.report import WhichModelReport
-from testbench.studies.which_model.tables import ACROSS, ERROR, METHOD
+from testbench.studies.which_model.tables import ACROSS, ERROR, METHOD, look_of
 from testbench.studies.which_model.trial import Settings, read, scenario
 from testbench.views.recording.stream import Header
 from testbench.views.recording.sweep import write_sweep

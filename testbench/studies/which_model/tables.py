@@ -6,6 +6,7 @@ from testbench.bench.truths import CALLED
 from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.studies.which_model.methods import CHOSEN
 from testbench.studies.which_model.report import MethodAt, WhichModelReport
+from testbench.views.colours import CHOICE, Look, look
 from testbench.views.schema import Column, Table, pivot
 
 METHOD = Column("method", "method")
@@ -78,12 +79,22 @@ TRUTHS = (
 )
 
 
+def look_of(method: MethodAt) -> Look:
+    """How a method is drawn."""
+    if method.method == CHOSEN:
+        return CHOICE
+    return look(method.structure, method.constraint, method.filled)
+
+
 def tables(report: WhichModelReport) -> dict[str, Table]:
     """Methods by poses over the family, by truth and by prior; where the default loses, and what it says."""
     family = Table((), report.family, "RMS error over the workspace, mm")
     found = {
         "family": pivot(family, METHOD, ACROSS, ERROR),
-        "family_short": pivot(family, METHOD, ACROSS, replace(ERROR, exact=True)),
+        "family_short": replace(
+            pivot(family, METHOD, ACROSS, replace(ERROR, exact=True)),
+            looks={m.method: look_of(m) for m in report.family},
+        ),
         "losses": Table(LOSSES, report.losses),
         "truths": Table(TRUTHS, report.truths),
         "worst": Table(WORST, report.worst),

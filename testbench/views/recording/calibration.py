@@ -90,7 +90,7 @@ def _errors(drawing: Drawing) -> Chart:
 def _blueprint(drawing: Drawing, chart: Chart) -> rrb.Blueprint:
     """Overview, error map, errors, loading and what else; the reviewer lands where models differ most."""
     here = rrb.Vertical(world_view(drawing), text_view("here", "What is shown"), row_shares=[7, 2])
-    words = rrb.Vertical(text_view("summary", "Summary"), error_view(), row_shares=[3, 1])
+    words = rrb.Vertical(text_view("summary", "Summary"), error_view(), row_shares=[5, 2])
     beside = error_bars_view(drawing), deflection_view()
     step = rrb.Vertical(*beside, text_view("here", "What is shown"), row_shares=[7, 7, 4])
     return layout(
