@@ -11,7 +11,7 @@ from testbench.data.combined import take_apart
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What
 from testbench.data.table import Table
-from testbench.data.units import LARGEST, Unit, split_unit
+from testbench.data.units import LARGEST, LEAST, Unit, split_unit
 from testbench.errors import Array, InputError
 
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
@@ -65,6 +65,10 @@ class Columns:
         if len(beyond):
             problem = f"expected numbers up to {most:g} {unit.name}, got {values[beyond[0]]:g}"
             raise self.table.error(beyond[0], column.name, problem)
+        tiny = np.flatnonzero((np.abs(values) < LEAST) & (values != 0))
+        if len(tiny):
+            problem = f"expected 0 or numbers of at least {LEAST:g} {unit.name}, got {values[tiny[0]]:g}"
+            raise self.table.error(tiny[0], column.name, problem)
         scale = column.sign * unit.scale
         return values if scale == 1 else scale * values
 

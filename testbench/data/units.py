@@ -25,6 +25,9 @@ UNITS = (
     *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND))),
     *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
 )
+LEAST = (
+    1e-100  #: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
+)
 LARGEST = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
 OTHER_NAMES = {

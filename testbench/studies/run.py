@@ -14,7 +14,7 @@ from rich.console import Console
 
 from testbench import files
 from testbench.bench.model_folder import digests
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 from testbench.output.run import claim_folder, whole_folder
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
@@ -101,6 +101,8 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
     def everywhere(
         work: Callable[[Sequence[int]], Sequence[Sequence[P]]], pieces: int, row: type[P], words: str
     ) -> list[P]:
+        if folder.is_symlink():
+            raise InputError(folder, "", "expected a folder of this run, got a link; move it away")
         own = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
         with open_store(folder, own, row=row, resume=common.resume) as store:
             show_progress(run_study(work, store, backend), pieces, words, terminal.plain_console())

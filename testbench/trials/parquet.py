@@ -17,6 +17,7 @@ from testbench.trials.experiment import check_header
 from testbench.trials.rows import SEED, Column, Flat
 
 GROUP = 2048  #: Rows of a row group: what is in memory at a time.
+MOST = 100_000  #: Rows of a trial.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 Trial = tuple[int, list[Flat]]  #: Seed and flat rows.
@@ -58,11 +59,18 @@ def read_trials(path: Path, header: Mapping[str, Any]) -> Iterator[Trial]:
             check_header(path, json.loads(about[b"testbench"]), header)
             seeds = iter(range(header[SEED], header[SEED] + int(about[b"trials"])))
             rows = chain.from_iterable(batch.to_pylist() for batch in file.iter_batches(GROUP))
+            last = header[SEED] - 1
             for seed, own in groupby(rows, itemgetter(SEED)):
+                if type(seed) is not int or seed <= last:
+                    raise ValueError(f"expected seeds that rise from {header[SEED]}, got {seed!r:.80}")
+                last = seed
                 yield from ((empty, []) for empty in takewhile(seed.__ne__, seeds))
-                yield seed, [{name: row[name] for name in row if name != SEED} for row in own]
+                found = [{name: row[name] for name in row if name != SEED} for row in islice(own, MOST + 1)]
+                if len(found) > MOST:
+                    raise ValueError(f"expected at most {MOST} rows of a trial")
+                yield seed, found
             yield from ((empty, []) for empty in seeds)
-    except (OSError, KeyError, ValueError, TypeError) as err:
+    except (OSError, KeyError, ValueError, TypeError, RecursionError) as err:
         raise InputError(
             path, "", f"expected trials in Parquet: {err}: it is damaged; move it away to start afresh"
         ) from err

@@ -84,7 +84,7 @@ class TrialStore(Generic[R]):
         with _told(self.path):
             [(header,)] = self._database.execute("SELECT header FROM about").fetchmany(2)
             ((held,),) = self._database.execute("SELECT count(*) FROM trials")
-            if not isinstance(found := json.loads(header), dict):
+            if not isinstance(header, str) or not isinstance(found := json.loads(header), dict):
                 raise ValueError("its header is no table of keys")
         if held and not resume:
             raise InputError(
@@ -124,6 +124,8 @@ class TrialStore(Generic[R]):
             problem = "expected what its run left, by manifest.json: it was edited or is damaged"
             raise InputError(whole, "", f"{problem}; {AWAY}")
         for seed, rows in read_trials(whole, self.header):
+            if seed not in self.experiment.seeds:
+                return  # they rise from its first one
             self._check_rows(whole, seed, rows)
             yield seed, rows
 
@@ -203,5 +205,5 @@ def _told(path: Path) -> Iterator[None]:
     """What SQLite's failures mean."""
     try:
         yield
-    except (sqlite3.Error, ValueError) as err:
+    except (sqlite3.Error, ValueError, RecursionError) as err:  # JSON that is too deep
         raise told(path, err) from err

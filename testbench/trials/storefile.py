@@ -18,7 +18,7 @@ HEAD = 100  #: Size of it [byte].
 MAGIC = b"SQLite format 3\0"
 ROLLBACK = b"\1\1"  #: Written with a rollback journal; with another one SQLite would read other files.
 NAMES_ANOTHER = bytes.fromhex("d9d505f920a163d7")  #: A journal ends so if it names a file of other databases.
-LONGEST = 2**28  #: Longest text of a cell [byte].
+LONGEST = 2**24  #: Longest text of a cell, the rows of a trial [byte].
 TABLES = (
     "CREATE TABLE about (header TEXT)",
     "CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT, sha256 TEXT)",

@@ -87,6 +87,13 @@ def test_in_readings(attack, lab, column, odd):
     attack(lab, "data", "check", "arm", "data.csv").refused("data.csv")
 
 
+def test_a_force_next_to_none_is_refused(attack, lab):
+    head, *rows = (lab / "data.csv").read_text().splitlines()
+    (lab / "data.csv").write_text("\n".join([head, *(row.replace(",-9.81,", ",-1e-200,") for row in rows)]))
+    asked = ("identify", "arm", "data.csv", "--model", "MGCO56", "--no-intervals", "--out", "out")
+    attack(lab, *asked).refused("data.csv: line 2, column force_z_N: expected 0 or numbers of at least")
+
+
 @pytest.mark.parametrize("odd", ["Arabic", "hex float", "beyond"])
 def test_in_tasks(attack, lab, odd):
     head, first, *rest = (lab / "tasks.csv").read_text().splitlines()

@@ -175,6 +175,14 @@ def test_the_recording_has_the_errors_of_the_report_and_data_in_every_view(made,
     np.testing.assert_allclose(np.sort(drawn), np.sort(scale / 1e3 * distances(state, known)), rtol=1e-5)
 
 
+def test_one_reading_cannot_tell_its_frame_and_is_told_so(made, readings, tmp_path):
+    few = tmp_path / readings[0].name
+    few.write_text("\n".join(readings[0].read_text().splitlines()[:2]))
+    done = run("score", made[0], few)
+    assert done.returncode == 2
+    assert "its rows leave frame or target open" in done.stderr
+
+
 def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings):
     done = run("score", made[0], readings[2], "--frame-poses", 20, "--json")
     assert done.returncode == 0, done.stderr

@@ -273,6 +273,11 @@ EDITS = {
     "a row of another study": ("INSERT INTO trials VALUES (9, '[{\"x\": 1.0}]', '0')", "seed 9"),
     "no header": ("DELETE FROM about", "expected a store of trials"),
     "two headers": ("INSERT INTO about VALUES ('{}')", "expected a store of trials"),
+    "a header that is none": ("UPDATE about SET header = NULL", "expected a store of trials"),
+    "a deep header": (
+        "UPDATE about SET header = replace(hex(zeroblob(100000)), '00', '[')",
+        "expected a store of trials",
+    ),
     "a header of no JSON": ("UPDATE about SET header = x'00'", "expected a store of trials"),
     "a header of another type": ("UPDATE about SET header = '[]'", "expected a store of trials"),
     "another table": ("CREATE TABLE mine (x)", "it has other tables"),
@@ -400,6 +405,46 @@ def test_a_damaged_whole_file_is_one_line_and_left_alone(tmp_path, where):
         missing(tmp_path)
     assert "\n" not in str(caught.value)
     assert files(tmp_path) == {WHOLE: bytes(data)}
+
+
+def test_rows_too_deep_under_a_right_checksum_are_one_line(tmp_path):
+    fill(tmp_path, [7, 8])
+    rows = "[" * 100_000
+    key = json.dumps(TOY.header, sort_keys=True)
+    sha256 = hashlib.sha256(f"{key}8 {rows}".encode()).hexdigest()
+    with contextlib.closing(sqlite3.connect(tmp_path / FILE)) as database:
+        database.execute("UPDATE trials SET rows = ?, sha256 = ? WHERE seed = 8", (rows, sha256))
+        database.commit()
+    with pytest.raises(InputError, match=r"trials\.sqlite: expected a store of trials"):
+        missing(tmp_path)
+
+
+def forge_whole(folder, seeds, trials, header=None):
+    """A whole file of these seeds' rows that claims so many trials."""
+    about = {"testbench": header or json.dumps(TOY.header, sort_keys=True), "trials": trials}
+    schema = pa.schema({"seed": pa.int64(), "x": pa.float64()}, about)
+    pq.write_table(pa.table([seeds, np.ones(len(seeds))], schema=schema), folder / WHOLE)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "header"),
+    [
+        ([7] * 200_000, None),
+        ([8, 7], None),
+        ([7, 8, 7], None),
+        ([None, 8], None),
+        ([7], "[" * 100_000),
+    ],
+)
+def test_a_forged_whole_file_is_one_line(tmp_path, seeds, header):
+    forge_whole(tmp_path, seeds, "3", header)
+    with pytest.raises(InputError, match=r"trials\.parquet: expected trials in Parquet"):
+        missing(tmp_path)
+
+
+def test_a_whole_file_that_claims_trials_without_end_gives_those_of_the_experiment(tmp_path):
+    forge_whole(tmp_path, [7, 8], str(10**18))
+    assert missing(tmp_path) == []
 
 
 @pytest.mark.parametrize(
