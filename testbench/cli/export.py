@@ -1,6 +1,5 @@
 """testbench export MODEL --urdf robot.urdf: the identified geometry in the robot's own file."""
 
-import json
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from testbench.bench.export import Exported, beside_of, draft_new, draft_own, ex
 from testbench.bench.export_beside import BEGINS
 from testbench.bench.load_model import load_model
 from testbench.errors import BenchError, InputError
+from testbench.output.finished import read_plain
 from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
 from testbench.output.scratch import writing
 from testbench.shell.options import Force, takes
@@ -107,8 +107,8 @@ def _arm_of(urdf: Path) -> str | None:
 def _arm_beside(document: Path) -> str | None:
     """The arm of the JSON beside a URDF; None where there is none that can be read."""
     try:
-        found = json.loads(document.read_bytes())
-    except (OSError, ValueError):
+        found = read_plain(document)
+    except InputError:
         return None
     name = found.get("arm") if isinstance(found, dict) else None
     return name if isinstance(name, str) else None

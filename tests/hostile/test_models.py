@@ -72,6 +72,13 @@ def test_a_forged_document_is_refused(attack, model, tmp_path, name):
     attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)
 
 
+@pytest.mark.parametrize("rest", ["[" * 10**6, "9" * 10**6 + "}", "\0" * 2**25])
+def test_what_stands_beside_a_urdf_is_replaced_whatever_it_holds(attack, model, tmp_path, rest):
+    lab = Path(shutil.copytree(model, tmp_path / "lab"))
+    (lab / "o.json").write_text('{"format": 1, "kind": "what a URDF cannot hold", "a": ' + rest)
+    attack(lab, "export", "model", "--urdf", "o.urdf").done("o.json", "o.urdf")
+
+
 @pytest.mark.parametrize("name", ARRAYS)
 def test_a_forged_posterior_is_refused(attack, model, tmp_path, name):
     arrays, said = ARRAYS[name]
