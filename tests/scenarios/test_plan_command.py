@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
 TASKS = ROOT / "docs" / "tasks.csv"
 POSES = 6
-FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 100]
+FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 200]
 FLAGS += ["--tracker", "4.5,-2.5,1.6", "--seed", 3]
 FILES = (
     "error_map.png manifest.json plan.csv plan.json plan.md plan.png recording.rrd report.html "
