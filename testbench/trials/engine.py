@@ -7,6 +7,7 @@ from typing import Any
 
 from testbench.errors import BenchError
 from testbench.trials.chunk import Backend, Work, WorkersLost
+from testbench.trials.local import here
 from testbench.trials.store import TrialStore
 
 RETRIES = 3  #: Times in a row that workers may be lost without a single new result.
@@ -18,16 +19,18 @@ def run_study(work: Work, store: TrialStore[Any], backend: Backend, *, size: int
     Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
     where a run was stopped and resumed. (Processors of another kind give other last digits.) See `chunk.Work`
     for what keeps them bit-equal. A chunk has `size` seeds, 0.1 to 1 s of work: a stop loses the chunks under
-    way.
+    way. A study that is one chunk is done by this process; what is left of a larger one is not, as it may be
+    what workers die of.
 
     Raises:
         BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.
     """
     if size < 1:
         raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
-    done, lost = store.count, 0
+    done, lost, every = store.count, 0, len(store.experiment.seeds)
+    backend = here if every <= size else backend
     yield done
-    while done < len(store.experiment.seeds):
+    while done < every:
         before = done
         try:
             for done in _attempt(work, store, backend, size):

@@ -23,7 +23,7 @@ SHARE = Path(
 def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None = None) -> Chunks:
     """The backend of one machine: so many processes with one BLAS thread each; one a core if None.
 
-    No more than there are chunks; a single one is this process.
+    No more than there are chunks; if it may be one only, that is this process.
 
     Raises:
         BenchError: When workers is below 1.
@@ -31,12 +31,17 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
     """
     if workers is not None and workers < 1:
         raise BenchError(f"workers: expected at least 1, got {workers}")
-    rest = iter(chunks)
-    first = list(islice(rest, workers or cores()))
-    if len(first) > 1:
-        yield from _in_processes(work, chain(first, rest), len(first))
+    rest, most = iter(chunks), workers or cores()
+    if most == 1:
+        yield from here(work, rest)
     else:
-        yield from (do_chunk(work, seeds) for seeds in chain(first, rest))
+        first = list(islice(rest, most))
+        yield from _in_processes(work, chain(first, rest), len(first))
+
+
+def here(work: Work, chunks: Iterable[Sequence[int]]) -> Chunks:
+    """The backend of this process."""
+    return (do_chunk(work, seeds) for seeds in chunks)
 
 
 def cores() -> int:
