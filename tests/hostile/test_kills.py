@@ -8,7 +8,7 @@ import pytest
 import trial_study
 from run_here import here
 
-SECONDS = 1.5  #: Until which the moments lie: a run takes about as long.
+SECONDS = 0.8  #: Until which the moments lie: less than a run takes.
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

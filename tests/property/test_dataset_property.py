@@ -15,7 +15,7 @@ from testbench.arm.folder import load_arm
 from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.export import SIGMA_RANGE
-from testbench.data.units import LARGEST
+from testbench.data.units import LARGEST, LEAST
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
@@ -24,8 +24,8 @@ LOWER, UPPER = ARM.limits
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=40)
 FUZZ = settings(REPEATABLE, max_examples=120)
 
-LEAST = min(LARGEST.values())
-ANY = st.floats(-LEAST, LEAST)
+MOST = min(LARGEST.values())
+ANY = st.floats(-MOST, MOST).filter(lambda x: x == 0 or abs(x) >= LEAST)
 SIGMA = st.floats(*SIGMA_RANGE)
 ID = st.integers(-(2**63), 2**63 - 1)
 

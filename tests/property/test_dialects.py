@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset
+from testbench.data.units import LEAST
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
@@ -70,7 +71,9 @@ def datasets(draw: st.DrawFn) -> Dataset:
     runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
 
     def numbers(*shape: int) -> np.ndarray:
-        return draw(arrays(float, shape, elements=st.floats(-5, 5, allow_subnormal=False)))
+        return draw(
+            arrays(float, shape, elements=st.floats(-5, 5).filter(lambda x: x == 0 or abs(x) >= LEAST))
+        )
 
     seen = draw(arrays(bool, (runs, m)))
     seen[0] = True

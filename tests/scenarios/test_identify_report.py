@@ -137,7 +137,7 @@ def test_the_error_map_of_the_recording_goes_to_its_places(made, report):
     for name in errors["compared"]:
         worst, path = errors["worst"][name], f"/world/error_map/{snake(name)}"
         label = columns(chunks, f"{path}/worst")["Points3D:labels"]
-        assert label == [[f"worst {worst['error_mm']:.3f} mm, place {worst['place']}"]]
+        assert label == [[f"worst {worst['error_mm']:.3f} mm, place {worst['place'] + 1}"]]
         assert len(columns(chunks, f"{path}/field")["Points3D:positions"][0]) == 200
     said = columns(on(chunks, "place"), "/this_pose")
     k = errors["worst"][report["recommended"]]["place"]

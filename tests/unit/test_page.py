@@ -105,7 +105,7 @@ def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
     rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
     found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
     assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]
-    assert [row["cells"][1]["text"] for row in found["rows"]] == ["0.500", "-", "inf", "-", "-"]
+    assert [row["cells"][1]["text"] for row in found["rows"]] == ["0.500", "-", "infinite", "-", "-"]
 
 
 def test_charts_and_maps_leave_out_what_is_no_number():
