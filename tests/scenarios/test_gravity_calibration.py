@@ -84,10 +84,10 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
     page.evaluate(IDLE)
     assert arm.screenshot() != before
     says = page.locator("#scene .says").first
-    assert says.inner_text().startswith("Place 0 of")  # where the models differ most
+    assert says.inner_text().startswith("Place 1 of")  # where the models differ most
     worst = report["map"]["worst"][report["map"]["compared"][0]]["place"]
     page.locator(".pane button").first.click()
-    assert says.inner_text().startswith(f"Place {worst} of")
+    assert says.inner_text().startswith(f"Place {worst + 1} of")
     page.locator(".runs svg[role=img]").click()
     assert says.inner_text().startswith("Run ")
 

@@ -140,7 +140,7 @@ def test_the_error_map_of_the_recording_goes_to_its_places(made, report):
         assert label == [[f"worst {worst['error_mm']:.3f} mm, place {worst['place'] + 1}"]]
         assert len(columns(chunks, f"{path}/field")["Points3D:positions"][0]) == 200
     said = columns(on(chunks, "place"), "/this_pose")
-    k = errors["worst"][report["recommended"]]["place"]
+    k = errors["worst"][report["recommended"]]["place"] + 1
     assert said["TextDocument:text"][said["place"].index(k)][0].startswith(f"**Place {k} of 200, where ")
 
 
