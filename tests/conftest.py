@@ -17,6 +17,8 @@ from threadpoolctl import threadpool_limits
 from testbench.bench.campaign import Cell, build_cell
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
+ATTACKS = {"hostile", "test_fuzz.py", "test_two_writers.py", "test_trial_engine.py"}
+"""Folders and files of tests that attack: by inputs, kills, races, full disks."""
 SAVE = Figure.savefig
 MODELS = Path(__file__).resolve().parents[1] / "models"
 
@@ -25,10 +27,12 @@ threadpool_limits(1)  # as every command does: several BLAS threads change resul
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that look at what is drawn: `make look` runs them, and `make test` all others."""
+    """Mark what `make look` and `make attack` run; `make test` runs all others."""
     for item in items:
         if LOOKS & set(getattr(item, "fixturenames", ())):
             item.add_marker("look")
+        elif ATTACKS & set(item.path.parts):
+            item.add_marker("attack")
 
 
 @pytest.fixture(scope="session", autouse=True)
