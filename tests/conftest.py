@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from testbench.bench.campaign import Cell, build_cell
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
-ATTACKS = {"hostile", "test_fuzz.py", "test_two_writers.py", "test_trial_engine.py"}
+ATTACKS = {"hostile", "property", "test_fuzz.py", "test_two_writers.py", "test_trial_engine.py"}
 """Folders and files of tests that attack: by inputs, kills, races, full disks."""
 SAVE = Figure.savefig
 MODELS = Path(__file__).resolve().parents[1] / "models"
