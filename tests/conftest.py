@@ -17,7 +17,9 @@ from threadpoolctl import threadpool_limits
 from testbench.bench.campaign import Cell, build_cell
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
-ATTACKS = {"hostile", "property", "test_fuzz.py", "test_two_writers.py", "test_trial_engine.py"}
+ATTACKS = {"hostile", "property"} | {
+    f"test_{name}.py" for name in "fuzz model_folder stream trial_engine trial_store two_writers".split()
+}
 """Folders and files of tests that attack: by inputs, kills, races, full disks."""
 SAVE = Figure.savefig
 MODELS = Path(__file__).resolve().parents[1] / "models"
