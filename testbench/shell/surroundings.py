@@ -27,6 +27,7 @@ def undisturbed() -> None:
     for name in [name for name in os.environ if name == "RERUN" or name.startswith(RECORDINGS)]:
         del os.environ[name]
     os.environ["MPLBACKEND"] = "agg"
+    os.environ["MUJOCO_GL"] = "disable"  # nothing is drawn by MuJoCo; a driver that lacks is an error
     if os.path.lexists(SETTINGS):
         _import_elsewhere("matplotlib")
 

@@ -17,6 +17,8 @@ DOT, LEAST = 26.0, 0.3
 """Size of the dot of the greatest error [pt^2], and that of the least over it [1]: colour is never alone."""
 HEIGHT, PANES, PANE = 2.0, 8.0, 2.9
 """Of title and caption, the width that all panes share, and that of one at most [in]."""
+NARROW = 0.4
+"""A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
 
 
 def error_map(found: ErrorPlaces, title: str, seed: int | list[int] = 0) -> Figure:
@@ -28,9 +30,9 @@ def error_map(found: ErrorPlaces, title: str, seed: int | list[int] = 0) -> Figu
         seed: Of the report: the places are those of the first.
     """
     position = np.array(found.position_m)
-    spans = np.ptp(position, axis=0)
-    wide = min(PANE, PANES / len(found.compared))
-    rows = [wide * spans[axis] / spans[0] for _, axis in SIDES.values()]
+    ends = _ends(position)
+    sides, wide = ends[1] - ends[0], min(PANE, PANES / len(found.compared))
+    rows = [wide * float(sides[axis] / sides[0]) for _, axis in SIDES.values()]
     figure = page(HEIGHT + sum(rows))
     panes = figure.subplots(
         2, len(found.compared), sharex="col", sharey="row", height_ratios=rows, squeeze=False
@@ -41,6 +43,7 @@ def error_map(found: ErrorPlaces, title: str, seed: int | list[int] = 0) -> Figu
         share = scale.shares(found.errors(name))
         for axes, (letter, shown) in zip(column, SIDES.items(), strict=True):
             _draw(axes, found, name, (position[:, shown], share))
+            axes.update_datalim(ends[:, shown])
             if axes in panes[:, 0]:
                 axes.set_ylabel(f"{letter} [m]")
         known = name in found.worst
@@ -60,6 +63,14 @@ def error_map(found: ErrorPlaces, title: str, seed: int | list[int] = 0) -> Figu
         f"{_places(found)} {found.means.name.capitalize()}{which}: {found.means.words}.{open_}",
     )
     return figure
+
+
+def _ends(position: np.ndarray) -> np.ndarray:
+    """Least and greatest of what is drawn (2, 3) [m], of places (places, 3) [m]."""
+    least, most = position.min(axis=0), position.max(axis=0)
+    spans = most - least
+    more = np.maximum(spans, NARROW * spans.max() or 1.0) - spans
+    return np.array([least - more / 2, most + more / 2])
 
 
 def _draw(axes: Axes, found: ErrorPlaces, name: str, drawn: tuple[np.ndarray, np.ndarray]) -> None:

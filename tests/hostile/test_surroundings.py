@@ -10,7 +10,7 @@ from attack import ROOT
 ASKED = """
 from testbench.shell.surroundings import undisturbed
 undisturbed()
-import matplotlib, os
+import matplotlib, mujoco, os
 found = matplotlib.rcParams
 print(found["savefig.dpi"], found["text.usetex"], os.environ.get("RERUN"), os.getcwd())
 """
@@ -26,6 +26,7 @@ def test_settings_of_the_folder_and_the_environment_are_not_read(tmp_path, pipe)
     strange = {
         "MPLBACKEND": "none",
         "RERUN": "off",
+        "MUJOCO_GL": "none such",
         "PYTHONPATH": str(ROOT),
         "MPLCONFIGDIR": str(tmp_path / "x"),
     }

@@ -1,5 +1,7 @@
 """Errors place by place: their order, the worst of each model, and the figure that shows them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,3 +109,13 @@ def test_the_figure_has_every_place_from_two_sides_in_one_scale_and_names_the_wo
         assert f"{name} {worst.error_mm:.3g} mm" in title.replace("\n", " ")
         assert f"{name} at {where} m, joints {worst.joints}" in caption
     assert "Error of seed 7: distance to the true deflection" in caption
+
+
+@pytest.mark.parametrize("still", ["x", "yz", "xyz"])
+def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(at, errors, still):
+    fixed = {f"{axis}_m": (0.3 + 1e-9 * (axis == "x"),) * COUNT for axis in still}
+    figure = error_map(error_places(replace(at, **fixed), errors, NAMES), "arm")
+    figure.draw_without_rendering()
+    assert figure.get_figheight() < 2 * figure.get_figwidth()
+    for axes in figure.axes[: 2 * len(NAMES)]:
+        assert min(axes.get_position().size) > 0.01
