@@ -5,6 +5,9 @@ python tools/kills.py [COUNT] [SEED] [CASE ...]
 Each case is a long command. It is begun and killed some times, then run to its end. Nothing that it started
 may live 5 s after a kill; earlier results and stored trials stand; the end has the files of a run that was
 left alone, bit by bit but for what tells the time, and leaves nothing beside them.
+
+Moments are drawn inside of what the command takes when it is left alone, of a study for the trials that it
+lacks. A kill that came after its end is not counted.
 """
 
 import contextlib
@@ -22,7 +25,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pyarrow import parquet
@@ -44,18 +47,23 @@ GRACE = 5.0  #: Time in which all must have ended [s].
 LONGEST, ENDLESS = 900.0, 5.0
 """Time after which a run has failed, and one of a command that does not end by itself [s]."""
 CHAIN = 5  #: Kills before a case is run to its end.
+LATE, MOST_LATE = "too late", 4  #: What a kill after the end counts as; most of them for each that hits.
+MOST_FAULTS = 20  #: After which no more is tried.
 CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or have a random identity.
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
 PICTURES = ("out.png", "out.gif")  #: Of the viewer.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
-UNDER_WAY = r"(^|/)\.(new|claim)-"  #: Names of what a run makes, and of what keeps others out of it.
+UNDER_WAY = r"(^|/)\.((new|claim|ready)-|ready/)"
+"""Names of what a run makes, of what keeps others out of it, and of what is on its way to its place."""
+MOVING = r"(^|/)\.ready"  #: Names of the latter: earlier results may have left their places for it.
 OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|stops|shell/interrupt)"
 """In a traceback: a module of ours that is imported when stops are heeded already."""
 WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")
 """Signals, one after the other; to the process, or to its group as a terminal or a supervisor does."""
 STUDY = "--quick --workers 2 --resume --out out".split()
+READINGS = "simulate ur10 --absolute --poses 40 --geometry-mm 1 --out"
 
 
 @dataclass(frozen=True)
@@ -66,41 +74,56 @@ class Case:
     out: str = "out"  #: What it writes, in the folder where it runs; nothing if empty.
     resumes: bool = False  #: Whether it stores trials.
     ends: bool = True  #: By itself.
+    anew: bool = False  #: Whether it makes what must not be there.
 
 
-def command(line: str, out: str = "out", *, ends: bool = True) -> Case:
+def command(line: str, out: str = "out", *, ends: bool = True, anew: bool = False) -> Case:
     """A command of testbench."""
-    return Case((*MAIN, *line.split()), out, ends=ends)
+    return Case((*MAIN, *line.split()), out, ends=ends, anew=anew)
 
 
-def study(name: str, *flags: str) -> Case:
+def study(name: str, seeds: int = 1) -> Case:
     """A study, its trials on two workers."""
     script = str(ROOT / "scenarios" / f"{name}.py")
-    return Case((sys.executable, script, *STUDY, *flags), resumes=True)
+    return Case((sys.executable, script, *STUDY, "--seeds", str(seeds)), resumes=True)
 
 
+STUDIES = {path.stem: study(path.stem) for path in sorted((ROOT / "scenarios").glob("*.py"))}
 CASES = {
     "trials": Case((sys.executable, "-c", TRIALS, "out", "--workers", "2", "--resume"), resumes=True),
-    "noise_sensitivity": study("noise_sensitivity", "--seeds", "3"),
-    "compensation": study("compensation", "--seeds", "1"),
-    "demo": Case((*MAIN, "demo", *STUDY), resumes=True),
-    "plan": command(f"plan kr500_l480 --task {ROOT}/docs/tasks.csv --poses 8 --load 460 --out out"),
+    "new": command("new out --from ../inputs/robot.urdf", anew=True),
+    "check": command("check kr500_l480 --out out"),
+    "elastic": command("elastic kr500_l480 out.xml", "out.xml"),
+    "plan": command(f"plan kr500_l480 --task {ROOT}/docs/tasks.csv --poses 4 --candidates 200 --out out"),
+    "plan_absolute": command("plan kr500_l480 --absolute --poses 12 --candidates 60 --out out"),
     "simulate": command("simulate kr500_l480 --poses 40 --payload-kg 460 --out out.csv", "out.csv"),
-    "identify": command("identify kr500_l480 ../inputs/data.csv --out out"),
+    "series": command(f"{READINGS} out.csv --series 3", "out*.csv"),
+    "data": command("data check kr500_l480 ../inputs/data.csv --out out"),
     "identifiability": command(
         "identifiability kr500_l480 ../inputs/data.csv --model MGCO68 --figure seen.png", "seen.png"
     ),
-    "calibrate": command(f"calibrate ur10 {ROOT}/models/ur10/readings/series_A_every_8th.csv --out out"),
+    "identify": command("identify kr500_l480 ../inputs/data.csv --out out"),
+    "calibrate": command("calibrate ur10 ../inputs/readings.csv --orders 1 --out out"),
+    "export": command("export ../inputs/calibrated --urdf out.urdf", "out.*"),
+    "score": command("score ../inputs/calibrated ../inputs/readings.csv", ""),
     "predict": command(f"predict ../inputs/model {ROOT}/docs/tasks.csv --load 460 --out out"),
-    "compensate": command(f"compensate ../inputs/model {ROOT}/docs/program.csv --out out.csv", "out.csv"),
-    "check": command("check kr500_l480 --out out"),
+    "compensate": command(f"compensate ../inputs/model {ROOT}/docs/program.csv --out out.csv", "out*"),
+    "compare": command("compare ../inputs/model ../inputs/other --out out"),
+    "demo": Case((*MAIN, "demo", *STUDY), resumes=True),
     "shot": command("shot ../inputs/model --out out.png", "out.png"),
     "gif": command("shot ../inputs/model --gif --out out.gif", "out.gif"),
     "web": command("view ../inputs/model --web", "", ends=False),
+    **STUDIES,
 }
+"""By the name of the command or the study."""
 INPUTS = (
     f"simulate kr500_l480 {ROOT}/docs/poses.csv --out data.csv --payload-kg 460.3",
-    "identify kr500_l480 data.csv --out model",
+    f"simulate kr500_l480 {ROOT}/docs/poses.csv --out more.csv --payload-kg 460.3 --seed 2",
+    f"{READINGS} readings.csv",
+    "identify kr500_l480 data.csv --no-intervals --out model",
+    "identify kr500_l480 more.csv --no-intervals --out other",
+    "calibrate ur10 readings.csv --orders 1 --out calibrated",
+    "export calibrated --urdf robot.urdf",
 )
 
 
@@ -197,18 +220,40 @@ class Whole:
 
     files: dict[str, bytes]  #: What it leaves.
     seconds: float  #: Time that it takes [s].
+    rest: float = 0.0  #: Time that it takes where all trials are stored [s].
+    trials: int = 0  #: Those that it stores.
+
+    def left(self, held: int) -> float:
+        """Time that it takes where so many trials are stored [s]."""
+        share = held / self.trials if self.trials else 0.0
+        return self.seconds + share * (self.rest - self.seconds)
+
+
+def whole(case: Case, place: Bench) -> Whole:
+    """Run the case to its end; a study again, with all its trials."""
+    first = finished(case, place)
+    if not case.resumes:
+        return first
+    return replace(first, rest=finished(case, place).seconds, trials=sum(stored(place.folder).values()))
 
 
 def finished(case: Case, place: Bench) -> Whole:
     """Run the case to its end."""
     if not case.ends:
         return Whole({}, ENDLESS)
+    clear(case, place)
     start = time.monotonic()
     with place.start(case) as process:
         code = process.wait(LONGEST)
     if code != 0:
         raise Fault(f"ended with {code}: {place.said()[-2000:]}")
     return Whole(place.files(), time.monotonic() - start)
+
+
+def clear(case: Case, place: Bench) -> None:
+    """Remove what the case must not find."""
+    if case.anew:
+        shutil.rmtree(place.folder / case.out, ignore_errors=True)
 
 
 def strike(process: subprocess.Popen[bytes], way: str, rng: random.Random) -> None:
@@ -220,12 +265,13 @@ def strike(process: subprocess.Popen[bytes], way: str, rng: random.Random) -> No
             send(process.pid, getattr(signal, f"SIG{name}"))
 
 
-def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random) -> str:
-    """Begin the case, kill it after a time [s]; how it ended.
+def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random) -> bool:
+    """Begin the case, kill it after a time [s]; whether it was alive then.
 
     Raises:
         Fault: When something lives on, or it said more than a line.
     """
+    clear(case, place)
     with place.start(case) as process:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(after)
@@ -244,12 +290,15 @@ def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random)
         raise Fault(f"{when}: said {said[-3000:]!r}")
     if code not in {0, *(code for word in way.split() for code in CODES.get(word, ()))}:
         raise Fault(f"{when}: ended with {code}: {said!r}")
-    return "ended" if code == 0 else "killed"
+    return not early
 
 
 def stored(out: Path) -> dict[Path, int]:
-    """Trials in the stores of a run, read from copies, which locks nothing; none where it has ended."""
+    """Trials of a run by the files that hold them; stores are read from copies, which locks nothing."""
     found = {}
+    for ended in out.rglob("trials.parquet"):
+        if not re.search(UNDER_WAY, ended.relative_to(out).as_posix()):
+            found[ended.with_suffix("")] = int(parquet.read_schema(ended).metadata[b"trials"])
     for store in out.rglob("trials.sqlite"):
         with tempfile.TemporaryDirectory() as folder:
             for file in store.parent.glob(f"{store.name}*"):
@@ -258,12 +307,12 @@ def stored(out: Path) -> dict[Path, int]:
                 contextlib.closing(sqlite3.connect(Path(folder, store.name))) as copy,
                 contextlib.suppress(sqlite3.OperationalError),  # its tables are not there yet
             ):
-                ((found[store],),) = copy.execute("SELECT count(*) FROM trials")
+                ((found[store.with_suffix("")],),) = copy.execute("SELECT count(*) FROM trials")
     return found
 
 
 def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int = CHAIN) -> Counter[str]:
-    """Some kills of a case, and a run to its end; how they ended.
+    """Kills of a case that lives, and a run to its end; how many of each way, and how many came too late.
 
     Args:
         case: The command.
@@ -275,19 +324,21 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
     Raises:
         Fault: When something is wrong.
     """
-    ends: Counter[str] = Counter()
-    if case.resumes:
-        shutil.rmtree(place.folder / case.out, ignore_errors=True)
+    ways: Counter[str] = Counter()
     held: dict[Path, int] = {}
-    for _ in range(kills):
+    while hits(ways) < kills:
+        if ways[LATE] > MOST_LATE * kills:
+            raise Fault(f"ends before it is killed, {ways[LATE]} times: {ways}")
+        if case.resumes and sum(held.values()) >= whole.trials:
+            shutil.rmtree(place.folder / case.out, ignore_errors=True)
+            held = {}
         way = rng.choice(WAYS)
-        ends[killed(case, place, rng.uniform(0, 1.1 * whole.seconds), way, rng)] += 1
+        moment = rng.uniform(0, whole.left(sum(held.values())))
+        ways[way if killed(case, place, moment, way, rng) else LATE] += 1
         if case.resumes:
             held = checked(held, stored(place.folder), way)
         else:
-            files = place.files().items()
-            stands = {name: data for name, data in files if not re.search(UNDER_WAY, name)}
-            check_alike(stands, whole.files, f"{way}: earlier results")
+            check_stands(place.files(), whole.files, way)
     if case.ends:
         check_alike(finished(case, place).files, whole.files, "run to its end")
     else:
@@ -298,15 +349,27 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
     ]
     if left:
         raise Fault(f"left lying: {[str(path) for path in left]}")
-    return ends
+    return ways
+
+
+def hits(ways: Counter[str]) -> int:
+    """Kills of what was alive."""
+    return ways.total() - ways[LATE]
 
 
 def checked(held: dict[Path, int], now: dict[Path, int], way: str) -> dict[Path, int]:
     """What is stored now; a Fault if it is less than before."""
     for store, count in held.items():
-        if now.get(store, 0) < count and not store.with_suffix(".parquet").exists():
+        if now.get(store, 0) < count:
             raise Fault(f"{way}: of {count} trials in {store.name} there are {now.get(store, 0)}")
     return now
+
+
+def check_stands(files: dict[str, bytes], whole: dict[str, bytes], way: str) -> None:
+    """Refuse earlier results that are not as they were; some may be on their way."""
+    if not any(re.search(MOVING, name) for name in files):
+        stands = {name: data for name, data in files.items() if not re.search(UNDER_WAY, name)}
+        check_alike(stands, whole if stands else {}, f"{way}: earlier results")
 
 
 def check_alike(files: dict[str, bytes], whole: dict[str, bytes], what: str) -> None:
@@ -317,26 +380,27 @@ def check_alike(files: dict[str, bytes], whole: dict[str, bytes], what: str) -> 
 
 
 def main(count: int = 200, seed: int = 1, *names: str) -> int:
-    """Kill every case in turn until so many kills are done; prints a line a chain. How many chains failed."""
-    rng, faults, ends = random.Random(seed), 0, Counter[str]()
-    shm = set(SHM.iterdir())
+    """Kill every case in turn until so many were alive; prints a line a chain. How many chains failed."""
+    rng, faults, ways = random.Random(seed), 0, Counter[str]()
+    start, shm = time.monotonic(), set(SHM.iterdir())
     with tempfile.TemporaryDirectory(prefix="kills_") as home, contextlib.ExitStack() as stack:
         make_inputs(Path(home, "inputs"))
         wholes: dict[str, tuple[Bench, Whole]] = {}
         turns = itertools.cycle(names or CASES)
-        for done in range(CHAIN, count + CHAIN, CHAIN):
+        while hits(ways) < count and faults < MOST_FAULTS:
             name = next(turns)
             try:
                 if name not in wholes:
                     place = stack.enter_context(bench(Path(home)))
-                    wholes[name] = place, finished(CASES[name], place)
+                    wholes[name] = place, whole(CASES[name], place)
                     print(f"{name}: {wholes[name][1].seconds:.1f} s left alone", flush=True)
-                ends += chain(CASES[name], *wholes[name], rng)
+                ways += chain(CASES[name], *wholes[name], rng, min(CHAIN, count - hits(ways)))
             except Fault as err:
                 faults += 1
                 wholes.pop(name, None)
                 print(f"FAULT: {name}: {err}", flush=True)
-            print(f"{done} kills, {faults} faults, {dict(ends)}, {name}", flush=True)
+            print(f"{hits(ways)} kills, {ways[LATE]} too late, {faults} faults, {name}", flush=True)
+    print(f"{dict(ways)} in {time.monotonic() - start:.0f} s")
     print(f"new in {SHM}: {sorted(path.name for path in set(SHM.iterdir()) - shm)}")
     return faults
 

@@ -21,7 +21,7 @@ from testbench.bench.export_scratch import new_urdf
 from testbench.errors import BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import urdf_poses
-from testbench.output.scratch import whole_files
+from testbench.output.whole import whole_files
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
 

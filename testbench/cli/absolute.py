@@ -14,7 +14,7 @@ from testbench.bench.tracker_runs import places
 from testbench.data.series import Series
 from testbench.data.series_csv import write_series
 from testbench.errors import Array, BenchError
-from testbench.output.scratch import whole_files
+from testbench.output.whole import whole_files
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.gear import GearErrors
 

@@ -16,7 +16,7 @@ from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTar
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
-from testbench.output.scratch import whole_file
+from testbench.output.whole import whole_file
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 from testbench.views.identifiability.figure import shares

@@ -15,7 +15,7 @@ from testbench.data.dataset import Dataset
 from testbench.data.export import read_export
 from testbench.data.names import ENTRIES, XYZ
 from testbench.errors import BenchError
-from testbench.output.scratch import write_whole
+from testbench.output.whole import write_whole
 
 READINGS = [f"{when}_{x}_m" for when in ("before", "after") for x in XYZ]
 COVARIANCES = [f"deflection_cov_{name}_m2" for name in ENTRIES]

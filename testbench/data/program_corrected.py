@@ -10,7 +10,7 @@ import numpy as np
 from testbench.data.cells import as_cell
 from testbench.data.program import Program
 from testbench.errors import Array, BenchError, InputError, check_array
-from testbench.output.scratch import write_whole
+from testbench.output.whole import write_whole
 
 
 def write_program(

@@ -17,7 +17,7 @@ from testbench.data.series import Series
 from testbench.data.series_export import ALONE
 from testbench.data.series_scatter import LEAST
 from testbench.errors import Array, BenchError
-from testbench.output.scratch import write_whole
+from testbench.output.whole import write_whole
 
 FORCE, MOMENT, POINT, PLACE, ROTATION, DEVIATION = (
     [pattern.format(x) for x in XYZ]

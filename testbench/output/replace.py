@@ -15,10 +15,8 @@ from testbench.output import manifest
 from testbench.output.lock import turn
 from testbench.output.manifest import read_manifest
 from testbench.output.place import inside
-from testbench.output.scratch import remove, sync, writing
+from testbench.output.scratch import READY, folder_for, remove, sync_all, sync_names, writing
 from testbench.stops import stops_wait
-
-READY = ".ready"  #: Name of a folder with files that take their places beside it.
 
 
 def put_in_place(out: Path, scratch: Path) -> None:
@@ -29,10 +27,12 @@ def put_in_place(out: Path, scratch: Path) -> None:
         OSError: When the disk refuses it.
     """
     sync_all(scratch)
-    with turn(out), stops_wait():
+    with turn(out), stops_wait(), contextlib.ExitStack() as stack:
         _complete(out)
         for file in _files(scratch):
             _check_place(out, file)
+        for file in _files(scratch):
+            stack.enter_context(folder_for((out / file).parent))  # now, as the disk may be full
         scratch.rename(out / READY)
         _complete(out)
 
@@ -62,19 +62,12 @@ def reading(folder: Path) -> Iterator[None]:
         yield
 
 
-def sync_all(folder: Path) -> None:
-    """Have a folder on the disk, with all that is in it."""
-    for path in (*folder.rglob("*"), folder):
-        if not path.is_symlink():
-            sync(path)
-
-
 def _complete(out: Path) -> None:
     """Move what is in READY; the manifest last, by which is known which files of the earlier run go."""
     ready = out / READY
     if not _is_folder(ready):
         return
-    sync(out)
+    sync_names(out)
     new = read_manifest(ready).files
     for name in (read_manifest(out).files or frozenset()) - new if new is not None else ():
         if inside((out / name).parent, out):  # as it was written; a name that leads elsewhere was not
@@ -85,7 +78,7 @@ def _complete(out: Path) -> None:
         _check_place(out, file)
         (out / file).parent.mkdir(parents=True, exist_ok=True)
         (ready / file).replace(out / file)
-    sync(out)
+    sync_names(out)
     remove(ready)
 
 

@@ -9,8 +9,17 @@ from testbench.errors import InputError
 from testbench.output.lock import CLAIM, claim
 from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
-from testbench.output.replace import put_in_place, settle, sync_all
-from testbench.output.scratch import NAME, folder_for, remove, scratch_name, sweep, sync, writing
+from testbench.output.replace import put_in_place, settle
+from testbench.output.scratch import (
+    NAME,
+    folder_for,
+    remove,
+    scratch_name,
+    sweep,
+    sync_all,
+    sync_names,
+    writing,
+)
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
 """Of files of runs whose manifest does not name them: older ones."""
@@ -142,6 +151,6 @@ def new_folder(out: Path) -> Iterator[Path]:
                 yield scratch / out.name
                 sync_all(scratch)
                 (scratch / out.name).rename(out)
-                sync(out.parent)
+                sync_names(out.parent)
         finally:
             remove(scratch)

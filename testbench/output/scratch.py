@@ -7,14 +7,14 @@ import secrets
 import shutil
 import tempfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from testbench.errors import InputError
 from testbench.output.lock import sweep_claims
-from testbench.stops import stops_wait
 
 HOST = re.sub("[^A-Za-z0-9.-]", "", os.uname().nodename)[:40]
+READY = ".ready"  #: Name of a folder with files that take their places beside it.
 UNKNOWN = "0" * 8  #: Life of a process that cannot be looked up.
 NAME = re.compile(r"\.new-(?P<host>[A-Za-z0-9.-]*)-(?P<pid>[0-9]{1,9})-(?P<life>[0-9a-f]{8})-[0-9a-f]{8}")
 
@@ -26,7 +26,7 @@ def scratch_name() -> str:
 
 def shown(path: Path) -> Path:
     """The place that a path takes in the end, if it leads through a file or a folder under way."""
-    return Path(*(part for part in path.parts if not NAME.fullmatch(part)))
+    return Path(*(part for part in path.parts if part != READY and not NAME.fullmatch(part)))
 
 
 def sweep(folder: Path) -> None:
@@ -96,44 +96,11 @@ def folder_for(path: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-@contextlib.contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A file to write that takes the place of `path` once the block has ended well; see `whole_files`."""
-    with whole_files([path]) as (part,):
-        yield part
-
-
-@contextlib.contextmanager
-def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """Files to write that take the places of `paths` once the block has ended well, all of them or none.
-
-    Args:
-        paths: The places; their folders are made where they do not exist.
-
-    Yields:
-        The files, of the same names.
-
-    Raises:
-        InputError: When one cannot be written.
-    """
-    parts = [path.parent / scratch_name() / path.name for path in paths]
-    with contextlib.ExitStack() as stack:
-        for path, part in zip(paths, parts, strict=True):
-            stack.enter_context(folder_for(path.parent))
-            with writing(path):
-                sweep(path.parent)
-                stack.callback(remove, part.parent)
-                part.parent.mkdir()
-        with writing(paths[-1]):
-            yield parts
-        for part in parts:
-            with writing(part):
-                sync(part)
-        with stops_wait():
-            for path, part in zip(paths, parts, strict=True):
-                with writing(path):
-                    part.replace(path)
-                    sync(path.parent)
+def sync_all(folder: Path) -> None:
+    """Have a folder on the disk, with all that is in it."""
+    for path in (*folder.rglob("*"), folder):
+        if not path.is_symlink():
+            sync(path)
 
 
 def sync(path: Path) -> None:
@@ -149,14 +116,10 @@ def sync(path: Path) -> None:
         os.close(file)
 
 
-def write_whole(text: str, path: Path) -> None:
-    """Write a text file; an existing one is replaced only by a whole one.
-
-    Raises:
-        InputError: When the file cannot be written.
-    """
-    with whole_file(path) as part:
-        part.write_bytes(text.encode())
+def sync_names(folder: Path) -> None:
+    """Have the names in a folder on the disk, if it takes them: what has its place stands in any case."""
+    with contextlib.suppress(OSError):
+        sync(folder)
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ from testbench.arm.folder import Arm, Link
 from testbench.arm.mesh import MAX_BYTES, read_meshes
 from testbench.arm.mjcf import assets, find_body, read_mjcf
 from testbench.errors import Array, InputError, read_bytes
-from testbench.output.scratch import whole_files
+from testbench.output.whole import whole_files
 
 AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 CARRIER_MASS = 1e-9

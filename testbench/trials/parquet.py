@@ -12,7 +12,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from testbench.errors import InputError
-from testbench.output.scratch import whole_file
+from testbench.output.whole import whole_file
 from testbench.trials.experiment import check_header
 from testbench.trials.rows import SEED, Column, Flat
 

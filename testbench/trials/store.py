@@ -20,7 +20,7 @@ from testbench.output.manifest import read_manifest
 from testbench.output.scratch import folder_for, sweep, writing
 from testbench.trials.experiment import Experiment, check_header
 from testbench.trials.rows import SEED, Flat, check_types, columns, restorer
-from testbench.trials.storefile import AWAY, check_plain, open_file, told
+from testbench.trials.storefile import AWAY, check_plain, open_file, remove_file, told
 
 FILE, WHOLE = "trials.sqlite", "trials.parquet"
 """Trials of a run that is under way, and of one that has come to its end."""
@@ -193,11 +193,11 @@ def open_store(
             store.load(resume=resume)
             yield store
             if store.finished and path.with_name(WHOLE).exists():
-                path.unlink()
+                remove_file(path)
         finally:
             with contextlib.suppress(sqlite3.Error):  # a damaged one stays
                 if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
-                    path.unlink()
+                    remove_file(path)
 
 
 @contextlib.contextmanager

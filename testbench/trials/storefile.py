@@ -50,6 +50,8 @@ def open_file(path: Path) -> sqlite3.Connection:
             it cannot be written.
     """
     if not os.path.lexists(path):
+        if os.path.lexists(journal_of(path)):  # SQLite would write what it says into a new store
+            raise InputError(journal_of(path), "", f"is of no store of trials; {AWAY}")
         _make(path)
     _check_file(path)
     try:
@@ -67,6 +69,17 @@ def open_file(path: Path) -> sqlite3.Connection:
         database.close()
         raise
     return database
+
+
+def remove_file(path: Path) -> None:
+    """Remove a store that is open, its journal first, which SQLite leaves after a full disk."""
+    journal_of(path).unlink(missing_ok=True)
+    path.unlink()
+
+
+def journal_of(path: Path) -> Path:
+    """Where SQLite keeps what a transaction has replaced."""
+    return path.with_name(f"{path.name}-journal")
 
 
 def _make(path: Path) -> None:
@@ -95,7 +108,7 @@ def _make(path: Path) -> None:
 
 def _check_file(path: Path) -> None:
     """Refuse what is no store of ours, or has a journal that is none of it."""
-    journal = path.with_name(f"{path.name}-journal")
+    journal = journal_of(path)
     check_plain(path)
     if (names := path.lstat().st_nlink) > 1:
         raise InputError(path, "", f"has {names} names (hard links), expected one; {AWAY}")

@@ -16,6 +16,7 @@ def test_a_study_that_is_killed_leaves_nothing_running_loses_nothing_and_ends_th
     with kills.bench(tmp_path) as place:
         out = place.folder / "out"
         assert here(trial_study.app, out, "--workers", 1).returncode == 0
-        whole = kills.Whole(place.files(), SECONDS)
-        ends = kills.chain(kills.CASES["trials"], place, whole, random.Random(1), kills=3)
-        assert ends["killed"]
+        trials = sum(kills.stored(place.folder).values())
+        whole = kills.Whole(place.files(), SECONDS, rest=SECONDS, trials=trials)
+        ways = kills.chain(kills.CASES["trials"], place, whole, random.Random(1), kills=3)
+        assert kills.hits(ways) == 3

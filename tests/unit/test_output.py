@@ -12,7 +12,8 @@ from testbench.errors import InputError
 from testbench.output import scratch
 from testbench.output.place import PNG, check_file
 from testbench.output.run import check_folder, new_folder, whole_folder
-from testbench.output.scratch import scratch_name, whole_file, write_whole
+from testbench.output.scratch import scratch_name
+from testbench.output.whole import whole_file, write_whole
 
 OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"

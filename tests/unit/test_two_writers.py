@@ -18,7 +18,7 @@ from testbench.output import lock
 from testbench.output.place import PNG, claim_file
 from testbench.output.replace import reading, settle
 from testbench.output.run import check_folder, claim_folder, new_folder, whole_folder
-from testbench.output.scratch import whole_files
+from testbench.output.whole import whole_files
 
 RACES = int(os.environ.get("TESTBENCH_RACES", "8"))
 COMMAND = "testbench identify"
@@ -131,8 +131,8 @@ def test_claims_of_killed_runs_go_and_what_is_no_claim_stays(tmp_path):
     assert whose(tmp_path) == "one"
 
 
-def killed_at(k, out, monkeypatch):
-    """Write a run in a process that is killed before the k-th rename or removal of a file of it."""
+def killed_at(k, monkeypatch, work, *args):
+    """Do it in a process that is killed before the k-th rename or removal of a file of it."""
     left = [k]
 
     def counting(original):
@@ -144,12 +144,12 @@ def killed_at(k, out, monkeypatch):
 
         return counted
 
-    def work():
+    def counted_work():
         for name in ("replace", "rename", "unlink"):
             monkeypatch.setattr(Path, name, counting(getattr(Path, name)))
-        write(out, "one")
+        work(*args)
 
-    return code(forked(work))
+    return code(forked(counted_work))
 
 
 def test_a_kill_at_any_moment_leaves_the_old_run_or_the_new_one(tmp_path, monkeypatch):
@@ -157,7 +157,7 @@ def test_a_kill_at_any_moment_leaves_the_old_run_or_the_new_one(tmp_path, monkey
     for k in range(30):
         out = tmp_path / str(k)
         write(out, "old")
-        ended = killed_at(k, out, monkeypatch)
+        ended = killed_at(k, monkeypatch, write, out, "one")
         settle(out)
         check_folder(out, COMMAND, force=False)
         found.append(whose(out))
@@ -189,17 +189,94 @@ def test_nothing_is_moved_where_something_else_stands_in_the_way(tmp_path):
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
-def test_several_files_take_their_places_together_or_not_at_all(tmp_path):
-    first, second = tmp_path / "1.csv", tmp_path / "deep" / "2.csv"
-    with whole_files([first, second]) as parts:
+def write_several(folder, tag):
+    """Three files that belong together, one of them deeper."""
+    with whole_files([folder / "1.csv", folder / "deep" / "2.csv", folder / "3.csv"]) as parts:
         for part in parts:
-            part.write_text("old")
-    with pytest.raises(InputError, match=r"2\.csv: cannot be written: No space"):  # noqa: PT012, SIM117
-        with whole_files([first, second]) as parts:
+            part.write_text(tag)
+
+
+def several(folder):
+    """The files that are in their places, and what they hold."""
+    found = {p.name: p.read_text() for p in (*folder.glob("*.csv"), *folder.glob("deep/*.csv"))}
+    return found, set(found.values())
+
+
+def test_several_files_take_their_places_together_or_not_at_all(tmp_path):
+    write_several(tmp_path, "old")
+    before = several(tmp_path)
+    with pytest.raises(InputError, match=r"3\.csv: cannot be written: No space"):  # noqa: PT012, SIM117
+        with whole_files([tmp_path / "1.csv", tmp_path / "deep" / "2.csv", tmp_path / "3.csv"]) as parts:
             parts[0].write_text("new")
             raise OSError(errno.ENOSPC, "No space left on device")
-    assert first.read_text() == second.read_text() == "old"
-    assert sorted(p.name for p in tmp_path.rglob("*")) == ["1.csv", "2.csv", "deep"]
+    assert several(tmp_path) == before
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["1.csv", "2.csv", "3.csv", "deep"]
+
+
+def refused(monkeypatch, k, names, work, *args):
+    """What is said where the disk refuses the k-th of these calls; None where it is not called so often."""
+    left = [k]
+
+    def refusing(original):
+        def called(self, *args, **kwargs):
+            left[0] -= 1
+            if left[0] == -1:
+                raise OSError(errno.EDQUOT, "Disk quota exceeded", str(self), None, str(self))
+            return original(self, *args, **kwargs)
+
+        return called
+
+    with monkeypatch.context() as patched:
+        for name in names:
+            patched.setattr(Path, name, refusing(getattr(Path, name)))
+        try:
+            work(*args)
+        except InputError as err:
+            return str(err)
+    assert left[0] >= 0
+    return None
+
+
+@pytest.mark.parametrize("earlier", [True, False])
+def test_a_kill_never_leaves_an_earlier_file_beside_a_new_one(tmp_path, monkeypatch, earlier):
+    for k in range(20):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        if earlier:
+            write_several(folder, "old")
+        ended = killed_at(k, monkeypatch, write_several, folder, "new")
+        assert len(several(folder)[1]) <= 1
+        assert refused(monkeypatch, 0, ["write_text"], write_several, folder, "refused")
+        names, tags = several(folder)  # what was begun is brought to its end by a run that fails too
+        assert len(names) == (3 if earlier or names else 0)
+        assert len(tags) <= 1
+        write_several(folder, "two")
+        assert several(folder)[1] == {"two"}
+        assert not list(folder.rglob(".*"))
+        if ended == 0:
+            break
+    assert 3 < k < 19
+
+
+@pytest.mark.parametrize("names", [("rename", "replace"), ("mkdir",)])
+@pytest.mark.parametrize("work", [write_several, write])
+def test_what_the_disk_refuses_once_loses_nothing(tmp_path, monkeypatch, names, work):
+    """A run that was named whole before is put in place by the next command."""
+    for k in range(40):
+        folder = tmp_path / str(k)
+        work(folder, "old")
+        before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+        said = refused(monkeypatch, k, names, work, folder, "one")
+        if said is None:
+            break
+        assert "cannot be written: Disk quota exceeded" in said
+        assert ".new-" not in said
+        if not (folder / ".ready").exists():
+            assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+        settle(folder)
+        work(folder, "two")
+        assert not list(folder.rglob(".*"))
+    assert 1 < k < 39
 
 
 def test_a_reader_waits_for_a_run_that_is_put_in_place(tmp_path):

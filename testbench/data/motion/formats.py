@@ -7,7 +7,7 @@ from pathlib import Path
 from testbench.arm.folder import Joint
 from testbench.data.motion import krl, rapid, urscript
 from testbench.errors import Array, BenchError
-from testbench.output.scratch import write_whole
+from testbench.output.whole import write_whole
 
 CSV = "csv"
 """Not a language: the table that `testbench.data.program` reads and writes."""

@@ -14,7 +14,7 @@ from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program_corrected import write_program
 from testbench.output.place import Kind
 from testbench.output.run import whole_folder
-from testbench.output.scratch import whole_file
+from testbench.output.whole import whole_file
 from testbench.views.compensate.words import words
 from testbench.views.page.page import write_page
 

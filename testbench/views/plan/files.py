@@ -17,7 +17,7 @@ from testbench.bench.plan_settings import PlanSettings
 from testbench.data.posefile import plan_columns
 from testbench.model.vjm import chain
 from testbench.output.run import whole_folder
-from testbench.output.scratch import write_whole
+from testbench.output.whole import write_whole
 from testbench.views.map_figure import error_map
 from testbench.views.page.page import write_page
 from testbench.views.plan.figure import overview

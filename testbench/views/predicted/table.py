@@ -11,7 +11,7 @@ from testbench.arm.folder import Joint
 from testbench.bench.prediction import Predicted
 from testbench.data.cells import as_cell
 from testbench.errors import Array
-from testbench.output.scratch import write_whole
+from testbench.output.whole import write_whole
 
 AXES = ("x", "y", "z")
 

@@ -11,7 +11,7 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 from testbench.errors import BenchError
-from testbench.output.scratch import whole_file
+from testbench.output.whole import whole_file
 from testbench.views.recording import headless
 from testbench.views.recording.film import check_ffmpeg, write_film
 from testbench.views.recording.viewer import newest

@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.files import versions
-from testbench.output.scratch import whole_file
+from testbench.output.whole import whole_file
 from testbench.views.recording.pen import Pen
 
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].

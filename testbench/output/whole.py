@@ -1,0 +1,132 @@
+"""Files that are replaced by whole ones: one, or several together; a kill leaves no mixture.
+
+Several are brought to a folder of their own first, which in one step is named READY and something. From then
+on they are on their way: the earlier ones leave their places, and they go there.
+"""
+
+import contextlib
+import errno
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from testbench.output.lock import turn
+from testbench.output.scratch import (
+    READY,
+    folder_for,
+    remove,
+    scratch_name,
+    sweep,
+    sync_all,
+    sync_names,
+    writing,
+)
+from testbench.stops import stops_wait
+
+EARLIER = "earlier"  #: Folder of files that have left their places.
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A file to write that takes the place of `path` once the block has ended well; see `whole_files`."""
+    with whole_files([path]) as (part,):
+        yield part
+
+
+@contextlib.contextmanager
+def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """Files to write that take the places of `paths` once the block has ended well, all of them or none.
+
+    A kill while several are put in place leaves none of the earlier ones beside a new one, but some missing:
+    the next block with the same first place puts those there.
+
+    Args:
+        paths: The places; their folders are made where they do not exist.
+
+    Yields:
+        The files, of the same names.
+
+    Raises:
+        InputError: When one cannot be written.
+    """
+    home = Path(os.path.commonpath([path.parent.absolute() for path in paths]))
+    scratch, ready = home / scratch_name(), home / ready_name(paths[0])
+    parts = [_part(scratch, k, path) for k, path in enumerate(paths)]
+    with contextlib.ExitStack() as stack:
+        for path in paths:
+            stack.enter_context(folder_for(path.parent))
+        with writing(paths[0]), turn(home), stops_wait():
+            sweep(home)
+            _move(ready, paths)
+        with writing(paths[-1]):
+            stack.callback(remove, scratch)
+            for folder in (scratch / EARLIER, *(part.parent for part in parts)):
+                folder.mkdir(parents=True)
+            yield parts
+            sync_all(scratch)
+        with writing(paths[0]), turn(home), stops_wait():
+            if len(parts) == 1:
+                parts[0].replace(paths[0])
+            else:
+                _put(scratch, ready, paths)
+        for path in paths:
+            sync_names(path.parent)
+
+
+def ready_name(path: Path) -> str:
+    """Of the folder with files that are whole and on their way to their places, `path` the first of them."""
+    return f"{READY}-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}"
+
+
+def _part(folder: Path, k: int, path: Path) -> Path:
+    """Where the k-th of several files is under way."""
+    return folder / str(k) / path.name
+
+
+def _put(scratch: Path, ready: Path, paths: Sequence[Path]) -> None:
+    """Make the files of a folder those of several places, from which they are moved on from then on."""
+    earlier = ready / EARLIER
+    try:
+        _move(ready, paths)
+        scratch.rename(ready)
+        _move(ready, paths)
+    except OSError as err:
+        if earlier.is_dir() and not any(earlier.iterdir()):  # all are back
+            remove(ready)
+        raise OSError(err.errno, err.strerror) from err  # without the names of what is under way
+
+
+def _move(ready: Path, paths: Sequence[Path]) -> None:
+    """Bring those files to their places that are not there yet, after all earlier ones have left theirs.
+
+    Raises:
+        OSError: When one cannot be moved; those that were are moved back.
+    """
+    new = [(_part(ready, k, path), path) for k, path in enumerate(paths)]
+    coming = [(part, path) for part, path in new if part.is_file() and not part.is_symlink()]
+    leaving = [(path, ready / EARLIER / part.parent.name) for part, path in coming if os.path.lexists(path)]
+    for path, _ in leaving:
+        if path.is_dir() and not path.is_symlink():
+            raise IsADirectoryError(errno.EISDIR, "is a folder", path)
+    done: list[tuple[Path, Path]] = []
+    try:
+        for move in (*leaving, *coming):
+            move[0].rename(move[1])
+            done.append(move)
+    except OSError:
+        for before, now in reversed(done):
+            now.rename(before)
+        raise
+    if ready.is_dir() and not ready.is_symlink():
+        remove(ready)
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Write a text file; an existing one is replaced only by a whole one.
+
+    Raises:
+        InputError: When the file cannot be written.
+    """
+    with whole_file(path) as part:
+        part.write_bytes(text.encode())
