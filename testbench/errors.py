@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+import shlex
 import stat
 from collections.abc import Iterator
 from io import BufferedReader
@@ -29,6 +30,12 @@ def shown(text: str) -> str:
         return text
     unseen = "\N{REPLACEMENT CHARACTER}"
     return "".join(c if c.isprintable() else " " if c.isspace() else unseen for c in text)
+
+
+def word(path: Path) -> str:
+    """A path as a word of a command line that people copy: quoted for the shell, and no flag."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def cut(text: str, most: int) -> str:

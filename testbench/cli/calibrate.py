@@ -12,6 +12,7 @@ from testbench.bench.absolute import calibrated, read_all
 from testbench.bench.absolute_summary import reported
 from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName, MapFile, SigmaUm
+from testbench.errors import word
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
 from testbench.output.run import claim_folder
@@ -69,7 +70,7 @@ def command(asked: Options) -> None:
         print_statements(console, text)
         lines = [
             *(f"- {note}" for note in found.notes),
-            f"model      {out / 'model.json'}; judge it with: testbench score {out} READINGS.csv",
+            f"model      {out / 'model.json'}; judge it with: testbench score {word(out)} READINGS.csv",
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
             *looked_at(out),
         ]

@@ -8,6 +8,7 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName
+from testbench.errors import word
 from testbench.output.place import Kind, claim_file
 from testbench.plant import write_elastic
 from testbench.shell.options import Force
@@ -23,4 +24,4 @@ def command(
     with claim_file(file, ELASTIC, inputs=[find_arm(arm)], force=force):
         write_elastic(build_cell(arm).arm, file)
         console = plain_console()
-        console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={file}", soft_wrap=True)
+        console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={word(file)}", soft_wrap=True)

@@ -19,7 +19,7 @@ from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
-from testbench.errors import BenchError
+from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.run import claim_folder
@@ -94,8 +94,8 @@ def command(asked: Options) -> None:
             f"report     {out / 'report.md'}, {out / 'report.json'}",
             f"figures    {', '.join(str(out / name) for name in FIGURES if (out / name).exists())}",
             *terminal.looked_at(out),
-            f"next       testbench predict {out} POSES.csv",
-            f"           testbench compensate {out} PROGRAM.csv --out CORRECTED.csv",
+            f"next       testbench predict {word(out)} POSES.csv",
+            f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",
         ]
         console.print("\n".join(lines), soft_wrap=True)
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from testbench.bench.campaign import build_cell
-from testbench.errors import BenchError
+from testbench.errors import BenchError, word
 from testbench.output.run import new_folder
 from testbench.plant.adopt.folder import write_arm
 from testbench.plant.adopt.read import read_chain
@@ -37,6 +37,6 @@ def command(  # noqa: PLR0913
         arm = build_cell(folder).arm
     console = plain_console()
     first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg"
-    last = f"see it and what to confirm: testbench check {name}"
+    last = f"see it and what to confirm: testbench check {word(name)}"
     for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True)

@@ -2,7 +2,6 @@
 
 import getpass
 import os
-import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +9,7 @@ from typing import Annotated
 import typer
 
 from testbench.cli.arguments import RunFolder
-from testbench.errors import BenchError, Interrupted
+from testbench.errors import BenchError, Interrupted, word
 from testbench.output.manifest import read_manifest
 from testbench.shell.options import takes
 from testbench.shell.serve import HERE, Server
@@ -52,7 +51,7 @@ def command(asked: Options) -> None:
 
 def _ways(folder: Path, file: Path) -> str:
     """What there is without a display."""
-    run = shlex.quote(str(folder))
+    run = word(folder)
     page = file.with_name(PAGE)
     more = f", {page} opens anywhere" if page.is_file() else ""
     return f"`testbench view {run} --web` shows it in a browser, `testbench shot {run}` as a picture{more}"

@@ -1,7 +1,8 @@
 """What manifest.json says of the folder that it lies in."""
 
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from testbench.errors import InputError, read_bytes
 
 NAME = "manifest.json"
 MOST = 16 * 2**20  #: Largest one that is read [byte].
+FILES = 10_000  #: Most that a run has.
 
 
 @dataclass(frozen=True)
@@ -29,10 +31,19 @@ def read_manifest(folder: Path) -> Manifest:
         if "testbench" not in data["versions"]:
             return Manifest(None, None)
         files, sha256 = data.get("files"), dict(data.get("sha256", {}))
-        named = None if files is None else frozenset(map(str, files))
+        named = None if files is None else _names(files)
         return Manifest(str(data["command"]), named, sha256)
     except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return Manifest(None, None)
+
+
+def _names(files: Sequence[object]) -> frozenset[str]:
+    """Paths of files; a ValueError where there are too many for a run, or what no file can be called."""
+    found = frozenset(map(str, files))
+    together = os.fsencode("".join(found))
+    if len(found) > FILES or b"\0" in together:
+        raise ValueError("no names of a run's files")
+    return found
 
 
 def is_run(folder: Path) -> bool:

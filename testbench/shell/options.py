@@ -84,7 +84,7 @@ class Common:
     #: How many trials; the study's own number if None.
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, help="Trials, each with a seed of its own: medians and spreads."),
+        typer.Option(min=1, max=10_000_000, help="Trials, each with a seed of its own: medians and spreads."),
     ] = None
     #: Folder of the results; runs/NAME if None.
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None

@@ -15,6 +15,7 @@ from testbench.trials.worker import started
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
+MOST_A_CORE = 8  #: Most processes of a core: each takes the memory of a program.
 SHARE = Path(
     "/sys/fs/cgroup/cpu.max"
 )  #: Processor time that a container may use, and the time that it is of.
@@ -26,11 +27,11 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
     No more than there are chunks; if it may be one only, that is this process.
 
     Raises:
-        BenchError: When workers is below 1.
+        BenchError: When workers is below 1, or more than help.
         WorkersLost: When a process was killed.
     """
-    if workers is not None and workers < 1:
-        raise BenchError(f"workers: expected at least 1, got {workers}")
+    if workers is not None and not 1 <= workers <= (highest := MOST_A_CORE * cores()):
+        raise BenchError(f"workers: expected 1 to {highest}, {MOST_A_CORE} a core, got {workers}")
     rest, most = iter(chunks), workers or cores()
     if most == 1:
         yield from here(work, rest)

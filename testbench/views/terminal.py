@@ -8,7 +8,7 @@ from rich.markdown import Markdown
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from testbench.errors import shown
+from testbench.errors import shown, word
 from testbench.trials.spread import Spread
 from testbench.views.markdown import Words, as_plain
 from testbench.views.schema import Column, Table
@@ -101,7 +101,7 @@ def looked_at(out: Path) -> list[str]:
     """Where page and recording of a run are, and how to open them."""
     return [
         f"page       {out / 'report.html'}: opens in any browser",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {out}",
+        f"recording  {out / 'recording.rrd'}; open it with: testbench view {word(out)}",
     ]
 
 

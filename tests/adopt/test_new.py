@@ -63,7 +63,7 @@ WRONG = {
     (
         "<robot ",
         "<robot xmlns:xacro='x'><xacro:arg name='q'/></robot><robot ",
-    ): "this is xacro; expand it first",
+    ): "this is xacro; expand it first: xacro heavy.urdf > heavy_expanded.urdf",
     ("<robot ", "<!DOCTYPE robot><robot "): "document types and entities are not allowed",
     ("<geometry><box", "<geometry><torus"): "<torus>: expected box, sphere",
     ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",

@@ -1,5 +1,6 @@
-"""What stands around a command: settings in its folder and in the environment, folders that are links."""
+"""What stands around a command: settings in its folder and in the environment, folders of results."""
 
+import json
 import os
 import subprocess
 import sys
@@ -56,3 +57,23 @@ def test_a_link_as_folder_of_results_is_written_by_force_alone(attack, lab):
     (lab / "runs").symlink_to("disk")
     attack(lab, "check", "arm", "--out", "runs").refused("is a symbolic link")
     attack(lab, "check", "arm", "--out", "runs", "--force").done("disk")
+
+
+@pytest.mark.parametrize(
+    "names",
+    [["\0"], ["\ud800"], [f"x{k}" for k in range(10_001)], ["../kept.txt", "sub/../../kept.txt", "", "/"]],
+    ids=["zero", "half a pair", "many", "elsewhere"],
+)
+def test_a_manifest_of_a_stranger_removes_nothing_and_is_no_traceback(attack, lab, names):
+    """What a run replaces it knows by names in manifest.json, which came with the folder."""
+    kept = lab / "kept.txt"
+    kept.write_text("kept")
+    (lab / "out").mkdir()
+    said = {"command": "testbench check", "versions": {"testbench": "0"}, "files": ["manifest.json", *names]}
+    (lab / "out" / "manifest.json").write_text(json.dumps(said))
+    found = attack(lab, "check", "arm", "--out", "out")
+    if kept.name in names[0]:
+        found.done("out")
+    else:
+        found.refused("manifest.json", "is not of testbench check")
+    assert kept.read_text() == "kept"

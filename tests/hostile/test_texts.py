@@ -5,9 +5,11 @@ import json
 import os
 import pty
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import pytest
@@ -18,7 +20,7 @@ from testbench.data.cells import as_cell, from_cell
 from testbench.data.csvfile import read_csv
 from testbench.data.program import read_program
 from testbench.data.program_corrected import write_program
-from testbench.errors import BenchError, InputError, shown
+from testbench.errors import BenchError, InputError, shown, word
 from testbench.views.figure import page
 from testbench.views.markdown import as_markdown, as_plain, lines
 
@@ -244,3 +246,10 @@ def test_a_marker_reads_back_as_it_was_written(attack, lab, renamed):
     attack(lab, "simulate", "arm", *asked, "--out", "new.csv").done("new.csv")
     arm = build_cell(lab / "arm").arm
     assert set(read_csv(lab / "new.csv", arm).markers) <= set(arm.markers)
+
+
+@pytest.mark.parametrize("name", ["a b", "x; rm -rf ~", "$(id)", "`id`", "it's", "--force", "-", "a\\b", "*"])
+def test_a_path_in_a_command_line_that_is_proposed_is_one_word_and_no_flag(name):
+    [found] = shlex.split(word(Path(name)))
+    assert Path(found) == Path(name)
+    assert not found.startswith("-")

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
-from testbench.errors import Array, InputError, read_text
+from testbench.errors import Array, InputError, read_text, word
 from testbench.plant.adopt.pose import pose_of, turned
 
 MAX_BYTES = 16_000_000
@@ -27,8 +27,10 @@ def read_xml(file: Path) -> ET.Element:
     """
     text = read_text(file, MAX_BYTES)
     if "<xacro:" in re.sub("<!--.*?-->", "", text, flags=re.DOTALL) or file.suffix == ".xacro":
-        target = file.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
-        raise InputError(file, "", f"this is xacro; expand it first: xacro {file.name} > {target}")
+        new = ".urdf" if file.suffix == ".xacro" else "_expanded.urdf"  # a shell empties what it writes first
+        target = file.name.removesuffix(".xacro").removesuffix(".urdf") + new
+        done = f"xacro {word(Path(file.name))} > {word(Path(target))}"
+        raise InputError(file, "", f"this is xacro; expand it first: {done}")
     root = parse_xml(file, text)
     level, count = [root], 0
     for _ in range(MAX_DEPTH):
