@@ -30,7 +30,8 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
         BenchError: When workers is below 1, or more than help.
         WorkersLost: When a process was killed.
     """
-    if workers is not None and not 1 <= workers <= (highest := MOST_A_CORE * cores()):
+    highest = MOST_A_CORE * cores()
+    if workers is not None and not 1 <= workers <= highest:
         raise BenchError(f"workers: expected 1 to {highest}, {MOST_A_CORE} a core, got {workers}")
     rest, most = iter(chunks), workers or cores()
     if most == 1:
