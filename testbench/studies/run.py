@@ -23,6 +23,7 @@ from testbench.studies.study import Everywhere, O, P, R, Run, S, Study, W
 from testbench.trials.chunk import Backend
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
+from testbench.trials.groups import Whole
 from testbench.trials.store import open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.page.page import Seen, write_page
@@ -71,8 +72,8 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
         work = partial(study.trials, settings)
         show_progress(run_study(work, store, backend, size=study.size), len(seeds), "trials", console)
-        report = study.summary(settings, seeds, store.trials())
-        write_parquet(store, folder)
+        whole = Whole(store, write_parquet(store, folder))
+        report = study.summary(settings, seeds, whole)
         found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
         _write(study, found)
         seconds = time.perf_counter() - start

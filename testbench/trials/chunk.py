@@ -7,7 +7,7 @@ import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be l
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.trials.rows import Flat, flatten
+from testbench.trials.rows import Table, tabled
 
 Found = Sequence[object]
 Work = Callable[[Sequence[int]], Sequence[Found]]
@@ -25,7 +25,7 @@ class Chunk:
     """Trials that a worker has done."""
 
     seeds: Sequence[int]  #: Of the trials.
-    found: Sequence[list[Flat]]  #: Their rows, flat.
+    found: Sequence[Table]  #: Their rows by column.
     problem: str = ""  #: Why there are none; empty if all is well.
 
 
@@ -46,15 +46,15 @@ def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
     try:
         with threadpool_limits(1):
             results = work(seeds)
-        return Chunk(seeds, _flat(seeds, results))
+        return Chunk(seeds, _tables(seeds, results))
     except (BenchError, ImportError, OSError) as err:
         return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
 
 
-def _flat(seeds: Sequence[int], results: Sequence[Found]) -> list[list[Flat]]:
+def _tables(seeds: Sequence[int], results: Sequence[Found]) -> list[Table]:
     if len(results) != len(seeds):
         raise BenchError(f"expected rows for {len(seeds)} trials, got {len(results)}")
     wrong = {type(row).__name__ for rows in results for row in rows if not is_dataclass(row)}
     if wrong:
         raise BenchError(f"rows: expected dataclasses, got {', '.join(sorted(wrong))}")
-    return [[flatten(row) for row in rows] for rows in results]
+    return [tabled(rows) for rows in results]

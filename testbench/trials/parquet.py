@@ -3,8 +3,7 @@
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain, groupby, islice, takewhile
-from operator import itemgetter
+from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -14,36 +13,46 @@ from pyarrow import parquet
 from testbench.errors import InputError
 from testbench.output.whole import whole_file
 from testbench.trials.experiment import check_header
-from testbench.trials.rows import SEED, Column, Flat
+from testbench.trials.rows import SEED, Column, Table, count
 
-GROUP = 2048  #: Rows of a row group: what is in memory at a time.
+GROUP = 2**15  #: Rows of a row group, at least: with those of one trial what is in memory at a time.
 MOST = 100_000  #: Rows of a trial.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
-Trial = tuple[int, list[Flat]]  #: Seed and flat rows.
+Trial = tuple[int, Table]  #: Seed and rows by column.
 
 
 def write_trials(
-    path: Path, header: Mapping[str, Any], columns: Mapping[str, Column], count: int, trials: Iterable[Trial]
+    path: Path, header: Mapping[str, Any], columns: Mapping[str, Column], held: int, trials: Iterable[Trial]
 ) -> None:
-    """Write `count` trials, of which some may have no rows, by seed: None becomes null, NaN stays NaN.
+    """Write so many trials, of which some may have no rows, by seed: None becomes null, NaN stays NaN.
 
     Raises:
         InputError: When the file cannot be written; an earlier one then stands.
     """
     kinds = {name: pa.list_(TYPES[c.kind]) if c.several else TYPES[c.kind] for name, c in columns.items()}
-    about = {"testbench": json.dumps(header, sort_keys=True), "trials": str(count)}
+    about = {"testbench": json.dumps(header, sort_keys=True), "trials": str(held)}
     schema = pa.schema({SEED: pa.int64(), **kinds}, about)
     with whole_file(path) as part, part.open("wb") as file:
-        with parquet.ParquetWriter(file, schema, write_page_checksum=True) as writer:
-            for group in _groups({SEED: seed, **row} for seed, rows in trials for row in rows):
-                writer.write_table(pa.Table.from_pylist(group, schema))
+        words = [name for name, column in columns.items() if column.kind is str]
+        with parquet.ParquetWriter(file, schema, write_page_checksum=True, use_dictionary=words) as writer:
+            for group in _groups(schema.names, trials):
+                writer.write_table(pa.table(group, schema))
         file.flush()
         os.fsync(file.fileno())
 
 
-def _groups(rows: Iterator[Flat]) -> Iterator[list[Flat]]:
-    while group := list(islice(rows, GROUP)):
+def _groups(names: Iterable[str], trials: Iterable[Trial]) -> Iterator[Table]:
+    """Columns of as many whole trials as make a row group."""
+    group: Table = {name: [] for name in names}
+    for seed, table in trials:
+        group[SEED] += [seed] * count(table)
+        for name, cells in table.items():
+            group[name] += cells
+        if len(group[SEED]) >= GROUP:
+            yield group
+            group = {name: [] for name in group}
+    if group[SEED]:
         yield group
 
 
@@ -58,19 +67,36 @@ def read_trials(path: Path, header: Mapping[str, Any]) -> Iterator[Trial]:
             about = file.schema_arrow.metadata
             check_header(path, json.loads(about[b"testbench"]), header)
             seeds = iter(range(header[SEED], header[SEED] + int(about[b"trials"])))
-            rows = chain.from_iterable(batch.to_pylist() for batch in file.iter_batches(GROUP))
             last = header[SEED] - 1
-            for seed, own in groupby(rows, itemgetter(SEED)):
+            for seed, table in _whole(_parts(file)):
                 if type(seed) is not int or seed <= last:
                     raise ValueError(f"expected seeds that rise from {header[SEED]}, got {seed!r:.80}")
                 last = seed
-                yield from ((empty, []) for empty in takewhile(seed.__ne__, seeds))
-                found = [{name: row[name] for name in row if name != SEED} for row in islice(own, MOST + 1)]
-                if len(found) > MOST:
-                    raise ValueError(f"expected at most {MOST} rows of a trial")
-                yield seed, found
-            yield from ((empty, []) for empty in seeds)
-    except (OSError, KeyError, ValueError, TypeError, RecursionError) as err:
+                yield from ((empty, {}) for empty in takewhile(seed.__ne__, seeds))
+                yield seed, table
+            yield from ((empty, {}) for empty in seeds)
+    except (OSError, KeyError, ValueError, TypeError, RecursionError, pa.ArrowException) as err:
         raise InputError(
             path, "", f"expected trials in Parquet: {err}: it is damaged; move it away to start afresh"
         ) from err
+
+
+def _parts(file: parquet.ParquetFile) -> Iterator[Trial]:
+    """Seeds and their rows as they stand, cut where one seed ends or a batch does."""
+    for batch in file.iter_batches(GROUP):
+        columns, start = batch.to_pydict(), 0
+        for seed, own in groupby(columns.pop(SEED)):
+            end = start + sum(1 for _ in own)
+            yield seed, {name: cells[start:end] for name, cells in columns.items()}
+            start = end
+
+
+def _whole(parts: Iterable[Trial]) -> Iterator[Trial]:
+    """Parts of the same seed, one behind the other, as one."""
+    for seed, own in groupby(parts, lambda part: part[0]):
+        table: Table = {}
+        for _, more in own:
+            table = {name: table.get(name, []) + cells for name, cells in more.items()}
+            if count(table) > MOST:
+                raise ValueError(f"expected at most {MOST} rows of a trial")
+        yield seed, table

@@ -1,6 +1,6 @@
-"""A trial's rows as tables hold them: frozen dataclasses, nested ones as dotted columns, and back."""
+"""A trial's rows by column, and back: rows are frozen dataclasses, nested ones dotted columns."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -15,20 +15,25 @@ R = TypeVar("R")
 Plain = float | int | str | bool | None
 Value = Plain | tuple[Plain, ...]
 Flat = dict[str, Value]  #: A row by column.
+Table = dict[str, list[Value]]  #: Rows of a trial: the cells of every column.
 SEED = "seed"
 LARGEST = 2**63  #: Integers lie below it: Parquet's have 64 bits.
 
 
 @dataclass(frozen=True)
 class Column:
-    """Type of a column; each may hold None too."""
+    """Type of a column."""
 
     kind: type  #: float, int, str or bool.
-    several: bool = False  #: Whether a cell holds a tuple of them.
+    several: bool  #: Whether a cell holds a tuple of them, perhaps None among them.
+    empty: bool  #: Whether a cell may be None.
+    words: frozenset[str]  #: The words that it may hold; none for any.
 
 
-def columns(row: type, prefix: str = "") -> dict[str, Column]:
+def columns(row: type, prefix: str = "", *, empty: bool = False) -> dict[str, Column]:
     """Columns of a dataclass of rows as `flatten` describes it, from the types of its fields.
+
+    Those of a dataclass that may be None may all be empty.
 
     A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
     a truth value or a float, is a truth value in the rows of a trial.
@@ -39,8 +44,8 @@ def columns(row: type, prefix: str = "") -> dict[str, Column]:
     found: dict[str, Column] = {}
     for field, kinds in _kinds(row).items():
         nested = _nested(kinds)
-        name = prefix + field
-        found |= columns(nested, f"{name}.") if nested else {name: _column(name, kinds)}
+        name, gap = prefix + field, empty or NoneType in kinds
+        found |= columns(nested, f"{name}.", empty=gap) if nested else {name: _column(name, kinds, gap)}
     if SEED in found:
         raise BenchError(f"{row.__name__}: expected columns with names other than {SEED!r}")
     return found
@@ -54,12 +59,10 @@ def _kinds(row: Hashable) -> dict[str, set[Any]]:
 
 
 def _alternatives(annotation: Any) -> set[Any]:
-    """Of float | None both; of a Literal the types of its values."""
+    """Of float | None both."""
     if get_origin(annotation) in (Union, UnionType):
         return {own for part in get_args(annotation) for own in _alternatives(part)}
-    return (
-        {type(value) for value in get_args(annotation)} if get_origin(annotation) is Literal else {annotation}
-    )
+    return {annotation}
 
 
 def _nested(kinds: set[Any]) -> type | None:
@@ -68,16 +71,18 @@ def _nested(kinds: set[Any]) -> type | None:
     return next(iter(plain)) if len(plain) == 1 and all(map(is_dataclass, plain)) else None
 
 
-def _column(name: str, kinds: set[Any]) -> Column:
+def _column(name: str, kinds: set[Any], empty: bool) -> Column:
     several = [own for own in kinds if get_origin(own) is tuple]
     if several:
         kinds = {own for part in get_args(several[0]) if part is not ... for own in _alternatives(part)}
-    plain = {own for own in kinds if own is not NoneType and not is_dataclass(own)}
+    words = {word for own in kinds if get_origin(own) is Literal for word in get_args(own)}
+    plain = {own for own in kinds if get_origin(own) is not Literal} | set(map(type, words))
+    plain = {own for own in plain if own is not NoneType and not is_dataclass(own)}
     for wide, both in ((float, {float, int}), (bool, {float, bool})):
         plain = {wide} if plain == both else plain
     if len(plain) != 1 or not plain <= {float, int, str, bool}:
         raise BenchError(f"rows: {name}: expected a type of numbers or words, got {kinds}")
-    return Column(plain.pop(), bool(several))
+    return Column(plain.pop(), bool(several), empty, frozenset(words))
 
 
 def flatten(row: object, prefix: str = "") -> Flat:
@@ -101,21 +106,56 @@ def flatten(row: object, prefix: str = "") -> Flat:
     return found
 
 
-def check_types(row: Flat, table: Mapping[str, Column]) -> None:
-    """Refuse, by BenchError, a row with other columns, values of other types or integers above 64 bits."""
-    if row.keys() != table.keys():
-        differ = ", ".join(sorted(row.keys() ^ table.keys()))
+def tabled(rows: Sequence[object]) -> Table:
+    """Rows of a trial by column; BenchError where they are not of one dataclass, see `flatten`."""
+    flat = [flatten(row) for row in rows]
+    for row in flat:
+        _check_names(row.keys(), flat[0].keys())
+    return {name: [row[name] for row in flat] for name in flat[0]} if flat else {}
+
+
+def count(table: Table) -> int:
+    """How many rows a trial has."""
+    return len(next(iter(table.values()))) if table else 0
+
+
+def check_types(table: Table, columns: Mapping[str, Column]) -> None:
+    """Refuse, by BenchError, other columns, values of other types and integers above 64 bits.
+
+    No columns at all are those of no rows.
+    """
+    if not table:
+        return
+    _check_names(table.keys(), columns.keys())
+    if len({len(cells) for cells in table.values()}) > 1:
+        raise BenchError("rows: expected as many cells in every column")
+    for name, cells in table.items():
+        column = columns[name]
+        none = {NoneType} if column.empty else set()
+        if column.several:
+            _check_cells(name, column, cells, {tuple, list} | none)
+            cells, none = [part for own in cells if isinstance(own, tuple | list) for part in own], {NoneType}
+        _check_cells(name, column, cells, ({float, int} if column.kind is float else {column.kind}) | none)
+
+
+def _check_names(found: Set[str], wanted: Set[str]) -> None:
+    if found != wanted:
+        differ = ", ".join(sorted(found ^ wanted))
         raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
-    for name, value in row.items():
-        column = table[name]
-        fits = (float, int) if column.kind is float else (column.kind,)
-        cells: Sequence[object] = [value] if isinstance(value, Plain) else value
-        parts = [own for own in cells if own is not None]
-        large = [own for own in parts if isinstance(own, int) and not -LARGEST <= own < LARGEST]
-        wrong = [own for own in parts if type(own) not in fits] or large
-        if wrong or (parts and column.several == isinstance(value, Plain)):
-            what = f"a tuple of {column.kind.__name__}" if column.several else column.kind.__name__
-            raise BenchError(f"rows: {name}: expected {what}, got {(wrong or [value])[0]!r:.80}")
+
+
+def _check_cells(name: str, column: Column, cells: Sequence[Value], fits: Set[type]) -> None:
+    """All types at once: a trial may have many rows."""
+    found = set(map(type, cells))
+    wrong = [own for own in cells if type(own) not in fits] if found - fits else []
+    if column.words and not wrong:
+        wrong = [own for own in cells if own is not None and own not in column.words]
+    if int in found:
+        wrong += [own for own in cells if isinstance(own, int) and not -LARGEST <= own < LARGEST]
+    if wrong:
+        what = " or ".join(map(repr, sorted(column.words))) or column.kind.__name__
+        what = f"a tuple of {what}" if column.several else what
+        raise BenchError(f"rows: {name}: expected {what}, got {wrong[0]!r:.80}")
 
 
 def _plain(name: str, value: object) -> Plain:
@@ -127,16 +167,16 @@ def _plain(name: str, value: object) -> Plain:
     raise BenchError(f"rows: {name}: expected a number, a word or None, got {type(plain).__name__}")
 
 
-def restorer(kind: type[R]) -> Callable[[Mapping[str, Any]], R]:
-    """What makes rows of a dataclass of the columns that `flatten` took them apart to.
+def restorer(kind: type[R]) -> Callable[[Table], tuple[R, ...]]:
+    """What makes a trial's rows of the columns that they were taken apart to, see `check_types`.
 
-    It raises BenchError when a column is missing, unknown or of another type.
+    It raises BenchError when a word is none that the row may have.
     """
     adapter = TypeAdapter(kind)
 
-    def restore(flat: Mapping[str, Any]) -> R:
+    def restore(table: Table) -> tuple[R, ...]:
         try:
-            return adapter.validate_python(_nest(kind, flat, ""))
+            return tuple(adapter.validate_python(row) for row in (_nest(kind, table, "") if table else ()))
         except ValidationError as err:
             first = err.errors(include_url=False)[0]
             raise BenchError(f"rows: {'.'.join(map(str, first['loc']))}: {first['msg']}") from err
@@ -144,16 +184,16 @@ def restorer(kind: type[R]) -> Callable[[Mapping[str, Any]], R]:
     return restore
 
 
-def _nest(kind: type, flat: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """Fields of a dataclass; a nested one that may be None is None where all its columns are."""
-    found: dict[str, Any] = {}
+def _nest(kind: type, table: Table, prefix: str) -> list[dict[str, Any]]:
+    """Fields of a dataclass, row by row; a nested one that may be None is None where all its columns are."""
+    found: dict[str, Sequence[Any]] = {}
     for field, kinds in _kinds(kind).items():
         if nested := _nested(kinds):
-            own = _nest(nested, flat, f"{prefix}{field}.")
-            found[field] = None if NoneType in kinds and _empty(own) else own
-        elif prefix + field in flat:
-            found[field] = flat[prefix + field]
-    return found
+            own = _nest(nested, table, f"{prefix}{field}.")
+            found[field] = [None if _empty(row) else row for row in own] if NoneType in kinds else own
+        else:
+            found[field] = table[prefix + field]
+    return [dict(zip(found, row, strict=True)) for row in zip(*found.values(), strict=True)]
 
 
 def _empty(value: Any) -> bool:

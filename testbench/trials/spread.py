@@ -29,7 +29,7 @@ Count = int | Spread | None  #: The same of an integer.
 Share = bool | float  #: Whether something holds, or the share of trials in which it does.
 
 
-def spread(values: Sequence[float]) -> Spread:
+def spread(values: Sequence[float] | Array) -> Spread:
     """Median, 5th and 95th percentile of at least one number; NaN where one of them is."""
     ordered = np.sort(np.asarray(values, dtype=float))
     if math.isnan(ordered[-1]):
@@ -46,9 +46,9 @@ def _quantile(ordered: Array, share: float) -> float:
     return low + (high - low) * t if t < 0.5 else high - (high - low) * (1 - t)
 
 
-def wins(ours: Iterable[float], theirs: Iterable[float]) -> int:
+def wins(ours: Sequence[float] | Array, theirs: Sequence[float] | Array) -> int:
     """In how many trials ours is the smaller by more than a solver's last digits."""
-    return sum(bool(a < (1 - SAME) * b) for a, b in zip(ours, theirs, strict=True))
+    return int(np.count_nonzero(np.asarray(ours) < (1 - SAME) * np.asarray(theirs)))
 
 
 def middle(value: Number) -> float:

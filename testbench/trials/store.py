@@ -19,7 +19,8 @@ from testbench.errors import BenchError, InputError
 from testbench.output.manifest import read_manifest
 from testbench.output.scratch import folder_for, sweep, writing
 from testbench.trials.experiment import Experiment, check_header
-from testbench.trials.rows import SEED, Flat, check_types, columns, restorer
+from testbench.trials.packed import pack, unpack
+from testbench.trials.rows import SEED, Table, check_types, columns, restorer
 from testbench.trials.storefile import AWAY, check_plain, open_file, remove_file, told
 
 FILE, WHOLE = "trials.sqlite", "trials.parquet"
@@ -56,21 +57,21 @@ class TrialStore(Generic[R]):
     def trials(self) -> Iterator[tuple[int, tuple[R, ...]]]:
         """Stored trials in the order of the seeds: seed, and its rows as they were returned."""
         restore = restorer(self.row)
-        for seed, rows in self.flat():
+        for seed, table in self.tables():
             try:
-                yield seed, tuple(map(restore, rows))
+                yield seed, restore(table)
             except BenchError as err:
                 raise InputError(self.path, f"seed {seed}", str(err)) from err
 
-    def flat(self) -> Iterator[tuple[int, list[Flat]]]:
-        """Stored trials in the order of the seeds, one at a time in memory: seed and flat rows."""
-        query = "SELECT seed, rows FROM trials WHERE seed BETWEEN ? AND ? ORDER BY seed"
+    def tables(self) -> Iterator[tuple[int, Table]]:
+        """Stored trials in the order of the seeds, one at a time in memory: seed and rows by column."""
+        query = "SELECT seed, CAST(rows AS BLOB) FROM trials WHERE seed BETWEEN ? AND ? ORDER BY seed"
         with _told(self.path):
             for seed, rows in self._database.execute(query, (self.header[SEED], self.experiment.seeds[-1])):
-                yield seed, json.loads(rows)
+                yield seed, unpack(rows)
 
-    def append(self, seeds: Sequence[int], found: Iterable[list[Flat]]) -> None:
-        """Add finished trials' flat rows, from `chunk.do_chunk`; they are on the disk when this returns.
+    def append(self, seeds: Sequence[int], found: Iterable[Table]) -> None:
+        """Add finished trials' rows, from `chunk.do_chunk`; they are on the disk when this returns.
 
         Raises:
             BenchError: When rows are not of the store's type.
@@ -107,14 +108,15 @@ class TrialStore(Generic[R]):
     def _verified(self) -> Iterator[int]:
         """Seeds of the stored trials; InputError where one is not as it was stored, by a run of this kind."""
         with _told(self.path):
-            for seed, rows, sha256 in self._database.execute("SELECT seed, rows, sha256 FROM trials"):
-                if not isinstance(rows, str) or sha256 != self._sha256(seed, rows):
+            query = "SELECT seed, CAST(rows AS BLOB), sha256 FROM trials"
+            for seed, rows, sha256 in self._database.execute(query):
+                if not isinstance(rows, bytes) or sha256 != self._sha256(seed, rows):
                     problem = "expected what was stored, its checksum is of something else: it was edited or"
                     raise InputError(self.path, f"seed {seed}", f"{problem} is damaged; {AWAY}")
-                self._check_rows(self.path, seed, json.loads(rows))
+                self._check_rows(self.path, seed, unpack(rows))
                 yield seed
 
-    def _of_whole(self, whole: Path) -> Iterator[tuple[int, list[Flat]]]:
+    def _of_whole(self, whole: Path) -> Iterator[tuple[int, Table]]:
         """Trials of a run that has come to its end."""
         from testbench.trials.parquet import read_trials
 
@@ -129,31 +131,28 @@ class TrialStore(Generic[R]):
             self._check_rows(whole, seed, rows)
             yield seed, rows
 
-    def _check_rows(self, path: Path, seed: int, rows: object) -> None:
+    def _check_rows(self, path: Path, seed: int, table: Table) -> None:
         """Refuse what are no rows of this study."""
         try:
-            if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-                raise BenchError("rows: expected those of a trial")
-            self._checked(rows)
+            check_types(table, self.columns)
         except BenchError as err:
             raise InputError(path, f"seed {seed}", str(err)) from err
 
-    def _sha256(self, seed: int, rows: str) -> str:
+    def _sha256(self, seed: int, rows: bytes) -> bytes:
         """Of a trial of this experiment."""
         own = self._key.copy()
-        own.update(f"{seed} {rows}".encode())
-        return own.hexdigest()
+        own.update(f"{seed} ".encode() + rows)
+        return own.digest()
 
-    def _insert(self, trials: Iterable[tuple[int, list[Flat]]]) -> None:
-        texts = ((seed, json.dumps(self._checked(rows))) for seed, rows in trials)
+    def _insert(self, trials: Iterable[tuple[int, Table]]) -> None:
         with _told(self.path), self._database as transaction:
-            lines = ((seed, rows, self._sha256(seed, rows)) for seed, rows in texts)
+            lines = ((seed, rows, self._sha256(seed, rows)) for seed, rows in self._packed(trials))
             transaction.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?, ?)", lines)
 
-    def _checked(self, rows: list[Flat]) -> list[Flat]:
-        for row in rows:
-            check_types(row, self.columns)
-        return rows
+    def _packed(self, trials: Iterable[tuple[int, Table]]) -> Iterator[tuple[int, bytes]]:
+        for seed, table in trials:
+            check_types(table, self.columns)
+            yield seed, pack(table)
 
     def _mark(self, seeds: Iterable[int]) -> None:
         for seed in seeds:
@@ -165,7 +164,7 @@ def write_parquet(store: TrialStore[R], folder: Path) -> Path:
     """Write `trials.parquet`, the same bytes in whatever order the trials came; `parquet.write_trials`."""
     from testbench.trials.parquet import write_trials  # Arrow takes 0.2 s, which no worker should spend
 
-    write_trials(folder / WHOLE, store.header, store.columns, store.count, store.flat())
+    write_trials(folder / WHOLE, store.header, store.columns, store.count, store.tables())
     store.finished = store.count == len(store.experiment.seeds)
     return folder / WHOLE
 

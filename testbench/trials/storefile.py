@@ -18,10 +18,10 @@ HEAD = 100  #: Size of it [byte].
 MAGIC = b"SQLite format 3\0"
 ROLLBACK = b"\1\1"  #: Written with a rollback journal; with another one SQLite would read other files.
 NAMES_ANOTHER = bytes.fromhex("d9d505f920a163d7")  #: A journal ends so if it names a file of other databases.
-LONGEST = 2**24  #: Longest text of a cell, the rows of a trial [byte].
+LONGEST = 2**24  #: Longest cell, the packed rows of a trial [byte].
 TABLES = (
     "CREATE TABLE about (header TEXT)",
-    "CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT, sha256 TEXT)",
+    "CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows BLOB, sha256 BLOB)",
 )
 AWAY = "move it away to start afresh"
 FAULTS = {
@@ -151,4 +151,4 @@ def _check_tables(path: Path, database: sqlite3.Connection) -> None:
     except (sqlite3.Error, ValueError) as err:
         raise told(path, err) from err
     if found != set(TABLES):
-        raise InputError(path, "", f"expected a store of trials: it has other tables; {AWAY}")
+        raise InputError(path, "", f"expected a store of trials of this version: it has other tables; {AWAY}")

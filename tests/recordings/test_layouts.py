@@ -105,7 +105,7 @@ def made(tmp_path_factory):
         study, settings, count = KINDS[kind]
         seeds = range(1, 1 + count)
         rows = study.trials(settings, seeds)
-        found = study.summary(settings, seeds, zip(seeds, rows, strict=True))
+        found = study.summary(settings, seeds, list(zip(seeds, rows, strict=True)))
         run = Run(settings, seeds, found, study.words(found), study.tables(found), Path(), "{}")
 
         def write(folder):

@@ -26,7 +26,7 @@ from testbench.studies.loaded_stiffness.study import STUDY as LOADED
 from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
 from testbench.studies.run import to_json
 from testbench.trials.parquet import write_trials
-from testbench.trials.rows import columns, flatten
+from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
 
 NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
@@ -79,7 +79,7 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     trials = [(s, [row(n, mm * wide[s], s, seeds[0]) for n, mm in SIZES.items()]) for s in seeds]
     out.mkdir()
     files.write_json(to_json(STUDY.summary(asked, seeds, trials)), out / "report.json")
-    flat = [(seed, [flatten(own) for own in rows]) for seed, rows in trials]
+    flat = [(seed, tabled(rows)) for seed, rows in trials]
     write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
     plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
     arms = [find_arm("kr500_l480")]

@@ -7,6 +7,7 @@ import math
 import os
 import re
 import sqlite3
+import zlib
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,6 +19,8 @@ import pytest
 from testbench.errors import BenchError, InputError
 from testbench.trials.chunk import do_chunk
 from testbench.trials.experiment import Experiment
+from testbench.trials.groups import Whole, by_group
+from testbench.trials.packed import LONGEST, pack
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.trials.storefile import NAMES_ANOTHER as MAGIC
@@ -164,12 +167,20 @@ def test_a_finished_run_is_resumed_with_all_its_trials_also_those_without_rows(t
     assert [len(own) for _, own in before] == [len(own) for own in rows.values()]
 
 
-def test_many_rows_go_through_several_row_groups(tmp_path):
+def test_many_rows_go_through_several_row_groups(tmp_path, monkeypatch):
+    """Of whole trials; read back in batches that cut trials."""
+    monkeypatch.setattr("testbench.trials.parquet.GROUP", 1000)
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         put(store, {s: [X(1000 * s + k) for k in range(900)] for s in TOY.seeds})
         file = pq.ParquetFile(write_parquet(store, tmp_path))
         assert [len(rows) for _, rows in store.trials()] == [900] * 5
-    assert [file.metadata.row_group(k).num_rows for k in range(3)] == [2048, 2048, 404]
+    assert [file.metadata.row_group(k).num_rows for k in range(3)] == [1800, 1800, 900]
+    with open_store(tmp_path / "again", TOY, row=X, resume=False) as store:
+        (tmp_path / WHOLE).rename(tmp_path / "again" / WHOLE)
+        store.load(resume=True)
+        assert [[row.x for row in rows] for _, rows in store.trials()] == [
+            [1000 * s + k for k in range(900)] for s in TOY.seeds
+        ]
     assert file.read()["x"].to_pylist() == [1000 * s + k for s in TOY.seeds for k in range(900)]
 
 
@@ -198,6 +209,8 @@ def test_work_that_forgets_a_seed_is_told():
         (replace(FULL, several=1.0), "rows: several: expected a tuple of float, got 1.0"),
         (replace(FULL, pi=(1.0,)), r"rows: pi: expected float, got \(1.0,\)"),
         (replace(FULL, count=2**63), "rows: count: expected int, got 9223"),
+        (replace(FULL, part="chuck"), "rows: part: expected 'check' or 'workspace', got 'chuck'"),
+        (replace(FULL, word=None), "rows: word: expected str, got None"),
         (X(1.0), "rows: expected the columns of one dataclass, they differ in bounds, check.rank"),
     ],
 )
@@ -239,7 +252,7 @@ def test_dataclasses_that_are_no_table_are_refused(tmp_path, row):
         lambda data: data[:4096],
         lambda data: data[:100],
         lambda data: data.replace(b"CREATE TABLE trials", b"CREATE TABLE pebble"),
-        lambda data: data.replace(b'[{"x": 2.66', b'[{"x"; 2.66'),
+        lambda data: data.replace(pack({"x": [8 / 3]}), pack({"x": [7 / 3]})),
         lambda data: b"notes of mine\n" * 100,
     ],
 )
@@ -261,7 +274,7 @@ def test_a_damaged_store_is_one_line_and_left_alone(tmp_path, damage):
 
 
 EDITS = {
-    "a number": ("UPDATE trials SET rows = replace(rows, '2.6', '2.5') WHERE seed = 8", "seed 8"),
+    "a number": (f"UPDATE trials SET rows = x'{pack({'x': [2.5]}).hex()}' WHERE seed = 8", "seed 8"),
     "the seed": ("UPDATE trials SET seed = 9 WHERE seed = 8", "seed 9"),
     "swapped": (
         "UPDATE trials SET rows = (SELECT rows FROM trials t WHERE t.seed = 15 - trials.seed)",
@@ -270,7 +283,11 @@ EDITS = {
     "no checksum": ("UPDATE trials SET sha256 = NULL", "seed 7"),
     "no text": ("UPDATE trials SET rows = 7, sha256 = 7", "seed 7"),
     "bytes": ("UPDATE trials SET rows = x'ff00' WHERE seed = 8", "seed 8"),
-    "a row of another study": ("INSERT INTO trials VALUES (9, '[{\"x\": 1.0}]', '0')", "seed 9"),
+    "a row of another study": (f"INSERT INTO trials VALUES (9, x'{pack({'x': [1.0]}).hex()}', 0)", "seed 9"),
+    "tables of an earlier version": (
+        "DROP TABLE trials; CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT, sha256 TEXT)",
+        "expected a store of trials of this version",
+    ),
     "no header": ("DELETE FROM about", "expected a store of trials"),
     "two headers": ("INSERT INTO about VALUES ('{}')", "expected a store of trials"),
     "a header that is none": ("UPDATE about SET header = NULL", "expected a store of trials"),
@@ -391,7 +408,7 @@ def test_a_journal_that_names_another_file_is_refused(tmp_path):
     assert (tmp_path / "mine").exists()
 
 
-@pytest.mark.parametrize("where", [40, -1, None])
+@pytest.mark.parametrize("where", [90, -1, -100, None])
 def test_a_damaged_whole_file_is_one_line_and_left_alone(tmp_path, where):
     fill(tmp_path, TOY.seeds)
     path = tmp_path / WHOLE
@@ -407,16 +424,38 @@ def test_a_damaged_whole_file_is_one_line_and_left_alone(tmp_path, where):
     assert files(tmp_path) == {WHOLE: bytes(data)}
 
 
-def test_rows_too_deep_under_a_right_checksum_are_one_line(tmp_path):
+FORGED = {
+    "deep": zlib.compress(b"[" * 100_000),
+    "endless": zlib.compress(bytes(2 * LONGEST)),
+    "no columns": zlib.compress(b"[1.0]"),
+    "no text": zlib.compress(b"\xff"),
+    "not packed": b'{"x": [1.0]}',
+    "cut": pack({"x": [1.0]})[:-1],
+    "more behind": pack({"x": [1.0]}) + b"!",
+    "of another study": pack({"y": [1.0]}),
+    "a word": pack({"x": ["1.0"]}),
+    "uneven": pack({"x": [1.0], "y": []}),
+}
+
+
+@pytest.mark.parametrize("kind", FORGED)
+def test_forged_rows_under_a_right_checksum_are_one_line(tmp_path, kind):
     fill(tmp_path, [7, 8])
-    rows = "[" * 100_000
-    key = json.dumps(TOY.header, sort_keys=True)
-    sha256 = hashlib.sha256(f"{key}8 {rows}".encode()).hexdigest()
+    rows, key = FORGED[kind], json.dumps(TOY.header, sort_keys=True)
+    sha256 = hashlib.sha256(f"{key}8 ".encode() + rows).digest()
     with contextlib.closing(sqlite3.connect(tmp_path / FILE)) as database:
         database.execute("UPDATE trials SET rows = ?, sha256 = ? WHERE seed = 8", (rows, sha256))
         database.commit()
-    with pytest.raises(InputError, match=r"trials\.sqlite: expected a store of trials"):
+    with pytest.raises(InputError, match=r"trials\.sqlite: (expected a store of trials|seed 8: rows)"):
         missing(tmp_path)
+
+
+def test_what_is_longer_than_can_be_read_back_is_not_stored(tmp_path, monkeypatch):
+    monkeypatch.setattr("testbench.trials.packed.LONGEST", 100)
+    with open_store(tmp_path, TOY, row=X, resume=False) as store:
+        with pytest.raises(BenchError, match="expected at most 100 bytes of a trial"):
+            put(store, {7: [X(1 / 3)] * 6})
+        assert store.count == 0
 
 
 def forge_whole(folder, seeds, trials, header=None):
@@ -520,7 +559,7 @@ def test_a_full_disk_loses_nothing_that_is_stored(tmp_path):
         put(store, {7: [X(1.0)]})
         store._database.execute("PRAGMA max_page_count=3")  # as many as there are
         with pytest.raises(InputError, match=r"trials\.sqlite: cannot be written: the disk is full"):
-            put(store, {8: [X(1.0)] * 1000})
+            put(store, {8: [X(k / 7) for k in range(4000)]})
         assert store.count == 1
         put(store, {9: [X(2.0)]})
     assert missing(tmp_path) == [8, 10, 11]
@@ -554,3 +593,37 @@ def test_seeds_are_consecutive_and_fit_parquet(seeds):
 def test_a_scenario_is_plain_data(tmp_path, scenario):
     with pytest.raises(BenchError, match="scenario: expected plain JSON data"):
         fill(tmp_path, [7], Experiment("toy", scenario, range(7, 12)))
+
+
+@dataclass(frozen=True)
+class Words:
+    word: np.ndarray
+    pi: np.ndarray
+    nan: np.ndarray
+    yes: np.ndarray
+
+
+def test_columns_by_group_are_those_of_the_rows_on_the_disk_and_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("testbench.trials.groups.BATCH", 7)
+    rng = np.random.default_rng(4)
+    rows = {
+        seed: [
+            replace(FULL, pi=x, nan=None if x > 0.5 else x, word=f"w{x:.1f}", yes=x > 0.3, part=part)
+            for part in ("workspace", "check")
+            for x in rng.random(3).tolist()
+        ]
+        for seed in TOY.seeds
+    }
+    with open_store(tmp_path, TOY, row=Full, resume=False) as store:
+        put(store, rows)
+        whole = Whole(store, write_parquet(store, tmp_path))
+        assert repr([list(own) for _, own in whole]) == repr([list(own) for _, own in store.trials()])
+        found = [by_group(trials, ("part", "count"), Words) for trials in (whole, list(rows.items()))]
+    for groups in found:
+        assert list(groups) == [("workspace", -(2**63)), ("check", -(2**63))]
+        for (part, _), own in groups.items():
+            flat = [row for seed in TOY.seeds for row in rows[seed] if row.part == part]
+            assert own.pi.tolist() == [row.pi for row in flat]
+            assert own.yes.tolist() == [row.yes for row in flat]
+            assert own.word.tolist() == [row.word for row in flat]
+            assert repr(own.nan.tolist()) == repr([math.nan if row.nan is None else row.nan for row in flat])

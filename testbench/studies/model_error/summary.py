@@ -19,7 +19,6 @@ from testbench.studies.model_error.report import (
 )
 from testbench.studies.model_error.trial import FEATURED, NAME, CaseRow, Settings
 from testbench.studies.noise_sensitivity.by_arm import ByArm, by_arm, true_arms
-from testbench.studies.noise_sensitivity.fits import summed
 from testbench.studies.noise_sensitivity.summary import model_at
 from testbench.studies.noise_sensitivity.verdict import BY_CONE, PAIRS
 from testbench.studies.paper import MOST
@@ -102,9 +101,12 @@ def gains(groups: Groups, noisy: Sequence[CaseErrors], noise_um: float) -> Gains
 
 def _errors(rows: Sequence[CaseRow], groups: Groups) -> CaseErrors:
     """One case, model and noise; what the case adds is counted trial by trial."""
-    fields = vars(summed(rows))
+    fields = dict(vars(rows[0]))
     del fields["measured"], fields["true_arm"]
-    fields["moved_um"] = spread([middle(row.moved_um) for row in rows])
+    for name in ("rms_um", "p95_um", "moved_um"):
+        fields[name] = spread([middle(getattr(row, name)) for row in rows])
+    for name in ("conservative", "solved"):
+        fields[name] = float(np.mean([getattr(row, name) for row in rows]))
     base = groups[NONE, rows[0].model, rows[0].noise_um]
     pairs = zip(rows, base, strict=True)
     added = spread([middle(own.rms_um) - middle(none.rms_um) for own, none in pairs])
@@ -154,7 +156,7 @@ def together_by_arm(groups: Groups, names: Iterable[str], noise_um: float) -> li
     return [
         row
         for name, rows in own.items()
-        for row in by_arm(name, ((r.true_arm, middle(r.rms_um)) for r in rows))
+        for row in by_arm(name, [r.true_arm for r in rows], [middle(r.rms_um) for r in rows])
     ]
 
 
@@ -164,7 +166,8 @@ def claim_by_arm(groups: Groups, noise_um: float) -> list[ByArm]:
     for (case, *rest), rows in groups.items():
         if case in (PLAIN_COMPENSATOR, STIFF) and rest == [FEATURED, noise_um]:
             pairs = zip(rows, groups[NONE, FEATURED, noise_um], strict=True)
-            found += by_arm(case, ((a.true_arm, middle(a.rms_um) / middle(b.rms_um) - 1) for a, b in pairs))
+            changes = [middle(a.rms_um) / middle(b.rms_um) - 1 for a, b in pairs]
+            found += by_arm(case, [row.true_arm for row in rows], changes)
     return found
 
 

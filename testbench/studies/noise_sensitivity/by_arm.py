@@ -1,16 +1,19 @@
 """Over the family of true arms: the flag that asks for it, and headlines that differ by true arm."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
 import typer
 
 from testbench.bench.truths import TRUTHS, TrueArmName, member
-from testbench.trials.spread import Spread, grouped, spread
+from testbench.errors import Array
+from testbench.trials.spread import Spread, spread
 
+Words = npt.NDArray[np.object_]  #: A word a trial.
 LEAST_TRIALS = 2  #: Of a true arm, below which its numbers have no spread.
 
 TrueArmFlag = Annotated[
@@ -34,7 +37,7 @@ def true_arms(family: str, seeds: Iterable[int]) -> dict[str, int]:
     return {arm: counts[arm] for arm in TRUTHS if arm in counts}
 
 
-def by_arm(headline: str, values: Iterable[tuple[str, float]]) -> list[ByArm]:
+def by_arm(headline: str, arms: Sequence[str] | Words, values: Sequence[float] | Array) -> list[ByArm]:
     """A headline by true arm where it differs by more than its spread, else nothing.
 
     It does where the medians of true arms lie further apart than the 5 to 95 % of one is wide, in the median
@@ -42,12 +45,14 @@ def by_arm(headline: str, values: Iterable[tuple[str, float]]) -> list[ByArm]:
 
     Args:
         headline: What it is a number of.
-        values: True arm and number of every trial.
+        arms: True arm of every trial.
+        values: Number of every trial.
     """
-    own = {arm: [v for _, v in pairs] for arm, pairs in grouped(values, lambda pair: pair[0]).items()}
+    names, numbers = np.asarray(arms, dtype=object), np.asarray(values, dtype=float)
+    own = {arm: numbers[names == arm] for arm in TRUTHS if arm in set(names)}
     if min(map(len, own.values())) < LEAST_TRIALS:
         return []
-    spreads = {arm: spread(own[arm]) for arm in TRUTHS if arm in own}
+    spreads = {arm: spread(found) for arm, found in own.items()}
     medians = [s.median for s in spreads.values()]
     if np.ptp(medians) <= np.median([s.p95 - s.p05 for s in spreads.values()]):
         return []

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from testbench.bench.baselines import equal_fit
@@ -15,9 +15,11 @@ from testbench.bench.rows import UM, DatasetRow
 from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import all_deflections, score
-from testbench.trials.spread import Number, Share, middle, spread
+from testbench.studies.noise_sensitivity.by_arm import Words
+from testbench.trials.spread import Number, Share
 
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
@@ -48,7 +50,21 @@ class TrialRow(FitRow):
     measured: DatasetRow | None  #: The dataset, of one case of the trial alone.
 
 
-F = TypeVar("F", bound=FitRow)
+Holds = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Columns of the rows of all trials that are alike in model and case, (trials,)."""
+
+    structure: Words
+    constraint: Words
+    prior: Holds
+    rms_um: Array
+    p95_um: Array
+    conservative: Holds
+    solved: Holds
+    true_arm: Words
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
@@ -69,18 +85,6 @@ def with_wrong_priors(cell: Cell, models: Sequence[Model], names: Sequence[str],
     """
     default = with_priors(named_models(cell, LEARNS), wrong_prior(cell, seed))
     return [*with_wrong_prior(cell, models, names, seed), *default]
-
-
-def summed(rows: Sequence[F]) -> F:
-    """A fit over all trials: errors with their spread, truth values as shares."""
-    first = rows[0]
-    return replace(
-        first,
-        rms_um=spread([middle(row.rms_um) for row in rows]),
-        p95_um=spread([middle(row.p95_um) for row in rows]),
-        conservative=float(np.mean([row.conservative for row in rows])),
-        solved=float(np.mean([row.solved for row in rows])),
-    )
 
 
 def judged(cell: Cell, model: Model, estimates: Sequence[Estimate], truth: Dataset) -> list[FitRow]:

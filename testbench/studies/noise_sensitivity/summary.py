@@ -1,14 +1,16 @@
 """The report of the study of noise: every error with its spread, and what they say."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, cast
+
+import numpy as np
 
 from testbench.bench.baselines import JOINTS
 from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
 from testbench.identify import Constraint
 from testbench.studies.noise_sensitivity.by_arm import true_arms
-from testbench.studies.noise_sensitivity.fits import FitRow, summed
+from testbench.studies.noise_sensitivity.fits import FitRow, Fits
 from testbench.studies.noise_sensitivity.instruments import NEAR
 from testbench.studies.noise_sensitivity.report import Level, ModelAt, NoiseReport, Scores
 from testbench.studies.noise_sensitivity.trial import (
@@ -21,6 +23,7 @@ from testbench.studies.noise_sensitivity.trial import (
     Settings,
 )
 from testbench.studies.noise_sensitivity.verdict import (
+    Groups,
     compared,
     costs,
     errors_by_arm,
@@ -36,7 +39,8 @@ from testbench.studies.noise_sensitivity.verdict import (
     worst,
 )
 from testbench.studies.study import Trials
-from testbench.trials.spread import Number, Spread, ends, grouped, middle
+from testbench.trials.groups import by_group
+from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
 
 PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
 METHODS: dict[Constraint, str] = {
@@ -48,9 +52,8 @@ METHODS: dict[Constraint, str] = {
 
 def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseReport:
     """Medians and spreads by part, model and level."""
-    rows = [row for _, own in trials for row in own]
-    groups = grouped(rows, lambda row: (row.part, row.model, row.x))
-    by_part = grouped([_level(own) for own in groups.values()], lambda level: level.part)
+    groups = cast(Groups, by_group(trials, ("part", "model", "x"), Fits))
+    by_part = grouped([_level(*key, own) for key, own in groups.items()], lambda level: level.part)
     sweeps = {part: by_part[part] for part in PARTS}
     instruments = [level for part in INSTRUMENT_PARTS.values() for level in by_part[part]]
     cost = {part: slopes(groups, part) for part in PARTS}
@@ -79,7 +82,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseRep
         instruments=instruments,
         instruments_by=INSTRUMENT,
         near_m=NEAR,
-        near=extremes({name: summed(own).rms_um for name, own in near.items()}),
+        near=extremes({name: spread(own.rms_um) for name, own in near.items()}),
         weighted_over_flat=grouped(weighted(groups), lambda row: row.truth),
         leaders=led,
         gains=gain,
@@ -92,15 +95,27 @@ def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseRep
             words: shares([fit.conservative for fit in own]) for words, own in grouped(noisy, _method).items()
         },
         models=[model for part, levels in sweeps.items() for model in _models(part, levels)],
-        dataset=next(row.measured for row in rows if row.measured is not None),
+        dataset=next(row.measured for _, own in trials for row in own if row.measured is not None),
     )
 
 
-def _level(rows: Sequence[NoiseRow]) -> Level:
-    fields = vars(summed(rows))
-    del fields["measured"], fields["true_arm"]
-    part, x = rows[0].part, rows[0].x
-    return Level(**fields, trials=len(rows), truth=TRUTHS[part], sigma_um=UM * x if part in PARTS else None)
+def _level(part: Part, model: str, x: float, fits: Fits) -> Level:
+    """Errors with their spread, truth values as shares."""
+    return Level(
+        model=model,
+        structure=fits.structure[0],
+        constraint=fits.constraint[0],
+        prior=bool(fits.prior[0]),
+        rms_um=spread(fits.rms_um),
+        p95_um=spread(fits.p95_um),
+        conservative=float(np.mean(fits.conservative)),
+        solved=float(np.mean(fits.solved)),
+        part=part,
+        x=x,
+        trials=len(fits.rms_um),
+        truth=TRUTHS[part],
+        sigma_um=UM * x if part in PARTS else None,
+    )
 
 
 def _method(fit: FitRow) -> str:

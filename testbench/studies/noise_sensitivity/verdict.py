@@ -9,6 +9,7 @@ from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
 from testbench.errors import Array
 from testbench.studies.noise_sensitivity.by_arm import ByArm, by_arm
+from testbench.studies.noise_sensitivity.fits import Fits
 from testbench.studies.noise_sensitivity.instruments import UNWEIGHTED, WEIGHTED
 from testbench.studies.noise_sensitivity.report import (
     Compared,
@@ -23,7 +24,7 @@ from testbench.studies.noise_sensitivity.report import (
     Weighted,
     Worst,
 )
-from testbench.studies.noise_sensitivity.trial import DEFAULT_PARTS, INSTRUMENT, TRUTHS, NoiseRow, Part
+from testbench.studies.noise_sensitivity.trial import DEFAULT_PARTS, INSTRUMENT, TRUTHS, Part
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import Number, Spread, grouped, middle, spread, triple, wins
 from testbench.views.schema import ALIKE, best_of
@@ -34,8 +35,8 @@ BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
 PAIRS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
 """What the cone does without a prior and with it, then both and the default against the incumbent."""
 
-Groups = Mapping[tuple[Part, str, float], Sequence[NoiseRow]]
-"""Rows of all trials by part, model and level."""
+Groups = Mapping[tuple[Part, str, float], Fits]
+"""Fits of all trials by part, model and level."""
 
 
 def _noises(groups: Groups, part: Part) -> list[float]:
@@ -45,24 +46,23 @@ def _noises(groups: Groups, part: Part) -> list[float]:
 
 def _um(groups: Groups, part: Part, model: str, x: float) -> Array:
     """Errors of a model, trial by trial [um]."""
-    return np.array([middle(row.rms_um) for row in groups[part, model, x]])
+    return groups[part, model, x].rms_um
 
 
 def slopes(groups: Groups, part: Part) -> dict[str, Slope]:
     """Error without noise, and what the largest noise adds to it, by model."""
     found, top = {}, max(_noises(groups, part))
-    for (where, name, x), rows in groups.items():
+    for (where, name, x), own in groups.items():
         if where == part and x == 0:
             calm, noisy = (_um(groups, part, name, level) for level in (0.0, top))
             added = np.sqrt(np.maximum(0, noisy**2 - calm**2)) / (UM * top)
-            first = rows[0]
             found[name] = Slope(
                 model=name,
-                structure=first.structure,
-                constraint=first.constraint,
-                prior=first.prior,
-                noise_free_um=spread(calm.tolist()),
-                um_per_um=spread(added.tolist()),
+                structure=own.structure[0],
+                constraint=own.constraint[0],
+                prior=bool(own.prior[0]),
+                noise_free_um=spread(calm),
+                um_per_um=spread(added),
             )
     return found
 
@@ -134,10 +134,8 @@ def worst(levels: Sequence[Level], least_squares: str) -> Worst:
 def errors_by_arm(groups: Groups, part: Part, led: Leaders) -> list[ByArm]:
     """The errors of the leaders, of the default and of joints alone that differ by true arm [um]."""
     names = dict.fromkeys((*led.best, DEFAULT, *led.plain, JOINTS))
-    own = {name: rows for (where, name, x), rows in groups.items() if (where, UM * x) == (part, led.noise_um)}
-    return [
-        row for name in names for row in by_arm(name, ((r.true_arm, middle(r.rms_um)) for r in own[name]))
-    ]
+    own = {name: fits for (where, name, x), fits in groups.items() if (where, UM * x) == (part, led.noise_um)}
+    return [row for name in names for row in by_arm(name, own[name].true_arm, own[name].rms_um)]
 
 
 def weighted_by_arm(groups: Groups, near: float) -> list[ByArm]:
@@ -145,9 +143,9 @@ def weighted_by_arm(groups: Groups, near: float) -> list[ByArm]:
     found = []
     for part, model, x in groups:
         if (model, x) == (WEIGHTED, near):
-            pairs = zip(groups[part, WEIGHTED, x], groups[part, UNWEIGHTED, x], strict=True)
-            ratios = [(a.true_arm, middle(a.rms_um) / middle(b.rms_um)) for a, b in pairs]
-            found += by_arm(f"{TRUTHS[part]}, {_identified_by(part)}", ratios)
+            full, flat = groups[part, WEIGHTED, x], groups[part, UNWEIGHTED, x]
+            headline = f"{TRUTHS[part]}, {_identified_by(part)}"
+            found += by_arm(headline, full.true_arm, full.rms_um / flat.rms_um)
     return found
 
 
@@ -174,7 +172,7 @@ def weighted(groups: Groups) -> list[Weighted]:
                     truth=TRUTHS[part],
                     model=_identified_by(part),
                     distance_m=x,
-                    ratio=spread((full / flat).tolist()),
+                    ratio=spread(full / flat),
                     better_in=wins(full, flat) / len(full),
                     trials=len(full),
                     better=best_of(medians).names,
@@ -196,7 +194,7 @@ def _pair(groups: Groups, part: Part, ours: str, theirs: str, x: float) -> Paire
         ours=ours,
         theirs=theirs,
         sigma_um=UM * x,
-        ratio=spread((a / b).tolist()),
+        ratio=spread(a / b),
         better_in=better / len(a),
         alike_in=1 - (better + worse) / len(a),
     )
