@@ -15,6 +15,9 @@ from testbench.model.weights import Weights
 LARGEST = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
 LONGEST, NAME = 20_000, 255
 """Longest text of a model, and longest name of its arm [characters]."""
+PRINTED = (
+    "^[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*$"  #: Texts without control characters, which no XML holds.
+)
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Numbers = list[Number]
 Rows = list[Numbers]
@@ -59,7 +62,7 @@ class Document(Row):
 
     kind: str
     format: int
-    arm: Annotated[str, Field(max_length=NAME)]
+    arm: Annotated[str, Field(max_length=NAME, pattern=PRINTED)]
     digests: dict[str, str]
     weights: WeightsRow
     posterior: str | None = None  #: SHA-256 of posterior.npz.

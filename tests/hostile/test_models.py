@@ -1,14 +1,21 @@
 """Folders of models that a stranger forged, checksums and all: `predict` refuses what no model can say."""
 
+import contextlib
+import hashlib
+import io
 import json
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from testbench.bench.model_folder import read_arrays
 from testbench.bench.model_seal import sealed
+from testbench.errors import InputError
 
 Change = Callable[[dict], object]
 
@@ -48,6 +55,7 @@ def says(*place: str, value: object) -> Change:
 
 NUMBERS = {
     "an arm of a long name": (says("arm", value="x" * 5_000_000), "arm: String should have at most 255"),
+    "an arm of a name that no XML holds": (says("arm", value="a\0b"), "arm: String should match pattern"),
     "a note that fills pages": (says("notes", value=["x" * 10**6]), "notes.0: String should have at most"),
     "a name that fills pages": (says("name", value="x" * 10**6), "name: String should have at most"),
     "masses of 1e300 kg": (says("weights", "mass_kg", value=[1e300] * 8), "weights.mass_kg.0: Input should"),
@@ -85,3 +93,19 @@ def test_a_forged_posterior_is_refused(attack, model, tmp_path, name):
     lab = Path(shutil.copytree(model, tmp_path / "lab"))
     forge(lab / "model", dict, **arrays)
     attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA])
+def test_a_damaged_posterior_is_read_or_refused_whatever_numpy_and_zipfile_raise(tmp_path, rng, method):
+    head = "{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }\n"
+    for _ in range(150):
+        text, raw = bytearray(head.encode()), io.BytesIO()
+        text[rng.integers(len(text))] = rng.choice(list(b"'()[]{},:01L-.T \n\\"))
+        with zipfile.ZipFile(raw, "w", method) as packed:
+            packed.writestr("pi.npy", b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + bytes(8))
+        damaged = bytearray(raw.getvalue())
+        damaged[rng.integers(len(damaged))] = rng.integers(256)
+        (tmp_path / "posterior.npz").write_bytes(damaged)
+        own = SimpleNamespace(posterior=hashlib.sha256(damaged).hexdigest())
+        with contextlib.suppress(InputError):
+            read_arrays(tmp_path, own, ["pi"])
