@@ -100,6 +100,8 @@ def command(asked: Options) -> None:
 
 
 def _places(asked: Options) -> Places:
+    if not asked.out.name:
+        raise InputError(asked.out, "", "expected the name of a file, got a folder")
     named = asked.out.stem if asked.out.suffix == ".csv" else asked.out.name.replace(".", "_")
     beside = asked.out.with_name(f"{named}_report")
     if asked.report == asked.out:

@@ -76,7 +76,7 @@ class Options:
         int | None,
         typer.Option(help="Feasible poses to choose from; 5000 if not given, 1000 with --absolute."),
     ] = None
-    sling_m: Annotated[float, typer.Option(help="From the load point to the weight.")] = 0.5
+    sling_m: Annotated[float, typer.Option(min=0, max=100, help="From the load point to the weight.")] = 0.5
     floor_z: Annotated[
         float | None, typer.Option(help="Height in m of a floor that rigid.xml does not have.")
     ] = None

@@ -38,12 +38,18 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def _names(files: Sequence[object]) -> frozenset[str]:
-    """Paths of files; a ValueError where there are too many for a run, or what no file can be called."""
-    found = frozenset(map(str, files))
-    together = os.fsencode("".join(found))
-    if len(found) > FILES or b"\0" in together:
-        raise ValueError("no names of a run's files")
-    return found
+    """Paths of files, without what no file can be called; a ValueError where there are too many for a run."""
+    if len(files) > FILES:
+        raise ValueError("too many files")
+    return frozenset(filter(_possible, map(str, files)))
+
+
+def _possible(name: str) -> bool:
+    """Whether a file can be called so."""
+    try:
+        return b"\0" not in os.fsencode(name)
+    except UnicodeEncodeError:
+        return False
 
 
 def is_run(folder: Path) -> bool:
