@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from testbench import files
 from testbench.errors import InputError
 from testbench.output import manifest
 from testbench.output.lock import turn
@@ -37,15 +38,36 @@ def put_in_place(out: Path, scratch: Path) -> None:
         _complete(out)
 
 
-def settle(folder: Path) -> None:
+def settle(folder: Path, *, read: bool = False) -> None:
     """Finish what a killed process began to put in place; waits for one that does.
 
+    Args:
+        folder: Of a run.
+        read: By who reads it, perhaps a stranger's: no file is touched but those of its runs.
+
     Raises:
-        InputError: When it cannot be finished.
+        InputError: When it cannot be finished, or no killed process left it so.
     """
     if _is_folder(folder / READY):
         with writing(folder), turn(folder), stops_wait():
+            for file in sorted(_unlike(folder)) if read else ():
+                problem = "is of no run that was killed while it was put in place; move it away"
+                raise InputError(folder / file, "", problem)
             _complete(folder)
+
+
+def _unlike(out: Path) -> Iterator[str]:
+    """Files that are to be moved, replaced or removed, and are not those that the manifests name."""
+    old, new = read_manifest(out), read_manifest(out / READY)
+    coming = [file.as_posix() for file in _files(out / READY) if file != Path(manifest.NAME)]
+    going = (old.files or frozenset()) - (new.files or old.files or frozenset())
+    both = [(out / READY, name, new) for name in coming]
+    both += [(out, name, old) for name in (*coming, *going) if os.path.lexists(out / name)]
+    for folder, name, own in both:
+        with contextlib.suppress(InputError):
+            if not (folder / name).is_symlink() and own.sha256.get(name) == files.digest(folder / name):
+                continue
+        yield (folder / name).relative_to(out).as_posix()
 
 
 @contextlib.contextmanager
@@ -55,7 +77,7 @@ def reading(folder: Path) -> Iterator[None]:
     Raises:
         InputError: When what a killed process began to put in place cannot be finished.
     """
-    settle(folder)
+    settle(folder, read=True)
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # whoever reads will tell
             stack.enter_context(turn(folder, shared=True))

@@ -1,8 +1,10 @@
 """The command of a study: trials on the engine, then its report and every view of it, all or nothing."""
 
+import contextlib
 import json
+import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +26,7 @@ from testbench.trials.chunk import Backend
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.groups import Whole
-from testbench.trials.store import open_store, write_parquet
+from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.page.page import Seen, write_page
 
@@ -64,6 +66,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     experiment = Experiment(study.name, scenario, seeds)
     backend = choose_backend(common)
     with (
+        _of_stored(out, resume=common.resume),
         claim_folder(out, script, inputs=arms, force=common.force),
         open_store(out, experiment, row=study.row, resume=common.resume) as store,
         whole_folder(out) as folder,
@@ -82,6 +85,21 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         )
     terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
+
+
+@contextlib.contextmanager
+def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
+    """A fault over trials that were stored before is told as theirs: who computes checksums forges them."""
+    places = [folder / name for folder in (out, out / PREPARED) for name in (FILE, WHOLE)]
+    stored = resume and any(map(os.path.lexists, places))
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError) as err:
+        if not stored:
+            raise
+        last = (str(err).splitlines() or [""])[-1]
+        problem = f"expected trials of this study, of those that are stored nothing can be said: {last}"
+        raise InputError(out, "", f"{problem}; choose another folder to start afresh") from err
 
 
 def _write(study: Study[O, S, W, R], found: Run[S, R]) -> None:

@@ -152,10 +152,17 @@ def _check_cells(name: str, column: Column, cells: Sequence[Value], fits: Set[ty
         wrong = [own for own in cells if own is not None and own not in column.words]
     if int in found:
         wrong += [own for own in cells if isinstance(own, int) and not -LARGEST <= own < LARGEST]
+    if str in found:
+        wrong += filter(_no_text, cells)
     if wrong:
         what = " or ".join(map(repr, sorted(column.words))) or column.kind.__name__
         what = f"a tuple of {what}" if column.several else what
         raise BenchError(f"rows: {name}: expected {what}, got {wrong[0]!r:.80}")
+
+
+def _no_text(value: object) -> bool:
+    """Whether it is a word with half a character in it, which no file can hold."""
+    return isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value)
 
 
 def _plain(name: str, value: object) -> Plain:

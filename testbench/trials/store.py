@@ -41,6 +41,7 @@ class TrialStore(Generic[R]):
         self.columns = columns(row)
         self.header = experiment.header
         self.finished = False
+        self.taken = 0  #: Trials that a finished run beside it holds too.
         self._database = database
         self._done = bytearray(len(experiment.seeds))
         self._key = hashlib.sha256(json.dumps(self.header, sort_keys=True).encode())
@@ -104,6 +105,7 @@ class TrialStore(Generic[R]):
         with _told(self.path), self._database:
             self._database.execute("UPDATE about SET header = ?", (json.dumps(self.header),))
             self._mark(seed for (seed,) in self._database.execute("SELECT seed FROM trials"))
+        self.taken = self.count
 
     def _verified(self) -> Iterator[int]:
         """Seeds of the stored trials; InputError where one is not as it was stored, by a run of this kind."""
@@ -187,6 +189,7 @@ def open_store(
         with writing(path):
             sweep(folder)
         database = stack.enter_context(contextlib.closing(open_file(path)))
+        store = None
         try:
             store = TrialStore(path, experiment, row, database)
             store.load(resume=resume)
@@ -195,7 +198,8 @@ def open_store(
                 remove_file(path)
         finally:
             with contextlib.suppress(sqlite3.Error):  # a damaged one stays
-                if database.execute("SELECT count(*) FROM trials").fetchone() == (0,):
+                ((held,),) = database.execute("SELECT count(*) FROM trials")
+                if held <= (store.taken if store else 0):
                     remove_file(path)
 
 

@@ -6,6 +6,7 @@ names, and computes views and triggers. So a file of another kind never reaches 
 
 import contextlib
 import os
+import shutil
 import sqlite3
 import stat
 from pathlib import Path
@@ -17,7 +18,9 @@ APPLICATION = 0x7462_7472  #: Says in a file's head that it is ours: "tbtr".
 HEAD = 100  #: Size of it [byte].
 MAGIC = b"SQLite format 3\0"
 ROLLBACK = b"\1\1"  #: Written with a rollback journal; with another one SQLite would read other files.
-NAMES_ANOTHER = bytes.fromhex("d9d505f920a163d7")  #: A journal ends so if it names a file of other databases.
+JOURNAL = bytes.fromhex("d9d505f920a163d7")
+"""A journal begins so while what it says is to be taken back, and ends so if it names a file of others."""
+MARGIN = 2**20  #: By which a journal may be larger than twice its store [byte].
 LONGEST = 2**24  #: Longest cell, the packed rows of a trial [byte].
 TABLES = (
     "CREATE TABLE about (header TEXT)",
@@ -35,11 +38,15 @@ FAULTS = {
 
 def told(path: Path, err: Exception) -> InputError:
     """What a failure of SQLite, or of what is stored, means."""
-    name = getattr(err, "sqlite_errorname", "")
-    for fault, words in FAULTS.items():
-        if name.startswith(fault):
-            return InputError(path, "", words)
+    if words := _fault(err):
+        return InputError(path, "", words)
     return InputError(path, "", f"expected a store of trials: {err}: it is damaged; {AWAY}")
+
+
+def _fault(err: Exception) -> str:
+    """What it means that SQLite cannot work; empty where it can, and what it reads is wrong."""
+    name = getattr(err, "sqlite_errorname", "")
+    return next((words for fault, words in FAULTS.items() if name.startswith(fault)), "")
 
 
 def open_file(path: Path) -> sqlite3.Connection:
@@ -73,8 +80,8 @@ def open_file(path: Path) -> sqlite3.Connection:
 
 def remove_file(path: Path) -> None:
     """Remove a store that is open, its journal first, which SQLite leaves after a full disk."""
-    journal_of(path).unlink(missing_ok=True)
-    path.unlink()
+    for file in (journal_of(path), path):
+        file.unlink(missing_ok=True)
 
 
 def journal_of(path: Path) -> Path:
@@ -108,7 +115,7 @@ def _make(path: Path) -> None:
 
 def _check_file(path: Path) -> None:
     """Refuse what is no store of ours, or has a journal that is none of it."""
-    journal = journal_of(path)
+    journal, hot = journal_of(path), False
     check_plain(path)
     if (names := path.lstat().st_nlink) > 1:
         raise InputError(path, "", f"has {names} names (hard links), expected one; {AWAY}")
@@ -121,14 +128,50 @@ def _check_file(path: Path) -> None:
         if os.path.lexists(journal):
             check_plain(journal)
             with journal.open("rb") as file:
-                file.seek(max(0, journal.stat().st_size - len(NAMES_ANOTHER)))
-                if file.read() == NAMES_ANOTHER:
+                hot = file.read(len(JOURNAL)) == JOURNAL
+                file.seek(max(0, journal.stat().st_size - len(JOURNAL)))
+                if file.read() == JOURNAL:
                     raise InputError(journal, "", f"names another file, as that of no store does; {AWAY}")
     except OSError as err:
         raise InputError(path, "", f"cannot be read: {err.strerror}") from err
     ours = APPLICATION.to_bytes(4, "big")
     if head[:16] != MAGIC or head[18:20] != ROLLBACK or head[68:72] != ours or len(head) < HEAD:
         raise InputError(path, "", f"expected a store of trials of this version; {AWAY}")
+    if hot:
+        _try_journal(path)
+
+
+def _try_journal(path: Path) -> None:
+    """Refuse a journal that would leave no store of ours when SQLite writes what it says, tried on copies.
+
+    It does not say of which file it is.
+    """
+    journal, part = journal_of(path), path.with_name(scratch_name()) / path.name
+    fits = journal.stat().st_size <= 2 * path.stat().st_size + MARGIN
+    try:
+        with writing(path):
+            part.parent.mkdir()
+            for source, copy in ((path, part), (journal, journal_of(part))) if fits else ():
+                shutil.copyfile(source, copy)
+        if not fits or not _is_store(part):
+            raise InputError(journal, "", f"is not the journal of {path.name}; {AWAY}")
+    finally:
+        remove(part.parent)
+
+
+def _is_store(path: Path) -> bool:
+    """Whether a file is a whole store when SQLite has taken back what its journal says."""
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            _lock(database)
+            _check_tables(path, database)
+            return database.execute("PRAGMA integrity_check(1)").fetchall() == [("ok",)]
+    except (sqlite3.Error, ValueError) as err:
+        if _fault(err):
+            raise told(path, err) from err
+    except InputError:  # other tables
+        pass
+    return False
 
 
 def check_plain(path: Path) -> None:

@@ -13,8 +13,14 @@ import tempfile
 import time
 from pathlib import Path
 
+import typer
+
 from testbench.cli.program import COMMANDS, program
 from testbench.shell import command
+from testbench.studies import run as studies
+
+sys.path.append(str(Path(__file__).parents[1] / "scenarios"))
+import trial_study
 
 MEMORY = 3 * 2**30  #: Addresses that a command may take besides those that are loaded [byte].
 PATIENCE = 60.0  #: Longest wait for a command that uses no processor, as one that waits for a pipe [s].
@@ -26,6 +32,15 @@ def load() -> None:
         importlib.import_module(f"testbench.cli.{name}")
     for name in ("testbench.bench.campaign", "testbench.views.recording.stream", "testbench.views.figure"):
         importlib.import_module(name)
+
+
+def app_of(args: list[str]) -> tuple[typer.Typer, list[str]]:
+    """A command, a study ("study", its name) or nothing but trials ("trials"), and the words for it."""
+    if args[0] == "trials":
+        return trial_study.app, args[1:]
+    if args[0] == "study":
+        return studies.app(importlib.import_module(f"testbench.studies.{args[1]}.study").STUDY), args[2:]
+    return program(args), args
 
 
 def held() -> int:
@@ -73,10 +88,11 @@ def _command(args: list[str], folder: str, limits: tuple[int, int | None], strea
         resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
     resource.setrlimit(resource.RLIMIT_AS, (held() + MEMORY,) * 2)
-    sys.argv = ["testbench", *args]
     code = 70
     try:
-        code = command.run(program(args))
+        app, words = app_of(args)
+        sys.argv = ["testbench", *words]
+        code = command.run(app)
     except BaseException:
         sys.excepthook(*sys.exc_info())
     finally:

@@ -23,7 +23,7 @@ from testbench.trials.groups import Whole, by_group
 from testbench.trials.packed import LONGEST, pack
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
-from testbench.trials.storefile import NAMES_ANOTHER as MAGIC
+from testbench.trials.storefile import JOURNAL as MAGIC
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -346,7 +346,6 @@ def test_a_finished_run_that_was_edited_is_not_resumed(tmp_path):
     digests = {"sha256": {WHOLE: hashlib.sha256((tmp_path / WHOLE).read_bytes()).hexdigest()}}
     (tmp_path / "manifest.json").write_text(json.dumps(said | digests))
     assert missing(tmp_path) == []
-    (tmp_path / FILE).unlink()
     table = pq.read_table(tmp_path / WHOLE)
     edited = pa.Table.from_pylist([{**row, "x": 1.0} for row in table.to_pylist()], table.schema)
     pq.write_table(edited, tmp_path / WHOLE, write_page_checksum=True)

@@ -158,7 +158,7 @@ def test_a_kill_at_any_moment_leaves_the_old_run_or_the_new_one(tmp_path, monkey
         out = tmp_path / str(k)
         write(out, "old")
         ended = killed_at(k, monkeypatch, write, out, "one")
-        settle(out)
+        settle(out, read=True)
         check_folder(out, COMMAND, force=False)
         found.append(whose(out))
         write(out, "two")
@@ -187,6 +187,28 @@ def test_nothing_is_moved_where_something_else_stands_in_the_way(tmp_path):
             write(out, "one")
         assert (out / "a.json").read_text() == "old"
     assert not list((tmp_path / "elsewhere").iterdir())
+
+
+PLANTED = {
+    "removes": lambda ready, run: ready.joinpath("manifest.json").write_text(run.replace("mine", "yours")),
+    "replaces": lambda ready, run: ready.joinpath("mine").write_text("theirs"),
+    "links": lambda ready, run: ready.joinpath("theirs").symlink_to("/etc/hostname"),
+    "pipes": lambda ready, run: os.mkfifo(ready / "theirs"),
+}
+
+
+@pytest.mark.parametrize("kind", PLANTED)
+def test_who_reads_a_strangers_folder_puts_nothing_of_it_in_place(tmp_path, kind):
+    run = json.dumps({"command": COMMAND, "versions": {"testbench": "0"}, "files": ["manifest.json", "mine"]})
+    (tmp_path / "manifest.json").write_text(run)
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / ".ready").mkdir()
+    PLANTED[kind](tmp_path / ".ready", run)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match="is of no run that was killed"), reading(tmp_path):
+        pass
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (tmp_path / "mine").read_text() == "mine"
 
 
 def write_several(folder, tag):

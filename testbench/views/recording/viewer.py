@@ -37,7 +37,7 @@ def newest(folder: Path) -> Path:
     if folder.is_file() and folder.suffix == ".rrd":
         found = [folder]
     else:
-        settle(folder)
+        settle(folder, read=True)
         found = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
         found = [file for file in found if file.is_file()]  # a pipe of that name has no end
     if not found:
