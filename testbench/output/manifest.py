@@ -1,15 +1,17 @@
 """What manifest.json says of the folder that it lies in."""
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from testbench.errors import InputError, read_bytes
+from testbench.errors import InputError, open_file, read_bytes
 
 NAME = "manifest.json"
 MOST = 16 * 2**20  #: Largest one that is read [byte].
+LARGEST = 2**32  #: Largest file of a run that is looked into [byte].
 FILES = 10_000  #: Most that a run has.
 
 
@@ -49,6 +51,15 @@ def _possible(name: str) -> bool:
     try:
         return b"\0" not in os.fsencode(name)
     except UnicodeEncodeError:
+        return False
+
+
+def has_digest(path: Path, sha256: str | None) -> bool:
+    """Whether a plain file, no link to one, has this SHA-256."""
+    try:
+        with open_file(path, LARGEST) as file:
+            return not path.is_symlink() and hashlib.file_digest(file, "sha256").hexdigest() == sha256
+    except InputError:
         return False
 
 

@@ -10,11 +10,10 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from testbench import files
 from testbench.errors import InputError
 from testbench.output import manifest
 from testbench.output.lock import turn
-from testbench.output.manifest import read_manifest
+from testbench.output.manifest import has_digest, read_manifest
 from testbench.output.place import inside
 from testbench.output.scratch import READY, folder_for, remove, sync_all, sync_names, writing
 from testbench.stops import stops_wait
@@ -64,10 +63,8 @@ def _unlike(out: Path) -> Iterator[str]:
     both = [(out / READY, name, new) for name in coming]
     both += [(out, name, old) for name in (*coming, *going) if os.path.lexists(out / name)]
     for folder, name, own in both:
-        with contextlib.suppress(InputError):
-            if not (folder / name).is_symlink() and own.sha256.get(name) == files.digest(folder / name):
-                continue
-        yield (folder / name).relative_to(out).as_posix()
+        if not has_digest(folder / name, own.sha256.get(name)):
+            yield (folder / name).relative_to(out).as_posix()
 
 
 @contextlib.contextmanager
