@@ -15,8 +15,8 @@ from testbench.errors import InputError, read_bytes
 
 MAX_BYTES = 64_000_000  #: Of one mesh file.
 MAX_TOTAL = 256_000_000  #: Of all mesh files of an arm.
-MAX_FACES = 250_000  #: Triangles of a mesh, and of the polygons of an OBJ file once they are cut.
-MAX_ALL_FACES = 2_000_000  #: Of all meshes of an arm.
+MAX_FACES = 200_000  #: Triangles of a mesh, and of the polygons of an OBJ file once they are cut.
+MAX_ALL_FACES = 500_000  #: Of all meshes of an arm.
 MAX_VERTICES = 3 * MAX_FACES
 MAX_CORNERS = 256  #: Of a polygon: the time to cut it into triangles grows with their square.
 LARGEST = 1e6  #: Of the coordinates of a vertex in the file's own unit: a kilometre in millimetres.

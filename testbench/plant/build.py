@@ -6,6 +6,7 @@ serves a pose of each.
 """
 
 import copy
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ Index = npt.NDArray[np.int_]
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
 MOST_PAIRS = 50_000  #: Geoms that may collide: 316 on ten links.
+HULL_CORNERS = 1000  #: Of the hull by which a mesh collides, at most.
 ABREAST = 8  #: Arms side by side. MuJoCo compiles them in 15 ms; time grows with their square.
 
 
@@ -61,11 +63,20 @@ def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
     """
     meshes = read_meshes(mesh_files(path, read_mjcf(path)))
     try:
-        model = mujoco.MjModel.from_xml_string(text, meshes)
+        model = mujoco.MjModel.from_xml_string(_small_hulls(text), meshes)
     except REFUSED as err:
         raise InputError(path, "", " ".join(f"MuJoCo refuses it: {err}".split())) from err
     check_geoms(path, model)
     return model
+
+
+def _small_hulls(text: str) -> str:
+    """MJCF whose meshes collide by hulls of few corners: those of a fine cylinder take minutes else."""
+    root = ET.fromstring(text)
+    for mesh in root.iter("mesh"):
+        own = float(mesh.get("maxhullvert", -1))
+        mesh.set("maxhullvert", str(int(own) if 0 <= own < HULL_CORNERS else HULL_CORNERS))
+    return ET.tostring(root, encoding="unicode")
 
 
 def check_geoms(path: Path, model: mujoco.MjModel) -> None:

@@ -29,6 +29,12 @@ class Shape:
     visual: bool  #: It is drawn.
     collides: bool  #: It keeps others out.
     solid: Solid | None = None  #: The primitive that the surface stands for, where it is one.
+    outer: Array | None = None  #: Those of its corners that its hull needs, (h, 3) [m]; None for all.
+
+    @property
+    def cloud(self) -> Array:
+        """Corners whose hull is that of the shape, (h, 3) [m]."""
+        return self.vertices if self.outer is None else self.outer
 
 
 def seen(shapes: Sequence[Shape]) -> list[Shape]:

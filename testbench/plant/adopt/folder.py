@@ -5,6 +5,7 @@ from pathlib import Path
 
 from testbench.plant.adopt.chain import Chain
 from testbench.plant.adopt.propose import propose
+from testbench.plant.adopt.surface import surfaces
 from testbench.plant.adopt.touching import always_touching
 from testbench.plant.adopt.wishes import Wishes
 from testbench.plant.adopt.write import rigid_mjcf
@@ -25,14 +26,14 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
         BenchError: When MuJoCo refuses the arm.
         OSError: When the folder cannot be written.
     """
-    proposal = propose(chain, wishes)
-    rigid = rigid_mjcf(chain, proposal)
+    proposal, looks = propose(chain, wishes), [surfaces(part) for part in chain.parts]
+    rigid = rigid_mjcf(chain, looks, proposal)
     touching = always_touching(chain, rigid)
     if touching:
         pairs = ", ".join(f"{one} and {other}" for one, other in touching)
         note = f"hulls that touch in most poses, so their collisions do not count: {pairs}"
         chain = replace(chain, notes=(*chain.notes, note))
-        rigid = rigid_mjcf(chain, proposal, touching)
+        rigid = rigid_mjcf(chain, looks, proposal, touching)
     (folder / "rigid.xml").write_text(rigid.xml, encoding="utf-8")
     (folder / "elastic.toml").write_text(proposal.elastic, encoding="utf-8")
     if rigid.meshes:

@@ -90,7 +90,8 @@ def _joined(own: list[tuple[Body, Array]]) -> tuple[float, Array, Array]:
 def _moved(shape: Shape, pose: Array) -> Shape:
     """A shape of a body in the frame of its part."""
     solid = shape.solid and Solid(shape.solid.kind, shape.solid.size, pose @ shape.solid.pose)
-    return replace(shape, vertices=moved(shape.vertices, pose), solid=solid)
+    outer = None if shape.outer is None else moved(shape.outer, pose)
+    return replace(shape, vertices=moved(shape.vertices, pose), solid=solid, outer=outer)
 
 
 def _site(site: Site, pose: Array) -> Site:

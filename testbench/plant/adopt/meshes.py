@@ -12,10 +12,13 @@ import numpy.typing as npt
 
 from testbench.errors import Array
 from testbench.plant.adopt.mesh_door import MAX_FACES, MeshError, check_count, mesh_bytes
+from testbench.plant.adopt.solids import outermost
 
-MAX_TOTAL = 512_000_000  #: Of all mesh files of a robot.
-MAX_ALL_FACES = 4_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
+MAX_TOTAL = 100_000_000  #: Of all mesh files of a robot.
+MAX_ALL_FACES = 1_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
+MAX_ALL_CORNERS = 600_000  #: Of the same, those in one place once.
 LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
+CELLS = 2**20 - 1  #: Corners are in one place where they are on a grid of so many cells from the origin.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 
 Faces = npt.NDArray[np.int_]
@@ -29,6 +32,7 @@ class Mesh:
 
     vertices: Array  #: (v, 3)
     faces: Faces  #: (f, 3)
+    outer: Array  #: The corners that its hull needs, (h, 3)
     rgba: Array | None  #: Its colour where the file has one, (4,) [1].
 
 
@@ -40,6 +44,7 @@ class Meshes:
     failed: dict[str, str] = field(default_factory=dict)
     size: int = 0  #: Of all that was read [byte].
     faces: int = 0  #: Of all that was asked for.
+    corners: int = 0  #: Of the same.
 
     def load(self, file: Path) -> Mesh:
         """The triangles of a file.
@@ -47,16 +52,28 @@ class Meshes:
         Raises:
             MeshError: When it cannot be read.
         """
-        if file not in self.read:
-            data = mesh_bytes(file)
-            self.size += len(data)
-            if self.size > MAX_TOTAL:
-                raise MeshError(f"all meshes together have more than {MAX_TOTAL} bytes")
-            self.read[file] = _parsed(data, file.suffix[1:].lower())
-        self.faces += len(self.read[file].faces)
-        if self.faces > MAX_ALL_FACES:
-            raise MeshError(f"all shapes together have more than {MAX_ALL_FACES} triangles")
+        self._check()
+        if file in self.read:
+            mesh = self.read[file]
+            self._count(mesh.vertices, mesh.faces)
+            return mesh
+        data = mesh_bytes(file)
+        self.size += len(data)
+        self._check()
+        vertices, faces, rgba = _parsed(data, file.suffix[1:].lower())
+        self._count(vertices, faces)
+        self.read[file] = Mesh(vertices, faces, outermost(vertices), rgba)
         return self.read[file]
+
+    def _count(self, vertices: Array, faces: Faces) -> None:
+        self.corners, self.faces = self.corners + len(vertices), self.faces + len(faces)
+        self._check()
+
+    def _check(self) -> None:
+        """Once they are too many in all, no further one is read."""
+        check_count("bytes in all meshes", self.size, MAX_TOTAL)
+        check_count("triangles in all shapes", self.faces, MAX_ALL_FACES)
+        check_count("corners in all shapes", self.corners, MAX_ALL_CORNERS)
 
     def notes(self) -> list[str]:
         """Which meshes the arm goes without, and why."""
@@ -67,8 +84,8 @@ class Meshes:
         return [f"meshes not read, the link's other shapes stand in: {', '.join(told + rest)}"]
 
 
-def _parsed(data: bytes, kind: str) -> Mesh:
-    """The triangles of a mesh file; whatever goes wrong inside of a parser is a MeshError."""
+def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
+    """Corners, each place once, triangles and colour; what goes wrong inside of a parser is a MeshError."""
     try:
         with warnings.catch_warnings(action="ignore"):  # of numbers too large, which are refused below
             vertices, faces, rgba = _triangles(data, kind)
@@ -83,7 +100,7 @@ def _parsed(data: bytes, kind: str) -> Mesh:
     vertices, faces = _welded(vertices, faces)
     if not len(faces):
         raise MeshError("no triangle has an area")
-    return Mesh(vertices, faces, rgba)
+    return vertices, faces, rgba
 
 
 def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
@@ -91,7 +108,7 @@ def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
     import trimesh
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
-    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None)
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None, process=False)
     parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     if not parts:
         raise MeshError(f"no triangles in this {kind}")
@@ -128,9 +145,20 @@ def _colour(part: object) -> tuple[float, ...] | None:
 
 def _welded(vertices: Array, faces: Faces) -> Surface:
     """Corners in one place as one; triangles without area go."""
-    unit = float(np.abs(vertices).max()) * 1e-7 or 1.0
-    _, first, inverse = np.unique(np.round(vertices / unit), axis=0, return_index=True, return_inverse=True)
-    return vertices[first], with_area(inverse.reshape(-1)[faces])
+    unit = float(np.abs(vertices).max()) / CELLS or 1.0
+    first, inverse = distinct(vertices / unit + CELLS)
+    return vertices[first], with_area(inverse[faces])
+
+
+def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
+    """Rows of three numbers from 0 to 2 CELLS that differ once rounded.
+
+    Returns:
+        The first of each kind, in rising order of the kinds, and the kind of every row.
+    """
+    number = np.round(cells).astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
+    _, first, kind = np.unique(number, return_index=True, return_inverse=True)
+    return first, kind
 
 
 def joined(surfaces: Sequence[Surface]) -> Surface:

@@ -3,6 +3,7 @@
 import math
 import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +12,10 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import JointOf, Shape, Site, Solid
+from testbench.plant.adopt.meshes import MAX_ALL_FACES
 from testbench.plant.adopt.mjcf_text import Cleaned, clean_mjcf
 from testbench.plant.adopt.pose import moved, pose_of
-from testbench.plant.adopt.solids import solid_shape
+from testbench.plant.adopt.solids import outermost, solid_shape
 from testbench.plant.adopt.tree import Body, Tree
 from testbench.plant.adopt.urdf import SLIDE, UNLIMITED
 from testbench.plant.build import REFUSED
@@ -35,6 +37,8 @@ def read_mjcf_tree(file: Path, root: ET.Element) -> Tree:
     """
     cleaned = clean_mjcf(file, root)
     model, stated = _compile(file, cleaned)
+    _check_shown(file, model)
+    outer = [outermost(_corners(model, k)) for k in range(model.nmesh)]
     bodies: list[Body] = []
     index: dict[int, int] = {0: -1}  # of MuJoCo's body the last of ours, whose origin may lie on a joint
     origins: dict[int, Array] = {0: np.zeros(3)}  # that origin in MuJoCo's body
@@ -42,7 +46,8 @@ def read_mjcf_tree(file: Path, root: ET.Element) -> Tree:
         parent = int(model.body_parentid[b])
         before = pose_of(np.eye(3), -origins[parent]) @ _pose(model.body_pos[b], model.body_quat[b])
         split, origins[b] = _split(model, b, index[parent], before, len(bodies))
-        split[-1] = _filled(model, b, split[-1], origins[b], weighed=stated[b])
+        filled = _filled(model, b, split[-1], origins[b], weighed=stated[b])
+        split[-1] = replace(filled, shapes=_shapes(model, outer, b, origins[b]))
         bodies += split
         index[b] = len(bodies) - 1
     return Tree(root.get("model") or file.stem, tuple(bodies), cleaned.notes)
@@ -115,12 +120,24 @@ def _joint(model: mujoco.MjModel, j: int) -> JointOf:
     )
 
 
+def _check_shown(file: Path, model: mujoco.MjModel) -> None:
+    """Refuse meshes that many geoms show."""
+    shown = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
+    faces = int(model.mesh_facenum[shown].astype(int).sum())
+    if faces > MAX_ALL_FACES:
+        raise InputError(file, "<geom>", f"expected at most {MAX_ALL_FACES} triangles in all, got {faces}")
+
+
+def _corners(model: mujoco.MjModel, k: int) -> Array:
+    """Of a mesh, (v, 3) [m]."""
+    first = int(model.mesh_vertadr[k])
+    return np.asarray(model.mesh_vert[first : first + int(model.mesh_vertnum[k])], dtype=float)
+
+
 def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, *, weighed: bool) -> Body:
-    """A body with its mass, shapes and sites, as seen from an origin in MuJoCo's body."""
+    """A body with its mass and sites, as seen from an origin in MuJoCo's body."""
     mass = float(model.body_mass[b])
     axes = _pose(np.zeros(3), model.body_iquat[b])[:3, :3]
-    geoms = range(int(model.body_geomadr[b]), int(model.body_geomadr[b] + model.body_geomnum[b]))
-    shapes = [shape for g in geoms if (shape := _shape(model, g, origin))]
     sites = [s for s in range(model.nsite) if model.site_bodyid[s] == b and model.site(s).name]
     return replace(
         body,
@@ -128,7 +145,6 @@ def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, *, weighed
         com=model.body_ipos[b] - origin if mass else np.zeros(3),
         inertia=axes @ np.diag(model.body_inertia[b]) @ axes.T,
         weighed=weighed or mass == 0,
-        shapes=tuple(shapes),
         sites=tuple(_site(model, s, origin) for s in sites),
     )
 
@@ -138,7 +154,13 @@ def _site(model: mujoco.MjModel, s: int, origin: Array) -> Site:
     return Site(model.site(s).name, model.site_pos[s] - origin, rotation)
 
 
-def _shape(model: mujoco.MjModel, g: int, origin: Array) -> Shape | None:
+def _shapes(model: mujoco.MjModel, outer: Sequence[Array], b: int, origin: Array) -> tuple[Shape, ...]:
+    """The geoms of a body; of every mesh the corners that its hull needs are known."""
+    geoms = range(int(model.body_geomadr[b]), int(model.body_geomadr[b] + model.body_geomnum[b]))
+    return tuple(shape for g in geoms if (shape := _shape(model, outer, g, origin)))
+
+
+def _shape(model: mujoco.MjModel, outer: Sequence[Array], g: int, origin: Array) -> Shape | None:
     """A geom as a surface; None for a plane."""
     kind, size = KINDS.get(int(model.geom_type[g])), model.geom_size[g]
     if kind is None:
@@ -147,10 +169,9 @@ def _shape(model: mujoco.MjModel, g: int, origin: Array) -> Shape | None:
     rgba = geom_rgba(model, g)
     if kind == "mesh":
         k = int(model.geom_dataid[g])
-        first, face = int(model.mesh_vertadr[k]), int(model.mesh_faceadr[k])
-        corners = model.mesh_vert[first : first + int(model.mesh_vertnum[k])].astype(float)
+        face, corners = int(model.mesh_faceadr[k]), moved(_corners(model, k), pose)
         faces = model.mesh_face[face : face + int(model.mesh_facenum[k])].astype(int)
-        shape = Shape(moved(corners, pose), faces, rgba, visual=True, collides=True)
+        shape = Shape(corners, faces, rgba, visual=True, collides=True, outer=moved(outer[k], pose))
     else:
         counts = {"sphere": 1, "capsule": 2, "cylinder": 2}
         solid = Solid(kind, tuple(map(float, size[: counts.get(kind, 3)])), pose)

@@ -40,6 +40,6 @@ def _stl(file: Path, e: ET.Element, path: Path, meshes: Meshes) -> bytes:
         raise MeshError(f"lies outside of {file.parent}")
     mesh = meshes.load(found)
     check_size(mesh.vertices * read_numbers(file, e, "scale", "1 1 1", 3))
-    if hull_of(mesh.vertices) is None:
+    if hull_of(mesh.outer) is None:
         e.set("inertia", "shell")
     return stl_bytes(*decimated(mesh.vertices, mesh.faces, MOST_FACES))

@@ -21,6 +21,7 @@ from testbench.plant.adopt.source import (
     read_xml,
     where,
 )
+from testbench.plant.build import HULL_CORNERS
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
@@ -138,4 +139,6 @@ def _simplify(root: ET.Element) -> None:
         if e.tag == "compiler":
             for key in set(e.attrib) - COMPILER:
                 del e.attrib[key]
+        if e.tag == "mesh":
+            e.set("maxhullvert", str(HULL_CORNERS))
     ET.SubElement(root, "compiler", balanceinertia="true", fusestatic="false", discardvisual="false")

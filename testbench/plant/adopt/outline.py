@@ -38,7 +38,9 @@ def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> f
     first, last = extent(surface, frame[:, 0])
     start, end = max(span[0], first), min(span[1], last)
     low, high = (start + share * (end - start) for share in INNER)
-    found = [_diameter(surface @ frame, x) for x in np.linspace(low, high, CUTS)]
+    turned = surface @ frame
+    least, most = turned[:, :, 0].min(axis=1), turned[:, :, 0].max(axis=1)
+    found = [_diameter(turned[(least < x) & (x <= most)], x) for x in np.linspace(low, high, CUTS)]
     met = [d for d in found if d is not None]
     return float(np.median(met)) if len(met) >= FEWEST else None
 

@@ -9,6 +9,9 @@ from testbench.plant.adopt.chain import Shape, Solid
 from testbench.plant.adopt.pose import moved
 
 AROUND = 16  #: Corners of a circle.
+SLACK = 5e-4  #: By which points may stand out of a hull over the extent of all of them [1].
+SHRINKS = 0.9  #: As long as fewer than this share of points are left, there are more hulls to make [1].
+AT_ONCE = 20_000  #: Points of a hull that is made at once.
 VISIBLE = np.array([0.6, 0.6, 0.6, 1.0])  #: Colour where the file has none.
 
 
@@ -39,16 +42,46 @@ def _corners(solid: Solid) -> Array:
 
 
 def hull_of(vertices: Array) -> tuple[Array, npt.NDArray[np.int_]] | None:
-    """Corners and faces of the convex hull of points; None where they are flat."""
-    if len(vertices) < 4:
-        return None
-    try:
-        hull = ConvexHull(vertices)
-    except QhullError:
+    """Corners and faces of the convex hull of points, to within SLACK; None where they are flat."""
+    hull = _hull(vertices, _slack(vertices))
+    if hull is None:
         return None
     used, faces = np.unique(hull.simplices, return_inverse=True)
     corners = vertices[used]
     return corners, _outward(corners, faces.reshape(-1, 3))
+
+
+def outermost(vertices: Array) -> Array:
+    """The corners that have the hull of all, (h, 3); all where they are flat.
+
+    Of many, hulls of every tenth, say, are made first: the time for one grows faster than their number.
+    """
+    slack = _slack(vertices)
+    while (groups := -(-len(vertices) // AT_ONCE)) > 1:
+        kept = np.concatenate([_outer(vertices[k::groups], slack) for k in range(groups)])
+        if len(kept) > SHRINKS * len(vertices):
+            break
+        vertices = kept
+    return _outer(vertices, slack)
+
+
+def _outer(vertices: Array, slack: float) -> Array:
+    hull = _hull(vertices, slack)
+    return vertices if hull is None else np.asarray(vertices[hull.vertices])
+
+
+def _slack(vertices: Array) -> float:
+    return SLACK * float(np.ptp(vertices, axis=0).max(initial=0.0))
+
+
+def _hull(vertices: Array, slack: float) -> ConvexHull | None:
+    """Without points that stand out by less than the slack: those of a fine cylinder take minutes else."""
+    if len(vertices) < 4:
+        return None
+    try:
+        return ConvexHull(vertices, qhull_options=f"W{slack:.17f}")
+    except QhullError:
+        return None
 
 
 def _outward(corners: Array, faces: npt.NDArray[np.int_]) -> npt.NDArray[np.int_]:

@@ -7,13 +7,16 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Part, Shape, Solid, seen
-from testbench.plant.adopt.meshes import Faces, Surface, joined, with_area
-from testbench.plant.adopt.solids import VISIBLE, hull_of
+from testbench.plant.adopt.meshes import Faces, Surface, distinct, joined, with_area
+from testbench.plant.adopt.solids import VISIBLE, hull_of, outermost
 from testbench.plant.adopt.thin import decimated
 
 DRAWN_FACES = 1500  #: Of the mesh that shows a part.
 HULL_FACES = 200  #: Of a hull.
 GRID = 64, 48, 32, 24, 16, 12  #: Cells along the longest side of a surface that cannot be thinned as it is.
+LOOSE = 5000  #: Faces that need not make a surface; the time to thin more of them has no bound.
+OPEN = 0.25  #: Of a surface, sides that belong to one triangle alone over all, at most [1].
+A_CORNER, AROUND = 4.0, 1000  #: Triangles of a surface over its corners, and around one corner, at most [1].
 ENOUGH = 1.2  #: A surface of so many times the faces asked for is thin enough [1].
 MOST_HULLS = 8  #: Of a part; more are one.
 
@@ -54,6 +57,8 @@ def _areas(shape: Shape) -> Array:
 
 def _small(surface: Surface, most: int) -> Surface:
     """A surface of few faces: thinned; where screws and plates cannot be thinned, on a coarser grid first."""
+    if len(surface[1]) > LOOSE and not _sound(surface[1]):
+        surface = hull_of(outermost(surface[0])) or surface
     thin = decimated(*surface, most)
     for cells in GRID:
         if len(thin[1]) <= ENOUGH * most:
@@ -62,20 +67,30 @@ def _small(surface: Surface, most: int) -> Surface:
     return thin
 
 
+def _sound(faces: Faces) -> bool:
+    """Whether triangles make a surface: few have a rim, no corner belongs to a crowd of them."""
+    faces = faces[distinct(np.sort(faces, axis=1))[0]]
+    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, shared = np.unique(sides @ np.array([1 << 32, 1]), return_counts=True)
+    around = np.bincount(faces.ravel())
+    few = len(faces) <= A_CORNER * np.count_nonzero(around) and around.max() <= AROUND
+    return bool(few and (shared == 1).sum() <= OPEN * len(sides))
+
+
 def _gridded(vertices: Array, faces: Faces, cells: int) -> Surface:
     """A surface whose corners in one cell of a grid are one, in their middle."""
-    cell = np.round(vertices / (np.ptp(vertices, axis=0).max() / cells))
-    _, inverse, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-    inverse = inverse.reshape(-1)
+    low, size = vertices.min(axis=0), np.ptp(vertices, axis=0).max()
+    _, inverse = distinct((vertices - low) * (cells / size))
+    count = np.bincount(inverse)
     middle = np.column_stack([np.bincount(inverse, weights=x) for x in vertices.T]) / count[:, None]
     kept = with_area(inverse[faces])
-    _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
+    first, _ = distinct(np.sort(kept, axis=1))
     return middle, kept[np.sort(first)]
 
 
 def _hulls(shapes: Sequence[Shape]) -> list[Surface]:
     """Hulls of meshes, of all together where they are many; flat ones have none."""
-    clouds = [s.vertices for s in shapes]
+    clouds = [s.cloud for s in shapes]
     if len(clouds) > MOST_HULLS:
         clouds = [np.concatenate(clouds)]
     found = []

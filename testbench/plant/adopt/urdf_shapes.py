@@ -83,9 +83,10 @@ def _mesh(file: Path, form: ET.Element, pose: Array, rgba: Array | None, meshes:
         mesh = meshes.load(find_mesh(file, name))
         vertices = mesh.vertices * scale
         check_size(vertices)
+        outer = moved(mesh.outer * scale, pose)
     except MeshError as err:
         meshes.failed[name.rpartition("/")[2]] = str(err)
         return None
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
     colour = next(c for c in (rgba, mesh.rgba, VISIBLE) if c is not None)
-    return Shape(moved(vertices, pose), faces, colour, visual=True, collides=False)
+    return Shape(moved(vertices, pose), faces, colour, visual=True, collides=False, outer=outer)

@@ -83,7 +83,7 @@ def _doubt(bodies: Sequence[Body]) -> list[str]:
 def _integrals(shapes: Sequence[Shape]) -> tuple[float, Array, Array]:
     """Volume, centroid and inertia of unit density of the hulls of what collides, else of what is drawn."""
     chosen = [s for s in shapes if s.collides] or list(shapes)
-    found = [volume_integrals(*hull) for s in chosen if (hull := hull_of(s.vertices))]
+    found = [volume_integrals(*hull) for s in chosen if (hull := hull_of(s.cloud))]
     volume = sum(v for v, _, _ in found)
     if volume == 0:
         return 0.0, np.zeros(3), np.zeros((3, 3))

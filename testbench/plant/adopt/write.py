@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -13,7 +14,7 @@ from testbench.plant.adopt.chain import Chain, JointOf, Part, Solid
 from testbench.plant.adopt.meshes import Surface
 from testbench.plant.adopt.pose import pose_of
 from testbench.plant.adopt.propose import Proposal
-from testbench.plant.adopt.surface import surfaces
+from testbench.plant.adopt.surface import Surfaces
 from testbench.plant.adopt.thin import stl_bytes
 
 LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
@@ -29,11 +30,17 @@ class Rigid:
     meshes: dict[str, bytes]  #: Binary STL by the file's name in the folder `meshes`.
 
 
-def rigid_mjcf(chain: Chain, proposal: Proposal, excluded: tuple[tuple[str, str], ...] = ()) -> Rigid:
+def rigid_mjcf(
+    chain: Chain,
+    looks: Sequence[Surfaces],
+    proposal: Proposal,
+    excluded: tuple[tuple[str, str], ...] = (),
+) -> Rigid:
     """The arm's rigid.xml.
 
     Args:
         chain: The arm.
+        looks: The surfaces of its parts.
         proposal: Its tool, load point and markers.
         excluded: Pairs of parts that may touch.
     """
@@ -48,10 +55,10 @@ def rigid_mjcf(chain: Chain, proposal: Proposal, excluded: tuple[tuple[str, str]
     asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     meshes: dict[str, bytes] = {}
     parent, pose = world, chain.base
-    for part in chain.parts:
+    for part, found in zip(chain.parts, looks, strict=True):
         parent = _body(parent, part.name, pose if part.joint is None else part.pose)
         _filled(parent, part)
-        meshes |= _shaped(parent, asset, part)
+        meshes |= _shaped(parent, asset, part.name, found)
     _tool(parent, chain, proposal)
     if not meshes:
         root.remove(asset)
@@ -124,9 +131,9 @@ def _plausible(inertia: Array) -> Array:
     return np.asarray(axes @ np.diag(second.sum() - second) @ axes.T)
 
 
-def _shaped(body: ET.Element, asset: ET.Element, part: Part) -> dict[str, bytes]:
+def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> dict[str, bytes]:
     """The geoms of a part, and its mesh files."""
-    found, meshes = surfaces(part), {}
+    meshes = {}
 
     def mesh(name: str, surface: Surface, looks: dict[str, str]) -> None:
         meshes[f"{name}.stl"] = stl_bytes(*surface)
@@ -135,11 +142,11 @@ def _shaped(body: ET.Element, asset: ET.Element, part: Part) -> dict[str, bytes]
         ET.SubElement(body, "geom", {**looks, "type": "mesh", "mesh": name})
 
     if found.drawn:
-        mesh(part.name, found.drawn, {"class": "visual", "rgba": _colour(found.rgba)})
+        mesh(part, found.drawn, {"class": "visual", "rgba": _colour(found.rgba)})
     for solid, rgba in found.drawn_solids:
         ET.SubElement(body, "geom", {"class": "visual", **_solid(solid), "rgba": _colour(rgba)})
     for k, hull in enumerate(found.hulls):
-        mesh(f"{part.name}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
+        mesh(f"{part}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
     for solid in found.solids:
         ET.SubElement(body, "geom", {"class": "collision", **_solid(solid)})
     return meshes
