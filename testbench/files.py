@@ -29,7 +29,7 @@ def write_manifest(
     scenario: Any,
     seeds: range,
     models: Mapping[str, Mapping[str, str]],
-    **measured: float,
+    **measured: float | Mapping[str, str],
 ) -> None:
     """manifest.json: what it takes to run again, and all files of the run, their SHA-256; so it comes last.
 
@@ -39,7 +39,7 @@ def write_manifest(
         scenario: What was asked for, as plain data.
         seeds: Roots of randomness; empty where nothing is drawn.
         models: Digests of the files of every arm, by its name.
-        measured: Of the run itself, such as its seconds.
+        measured: Of the run itself, such as its seconds, or digests of what it left elsewhere.
     """
     manifest = {
         "command": command,

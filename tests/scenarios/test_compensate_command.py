@@ -7,6 +7,7 @@ import pytest
 from page_checks import check_page, said
 from run_here import here
 
+from testbench import files
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.fits import Runs, fit
 from testbench.bench.models import Model, named_models
@@ -127,6 +128,8 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     moved = np.array([row.split(",")[first : first + 6] for row in table[1:]], dtype=float)
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
     assert f"{report['before_mm']['max']:.3f} mm at most" in done.stdout
+    about = json.loads((out / "right_report" / "manifest.json").read_text())
+    assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
         "report.md",
         "compensation.png",

@@ -47,7 +47,7 @@ def write(
     asked: Mapping[str, object],
     to: Places,
 ) -> None:
-    """The report with its figure, recording, page and manifest.json, and at last the corrected program.
+    """The report with its figure, recording, page and manifest.json, at last the corrected program.
 
     Args:
         cell: The arm, of the model's folder.
@@ -73,10 +73,15 @@ def write(
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         write_compensated(folder / "recording.rrd", header, scene(cell, found, report))
         write_page(folder, f"{COMMAND}: {report.program}", text, seen(cell, found, report))
-        files.write_manifest(
-            folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests([cell.arm.rigid.parent])
-        )
         write_corrected(found, replace(to, program=program))
+        files.write_manifest(
+            folder,
+            command=COMMAND,
+            scenario=asked,
+            seeds=range(0),
+            models=digests([cell.arm.rigid.parent]),
+            corrected={to.program.name: files.digest(program)},  # a kill may leave the earlier one beside it
+        )
 
 
 def write_corrected(found: CorrectedProgram, to: Places) -> None:
