@@ -13,7 +13,10 @@ from testbench.errors import BenchError
 HERE = "127.0.0.1"  #: The only address that is listened on.
 NAMES = (HERE, "localhost")
 """By which a browser may ask for it: under a stranger's name, made to lead here, his pages could read it."""
-POLICY = "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; frame-ancestors 'none'"
+POLICY = (
+    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; "
+    "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
+)
 """What pages may load: nothing from elsewhere, so that they tell nobody of the run."""
 KINDS = {
     ".js": "text/javascript; charset=utf-8",

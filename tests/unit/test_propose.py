@@ -99,6 +99,12 @@ def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
         np.testing.assert_allclose([x @ x, y @ y, x @ y], [1, 1, 0], atol=1e-8)
 
 
+def test_a_link_that_no_tube_can_be_is_named():
+    arm = chain_of(part("a", (0, 0, 0.1)), part("b", (0, 0, 0.1), shapes=[tube(0.1, 2e-4, 1e-4, Z)]))
+    with pytest.raises(BenchError, match="tube of link 'b': outer_diameter: expected"):
+        propose(arm, Wishes(payload=12.0))
+
+
 def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says():
     missed = [
         np.log(joint_compliance(Class(payload, reach), first + k, 6, False) / (1e-6 * c))

@@ -39,6 +39,7 @@ def test_what_is_named_is_served_and_may_load_nothing_from_elsewhere(server):
     policy = answer.headers["Content-Security-Policy"]
     assert "default-src 'self'" in policy
     assert "http" not in policy
+    assert "form-action 'none'" in policy  # of a stranger's page: default-src says nothing of forms
     assert ask(server, "/", method="HEAD")[0].headers["Content-Length"] == "5"
 
 

@@ -6,7 +6,7 @@ Every rule is plain and every number says "estimated" and how: docs/own_arm.md h
 from dataclasses import dataclass
 
 from testbench.arm.folder import COMPLIANCE_UNIT
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.plant.adopt.beam import Beam, beams, reach
 from testbench.plant.adopt.chain import Chain, Part
 from testbench.plant.adopt.classes import (
@@ -99,7 +99,11 @@ def _link(part: Part, line: Beam, of: Class) -> LinkRow:
     length, runs = line.distance, line.runs
     if length < STUB * outer:
         length, runs = STUB * outer, f"half the diameter: {1000 * length:.0f} mm {line.runs}"
-    return LinkRow(part.name, line.frame, tube_of(length, outer, of.material), runs, note)
+    try:
+        tube = tube_of(length, outer, of.material)
+    except BenchError as err:  # a robot smaller or larger than arms are
+        raise BenchError(f"tube of link {part.name!r}: {err}") from err
+    return LinkRow(part.name, line.frame, tube, runs, note)
 
 
 def _joint(chain: Chain, k: int, of: Class) -> JointRow:
