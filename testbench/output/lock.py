@@ -24,12 +24,13 @@ LOOKS, PAUSE = 5, 0.02
 
 
 @contextlib.contextmanager
-def claim(place: Path, folder: Path) -> Iterator[None]:
+def claim(place: Path, folder: Path, *, shared: bool = False) -> Iterator[None]:
     """Nobody else claims the place inside of the block.
 
     Args:
         place: A file or a folder.
         folder: Where the claim lies meanwhile: beside the file, inside of the folder.
+        shared: Beside others who do so: of a folder in which a file is written.
 
     Raises:
         InputError: When another process has claimed it.
@@ -37,20 +38,21 @@ def claim(place: Path, folder: Path) -> Iterator[None]:
     """
     name = "" if place == folder else place.name
     path = folder / f".claim-{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
-    file = _claimed(place, path)
+    file = _claimed(place, path, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
     try:
         yield
     finally:
         with contextlib.suppress(OSError):
-            path.unlink()
+            if not shared or _locked(file, fcntl.LOCK_EX | fcntl.LOCK_NB):
+                path.unlink()
         os.close(file)
 
 
-def _claimed(place: Path, path: Path) -> int:
+def _claimed(place: Path, path: Path, kind: int) -> int:
     for _ in range(LOOKS):
         file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
         try:
-            holder = _try(file, path)
+            holder = _try(file, path, kind)
         except BaseException:
             os.close(file)
             raise
@@ -61,12 +63,12 @@ def _claimed(place: Path, path: Path) -> int:
     raise InputError(place, "", f"is being written by {holder}: wait for it, or choose another place")
 
 
-def _try(file: int, path: Path) -> str | None:
+def _try(file: int, path: Path, kind: int = fcntl.LOCK_EX) -> str | None:
     """Who holds the open file; None where it is ours from now on."""
     status = os.fstat(file)
     if not stat.S_ISREG(status.st_mode) or status.st_size:
         raise InputError(path, "", "expected an empty file, the claim of a run; move it away")
-    if not _locked(file, fcntl.LOCK_EX | fcntl.LOCK_NB):
+    if not _locked(file, kind | fcntl.LOCK_NB):
         return _holder(status.st_ino)
     with contextlib.suppress(FileNotFoundError):
         if os.path.samestat(status, path.lstat()):

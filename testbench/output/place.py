@@ -42,6 +42,7 @@ def claim_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bo
     with contextlib.ExitStack() as stack:
         with writing(path):
             stack.enter_context(folder_for(path.parent))
+            stack.enter_context(claim(path.parent, path.parent, shared=True))  # no run's folder meanwhile
             stack.enter_context(claim(path, path.parent))
         yield
 

@@ -104,6 +104,18 @@ def test_a_second_run_is_refused_at_once_and_told_who_writes(tmp_path):
     assert whose(out) == "one"
 
 
+def test_no_file_is_written_into_a_folder_that_a_run_has_claimed(tmp_path):
+    with claim_folder(tmp_path, COMMAND, force=False):
+        with pytest.raises(InputError, match="is being written by another run"):
+            claim_file(tmp_path / "p.png", PNG).__enter__()
+        assert len(list(tmp_path.iterdir())) == 1
+    with claim_file(tmp_path / "p.png", PNG):
+        with claim_file(tmp_path / "q.png", PNG):
+            assert code(forked(claimed, tmp_path, "one")) == 2
+        assert code(forked(claimed, tmp_path, "one")) == 2
+    assert not list(tmp_path.iterdir())
+
+
 def test_two_new_folders_of_one_name_are_one(tmp_path):
     with new_folder(tmp_path / "arm"), pytest.raises(InputError), new_folder(tmp_path / "arm"):
         pass
@@ -112,7 +124,7 @@ def test_two_new_folders_of_one_name_are_one(tmp_path):
 
 def test_claims_of_killed_runs_go_and_what_is_no_claim_stays(tmp_path):
     def die():
-        with claim_folder(tmp_path, COMMAND, force=False), claim_file(tmp_path / "x.png", PNG):
+        with claim_file(tmp_path / "x.png", PNG):  # and, beside others, its folder
             os.kill(os.getpid(), signal.SIGKILL)
 
     assert code(forked(die)) == -signal.SIGKILL
