@@ -1,7 +1,8 @@
 """Plans of whole poses: greedy start, Fedorov's exchange, several starts from the relaxed weights.
 
 Fedorov (1972), Mitchell's DETMAX (1974): take the pose out whose place another fills best, until no
-exchange of one pose helps. Every trial is an update of rank k of the information matrix.
+exchange of one pose helps. Every trial is an update of rank k of the information matrix, and so is what the
+candidates see of it: few columns a pose instead of all unknowns.
 """
 
 import itertools
@@ -11,8 +12,8 @@ import numpy as np
 
 from testbench.design.criteria import Criterion, Largest
 from testbench.design.relaxation import Relaxed, sensitivity
-from testbench.design.rows import Ids, Problem, information, total
-from testbench.design.update import apart, look
+from testbench.design.rows import Ids, Problem, behind, information, total
+from testbench.design.update import Seen, apart, look
 from testbench.errors import Array
 
 STARTS, FEWER, DRAWN = 12, 4, 190
@@ -65,23 +66,39 @@ def exchange(problem: Problem, criterion: Criterion, rows: Array, plan: Ids) -> 
     """Exchange a pose of the plan (poses,) for a candidate (candidates, k, r) while that makes it better."""
     plan, left = plan.copy(), len(plan)
     M = total(problem.prior, rows[plan])
-    value, ceiling = criterion.information(M), _ceiling(criterion, M, rows)
+    value, ceiling, seen = criterion.information(M), _ceiling(criterion, M, rows), None
+    before, after = problem.prior, behind(rows[plan])
     for k in itertools.islice(itertools.cycle(range(len(plan))), SWEEPS * len(plan)):
+        if k == 0:
+            before, after, seen = problem.prior, behind(rows[plan]), None
         floor = (1 + BETTER) * value
         hopeful = ceiling.hopeful(M, plan[k], floor)
         if ceiling.M is not M and len(hopeful) > STALE * len(rows):
             ceiling = _ceiling(criterion, M, rows)
             hopeful = ceiling.hopeful(M, plan[k], floor)
-        rest = np.delete(plan, k)
-        reached, best = _best(criterion, total(problem.prior, rows[rest]), rows, hopeful)
+        rest, own = before + after[k + 1], rows[plan[k]]
+        if len(hopeful) and not isinstance(criterion, Largest):
+            seen = seen or look(M, rows, criterion.W)
+        reached, best = _best(criterion, _Without(rest, own, seen), rows, hopeful)
         if reached > floor:
             plan[k], value, left = best, reached, len(plan)
-            M = total(problem.prior, rows[plan])
+            M = rest + rows[best].T @ rows[best]
+            seen = _exchanged(criterion, _Without(rest, own, seen), rows, best)
         elif left == 1:
             break
         else:
             left -= 1
+        before = before + rows[plan[k]].T @ rows[plan[k]]
     return plan
+
+
+@dataclass(frozen=True)
+class _Without:
+    """A plan without a pose."""
+
+    M: Array  #: Its information, (r, r).
+    own: Array  #: What the pose tells, (k, r).
+    seen: Seen | None  #: The whole plan as candidates see it; None where that is not kept.
 
 
 @dataclass(frozen=True)
@@ -102,12 +119,31 @@ def _ceiling(criterion: Criterion, M: Array, rows: Array) -> _Ceiling:
     return _Ceiling(M, Z, sensitivity(rows, Z))
 
 
-def _best(criterion: Criterion, M: Array, rows: Array, hopeful: Ids) -> tuple[float, int]:
-    """Phi with the best of the hopeful candidates, and which it is; zero where there are none."""
+def _best(criterion: Criterion, without: _Without, rows: Array, hopeful: Ids) -> tuple[float, int]:
+    """Phi with the best of the hopeful candidates in the place, and which it is; zero where there is none."""
     if not len(hopeful):
         return 0.0, -1
     if 2 * len(hopeful) > len(rows):  # then it takes longer to copy them than to try the others, too
         hopeful = np.arange(len(rows))
-    reached = criterion.after(M, rows if len(hopeful) == len(rows) else rows[hopeful])
+    every = len(hopeful) == len(rows)
+    some = rows if every else rows[hopeful]
+    reached = None
+    if not isinstance(criterion, Largest) and without.seen:
+        away = apart(without.M, without.own, some, criterion.W)
+        if away.leverage.max() <= LOST:
+            kept = without.seen if every else without.seen.of(hopeful)
+            reached = criterion.reached(without.M, kept + away)
+    if reached is None:
+        reached = criterion.after(without.M, some)
     best = int(reached.argmax())
     return float(reached[best]), int(hopeful[best])
+
+
+def _exchanged(criterion: Criterion, without: _Without, rows: Array, best: int) -> Seen | None:
+    """The plan with another pose there as candidates see it; None where an update would lose digits."""
+    if isinstance(criterion, Largest) or not without.seen:
+        return None
+    away = apart(without.M, without.own, rows, criterion.W)
+    new = apart(without.M, rows[best], rows, criterion.W)
+    lost = max(away.leverage.max(), new.leverage.max()) > LOST
+    return None if lost else without.seen + away - new

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from testbench.design.criteria import Criterion
 from testbench.design.relaxation import sensitivity
-from testbench.design.rows import Ids, total
+from testbench.design.rows import Ids, behind, total
 from testbench.errors import Array
 
 NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time.
@@ -62,17 +62,20 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neigh
     q, step = q.copy(), np.full(len(q), STEP)
     plan = _Plan(prior, criterion, rows(q, np.arange(len(q))))
     for _ in range(ROUNDS):
+        before, after = prior, behind(plan.own)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // TOGETHER)):
             trials = near.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
-                better = plan.better(k, tells)
+                rest = before + after[k + 1]
+                better = plan.better(k, tells, rest)
                 allowed = better[near.feasible(trial[better])] if len(better) else better
                 if len(allowed):
                     q[k] = trial[allowed[0]]
-                    plan.exchange(k, tells[allowed[0]])
+                    plan.exchange(k, tells[allowed[0]], rest)
                 else:
                     step[k] *= SHRINK
+                before = before + plan.own[k].T @ plan.own[k]
     return q
 
 
@@ -80,20 +83,20 @@ class _Plan:
     """The rows of a plan, its Phi and a tangent there."""
 
     def __init__(self, prior: Array, criterion: Criterion, own: Array) -> None:
-        self.prior, self.criterion, self.own = prior, criterion, own
-        self._look()
+        self.criterion, self.own = criterion, own
+        self._look(total(prior, own))
 
-    def _look(self) -> None:
-        self.M = total(self.prior, self.own)
-        self.value = self.criterion.information(self.M)
-        self.Z = self.criterion.tangent(self.M).Z
+    def _look(self, M: Array) -> None:
+        self.M = M
+        self.value = self.criterion.information(M)
+        self.Z = self.criterion.tangent(M).Z
 
-    def exchange(self, k: int, rows: Array) -> None:
-        """Other rows (k, r) in a place."""
+    def exchange(self, k: int, rows: Array, rest: Array) -> None:
+        """Other rows (k, r) in a place; the rest is the information without it, (r, r)."""
         self.own[k] = rows
-        self._look()
+        self._look(rest + rows.T @ rows)
 
-    def better(self, k: int, rows: Array) -> Ids:
+    def better(self, k: int, rows: Array, rest: Array) -> Ids:
         """Which of some rows (trials, k, r) make Phi larger in a place, the best first, `TRIES` at most.
 
         Only those are tried that a tangent leaves hope: Phi(M) is no more than <Z, M>.
@@ -103,7 +106,6 @@ class _Plan:
         hopeful = np.flatnonzero(without + sensitivity(rows, self.Z) > floor)
         if not len(hopeful):
             return hopeful
-        rest = total(self.prior, np.delete(self.own, k, axis=0))
         reached = self.criterion.after(rest, rows[hopeful])
         first = np.argsort(-reached)[:TRIES]
         return np.asarray(hopeful[first[reached[first] > floor]])

@@ -115,6 +115,19 @@ def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:
     return total(problem.prior, problem.rows[np.asarray(chosen, dtype=int)])
 
 
+def behind(rows: Array) -> Array:
+    """What the poses from each one on tell, and from none, rows (poses, k, r) to (poses + 1, r, r).
+
+    With what those before tell, information without one pose after the other is a sum: a difference would
+    lose the digits of what that pose alone tells.
+    """
+    r = rows.shape[2]
+    found = np.zeros((len(rows) + 1, r, r))
+    for k in range(len(rows) - 1, -1, -1):
+        found[k] = found[k + 1] + rows[k].T @ rows[k]
+    return found
+
+
 def total(prior: Array, rows: Array) -> Array:
     """Information after rows (poses, k, r) were read, prior included, (r, r)."""
     A = rows.reshape(-1, prior.shape[0])

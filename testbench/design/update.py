@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.design.rows import Ids
 from testbench.errors import Array
 
 
@@ -22,6 +23,13 @@ class Seen:
 
     def __sub__(self, other: "Seen") -> "Seen":
         return Seen(self.leverage - other.leverage, self.worth - other.worth)
+
+    def __add__(self, other: "Seen") -> "Seen":
+        return Seen(self.leverage + other.leverage, self.worth + other.worth)
+
+    def of(self, some: Ids) -> "Seen":
+        """What some of the candidates see."""
+        return Seen(self.leverage[some], self.worth[some])
 
     def gain(self) -> Array:
         """What each candidate takes from tr(W M^-1), tr((1 + leverage)^-1 worth), (candidates,).
