@@ -1,22 +1,28 @@
 """All trials of a run as one Parquet file: typed rows by seed, and whose they are in its metadata."""
 
+import contextlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 from pyarrow import parquet
 
-from testbench.errors import InputError
+from testbench.errors import InputError, open_file
 from testbench.output.whole import whole_file
 from testbench.trials.experiment import check_header
 from testbench.trials.rows import SEED, Column, Table, count
 
 GROUP = 2**15  #: Rows of a row group, at least: with those of one trial what is in memory at a time.
 MOST = 100_000  #: Rows of a trial.
+MOST_BYTES = 10**10  #: Of a file.
+MOST_COLUMNS = 2000
+MOST_OF_GROUP = 500_000_000  #: Bytes of a row group.
+MOST_LETTERS = 100_000_000  #: Of the texts in as many rows as a row group has.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 Trial = tuple[int, Table]  #: Seed and rows by column.
@@ -56,6 +62,47 @@ def _groups(names: Iterable[str], trials: Iterable[Trial]) -> Iterator[Table]:
         yield group
 
 
+@contextlib.contextmanager
+def open_trials(path: Path) -> Iterator[parquet.ParquetFile]:
+    """A stranger's file of trials, after a look at what it says of its sizes.
+
+    Raises:
+        InputError: When it is no plain file.
+        ValueError: When it says that it has more columns or larger row groups than trials have.
+    """
+    with open_file(path, MOST_BYTES):  # a plain file
+        words = [field.name for field in parquet.read_schema(path) if field.type == pa.string()]
+    with parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
+        about = file.metadata
+        if about.num_columns > MOST_COLUMNS:
+            raise ValueError(f"expected at most {MOST_COLUMNS} columns, got {about.num_columns}")
+        for k in range(about.num_row_groups):
+            group = about.row_group(k)
+            size = sum(group.column(j).total_uncompressed_size for j in range(about.num_columns))
+            if size > MOST_OF_GROUP or group.num_rows > GROUP + MOST:
+                sizes = f"{MOST_OF_GROUP} bytes and {GROUP + MOST} rows"
+                raise ValueError(f"row group {k + 1}: expected at most {sizes}")
+        yield file
+
+
+def batches(file: parquet.ParquetFile, columns: Sequence[str]) -> Iterator[dict[str, list[Any]]]:
+    """Some columns, as many rows at a time as a row group has.
+
+    Raises:
+        ValueError: When their texts are longer than those of trials: a word is stored once, however often
+            it is used.
+    """
+    for batch in file.iter_batches(GROUP, columns=list(columns)):
+        letters = 0
+        for column in batch.columns:
+            if pa.types.is_dictionary(column.type):
+                lengths = pc.binary_length(column.dictionary).cast(pa.int64())
+                letters += pc.sum(lengths.take(column.indices)).as_py() or 0
+        if letters > MOST_LETTERS:
+            raise ValueError(f"expected texts of at most {MOST_LETTERS} letters in {len(batch)} rows")
+        yield batch.to_pydict()
+
+
 def read_trials(path: Path, header: Mapping[str, Any]) -> Iterator[Trial]:
     """Trials of a file of this experiment's header, a few rows at a time in memory.
 
@@ -63,7 +110,7 @@ def read_trials(path: Path, header: Mapping[str, Any]) -> Iterator[Trial]:
         InputError: When it is damaged, or of another experiment.
     """
     try:
-        with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        with open_trials(path) as file:
             about = file.schema_arrow.metadata
             check_header(path, json.loads(about[b"testbench"]), header)
             seeds = iter(range(header[SEED], header[SEED] + int(about[b"trials"])))
@@ -83,8 +130,8 @@ def read_trials(path: Path, header: Mapping[str, Any]) -> Iterator[Trial]:
 
 def _parts(file: parquet.ParquetFile) -> Iterator[Trial]:
     """Seeds and their rows as they stand, cut where one seed ends or a batch does."""
-    for batch in file.iter_batches(GROUP):
-        columns, start = batch.to_pydict(), 0
+    for columns in batches(file, file.schema_arrow.names):
+        start = 0
         for seed, own in groupby(columns.pop(SEED)):
             end = start + sum(1 for _ in own)
             yield seed, {name: cells[start:end] for name, cells in columns.items()}

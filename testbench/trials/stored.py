@@ -9,6 +9,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from testbench.errors import InputError
+from testbench.trials.parquet import batches, open_trials
 from testbench.trials.rows import SEED
 
 MOST = 2_000_000  #: Rows that are read.
@@ -35,7 +36,7 @@ def series(path: Path, keys: Sequence[str]) -> list[Series]:
         InputError: When the file is damaged or too large.
     """
     try:
-        with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        with open_trials(path) as file:
             if file.metadata.num_rows > MOST:
                 raise InputError(path, "", f"expected at most {MOST} rows, got {file.metadata.num_rows}")
             schema = file.schema_arrow
@@ -43,9 +44,9 @@ def series(path: Path, keys: Sequence[str]) -> list[Series]:
             if under is None:
                 return []
             wanted = [key for key in keys if under + key in schema.names]
-            words = [f.name for f in schema if f.type == pa.string() and not f.name.startswith(under)]
+            words = [f.name for f in schema if _is_text(f.type) and not f.name.startswith(under)]
             numbers = [under + key for key in wanted]
-            rows = file.read(columns=[SEED, under + NAME, *words, *numbers]).to_pydict()
+            rows = _rows(file, [SEED, under + NAME, *words, *numbers])
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as err:
         raise InputError(path, "", f"expected trials in Parquet: {err}") from err
     conditions = list(zip(rows[under + NAME], *(rows[word] for word in words), strict=True))
@@ -54,6 +55,20 @@ def series(path: Path, keys: Sequence[str]) -> list[Series]:
         for key, column in zip(wanted, numbers, strict=True)
         for name, by_seed in _grouped(conditions, rows[SEED], rows[column])
     ]
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_dictionary(kind) and pa.types.is_string(kind.value_type))
+
+
+def _rows(file: parquet.ParquetFile, columns: Sequence[str]) -> dict[str, list[object]]:
+    """Columns of all rows; each text is held once."""
+    rows: dict[str, list[object]] = {name: [] for name in columns}
+    texts: dict[object, object] = {}
+    for batch in batches(file, columns):
+        for name, cells in batch.items():
+            rows[name] += [texts.setdefault(x, x) if isinstance(x, str) else x for x in cells]
+    return rows
 
 
 def _under(names: Sequence[str], keys: Sequence[str]) -> str | None:

@@ -23,6 +23,7 @@ from testbench.trials.groups import Whole, by_group
 from testbench.trials.packed import LONGEST, pack
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
+from testbench.trials.stored import series
 from testbench.trials.storefile import JOURNAL as MAGIC
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
@@ -626,3 +627,13 @@ def test_columns_by_group_are_those_of_the_rows_on_the_disk_and_in_memory(tmp_pa
             assert own.yes.tolist() == [row.yes for row in flat]
             assert own.word.tolist() == [row.word for row in flat]
             assert repr(own.nan.tolist()) == repr([math.nan if row.nan is None else row.nan for row in flat])
+
+
+def test_a_text_that_is_stored_once_and_used_without_end_is_refused(tmp_path):
+    """A few hundred kB that are gigabytes once every row has its text."""
+    many, path = 20_000, tmp_path / WHOLE
+    word = pa.DictionaryArray.from_arrays(np.zeros(many, np.int32), ["x" * 200_000])
+    table = pa.table({"seed": np.arange(many), "name": word, "workspace.rms_mm": np.ones(many)})
+    pq.write_table(table, path, store_schema=False)
+    with pytest.raises(InputError, match="expected texts of at most"):
+        series(path, ["workspace.rms_mm"])
