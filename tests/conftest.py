@@ -21,17 +21,22 @@ ATTACKS = {"hostile", "property"} | {
     f"test_{name}.py" for name in "fuzz model_folder stream trial_engine trial_store two_writers".split()
 }
 """Folders and files of tests that attack: by inputs, kills, races, full disks."""
+ROOT = Path(__file__).resolve().parents[1]
+MODELS = ROOT / "models"
+STUDIES = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
+"""Each has a file of tests, which run it and then look at it."""
 SAVE = Figure.savefig
-MODELS = Path(__file__).resolve().parents[1] / "models"
 
 pytest.register_assert_rewrite("page_checks")
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what `make look` and `make attack` run; `make test` runs all others."""
+    """Mark what `make studies`, `make look` and `make attack` run; `make test` runs all others."""
     for item in items:
-        if LOOKS & set(getattr(item, "fixturenames", ())):
+        if item.path.stem.removeprefix("test_").removesuffix("_study") in STUDIES:
+            item.add_marker("study")
+        elif LOOKS & set(getattr(item, "fixturenames", ())):
             item.add_marker("look")
         elif ATTACKS & set(item.path.parts):
             item.add_marker("attack")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from testbench.bench.campaign import build_cell
-from testbench.errors import BenchError, word
+from testbench.errors import BenchError, InputError, word
 from testbench.output.run import new_folder
 from testbench.plant.adopt.folder import write_arm
 from testbench.plant.adopt.read import read_chain
@@ -33,8 +33,11 @@ def command(  # noqa: PLR0913
     wishes = read_wishes(payload_kg, tool, marker or [], load)
     with new_folder(name) as folder:
         chain = read_chain(source, tip)
-        notes = write_arm(chain, wishes, folder)
-        arm = build_cell(folder).arm
+        try:
+            notes = write_arm(chain, wishes, folder)
+            arm = build_cell(folder).arm
+        except BenchError as err:  # which names a part of the robot
+            raise InputError(source, "", str(err)) from err
     console = plain_console()
     first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg"
     last = f"see it and what to confirm: testbench check {word(name)}"

@@ -70,8 +70,9 @@ def open_trials(path: Path) -> Iterator[parquet.ParquetFile]:
         InputError: When it is no plain file.
         ValueError: When it says that it has more columns or larger row groups than trials have.
     """
-    with open_file(path, MOST_BYTES):  # a plain file
-        words = [field.name for field in parquet.read_schema(path) if field.type == pa.string()]
+    with open_file(path, MOST_BYTES):
+        pass  # a plain file
+    words = [field.name for field in parquet.read_schema(path) if field.type == pa.string()]
     with parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
         about = file.metadata
         if about.num_columns > MOST_COLUMNS:

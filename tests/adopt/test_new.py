@@ -131,7 +131,7 @@ def test_whatever_the_file_holds_nothing_but_an_arm_or_one_line_comes_of_it(tmp_
             mesh.write_bytes(mesh.read_bytes()[: rng.choice([0, 83, 100, 284, 284, 284])])
         done = new(home / "arm", "--from", file)
         if done.returncode:
-            refused(done)
+            assert str(home) in refused(done)  # the file at fault
         assert (home / "arm").exists() == (done.returncode == 0)
         assert not list(home.glob(".new-*"))
         made += done.returncode == 0
