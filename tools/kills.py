@@ -338,7 +338,7 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
         if case.resumes:
             held = checked(held, stored(place.folder), way)
         else:
-            check_stands(place.files(), whole.files, way)
+            check_stands(case, place.files(), whole.files, way)
     if case.ends:
         check_alike(finished(case, place).files, whole.files, "run to its end")
     else:
@@ -365,11 +365,11 @@ def checked(held: dict[Path, int], now: dict[Path, int], way: str) -> dict[Path,
     return now
 
 
-def check_stands(files: dict[str, bytes], whole: dict[str, bytes], way: str) -> None:
+def check_stands(case: Case, files: dict[str, bytes], whole: dict[str, bytes], way: str) -> None:
     """Refuse earlier results that are not as they were; some may be on their way."""
     if not any(re.search(MOVING, name) for name in files):
         stands = {name: data for name, data in files.items() if not re.search(UNDER_WAY, name)}
-        check_alike(stands, whole if stands else {}, f"{way}: earlier results")
+        check_alike(stands, whole if stands or not case.anew else {}, f"{way}: earlier results")
 
 
 def check_alike(files: dict[str, bytes], whole: dict[str, bytes], what: str) -> None:

@@ -19,7 +19,7 @@ from testbench.correct.step import Hold
 from testbench.data.motion.formats import format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
-from testbench.output.place import claim_file
+from testbench.output.place import claim_file, inside
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
@@ -104,8 +104,8 @@ def _places(asked: Options) -> Places:
         raise InputError(asked.out, "", "expected the name of a file, got a folder")
     named = asked.out.stem if asked.out.suffix == ".csv" else asked.out.name.replace(".", "_")
     beside = asked.out.with_name(f"{named}_report")
-    if asked.report == asked.out:
-        raise InputError(asked.out, "", "expected another place for --report than for --out")
+    if asked.report and inside(asked.out, asked.report):
+        raise InputError(asked.out, "", f"expected a place outside of {asked.report}, the folder of --report")
     with of_flag("--format" if asked.format else "--out"):
         return Places(asked.out, format_of(asked.out, asked.format), asked.report or beside)
 

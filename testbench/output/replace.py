@@ -51,20 +51,20 @@ def settle(folder: Path, *, read: bool = False) -> None:
         with writing(folder), turn(folder), stops_wait():
             for file in sorted(_unlike(folder)) if read else ():
                 problem = "is of no run that was killed while it was put in place; move it away"
-                raise InputError(folder / file, "", problem)
+                raise InputError(file, "", problem)
             _complete(folder)
 
 
-def _unlike(out: Path) -> Iterator[str]:
+def _unlike(out: Path) -> Iterator[Path]:
     """Files that are to be moved, replaced or removed, and are not those that the manifests name."""
     old, new = read_manifest(out), read_manifest(out / READY)
     coming = [file.as_posix() for file in _files(out / READY) if file != Path(manifest.NAME)]
-    going = (old.files or frozenset()) - (new.files or old.files or frozenset())
+    going = (old.files or frozenset()) - new.files if new.files is not None else ()
     both = [(out / READY, name, new) for name in coming]
     both += [(out, name, old) for name in (*coming, *going) if os.path.lexists(out / name)]
     for folder, name, own in both:
         if not has_digest(folder / name, own.sha256.get(name)):
-            yield (folder / name).relative_to(out).as_posix()
+            yield folder / name
 
 
 @contextlib.contextmanager

@@ -39,7 +39,7 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
     """Files to write that take the places of `paths` once the block has ended well, all of them or none.
 
     A kill while several are put in place leaves none of the earlier ones beside a new one, but some missing:
-    the next block with the same first place puts those there.
+    the next block with the same places puts those there.
 
     Args:
         paths: The places; their folders are made where they do not exist.
@@ -51,7 +51,7 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
         InputError: When one cannot be written.
     """
     home = Path(os.path.commonpath([path.parent.absolute() for path in paths]))
-    scratch, ready = home / scratch_name(), home / ready_name(paths[0])
+    scratch, ready = home / scratch_name(), home / ready_name(home, paths)
     parts = [_part(scratch, k, path) for k, path in enumerate(paths)]
     with contextlib.ExitStack() as stack:
         for path in paths:
@@ -74,9 +74,10 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
             sync_names(path.parent)
 
 
-def ready_name(path: Path) -> str:
-    """Of the folder with files that are whole and on their way to their places, `path` the first of them."""
-    return f"{READY}-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}"
+def ready_name(home: Path, paths: Sequence[Path]) -> str:
+    """Of the folder in `home` with files that are whole and on their way to these places."""
+    names = "\0".join(os.path.relpath(path, home) for path in paths)
+    return f"{READY}-{hashlib.sha256(os.fsencode(names)).hexdigest()[:16]}"
 
 
 def _part(folder: Path, k: int, path: Path) -> Path:

@@ -22,6 +22,7 @@ MOST = 100_000  #: Rows of a trial.
 MOST_BYTES = 10**10  #: Of a file.
 MOST_COLUMNS = 2000
 MOST_OF_GROUP = 500_000_000  #: Bytes of a row group.
+MOST_CELLS = 50_000_000  #: Of a row group: those of lists, too, of which equal ones take no bytes.
 MOST_LETTERS = 100_000_000  #: Of the texts in as many rows as a row group has.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
@@ -68,22 +69,33 @@ def open_trials(path: Path) -> Iterator[parquet.ParquetFile]:
 
     Raises:
         InputError: When it is no plain file.
-        ValueError: When it says that it has more columns or larger row groups than trials have.
+        ValueError: When it says that it has other or more columns or larger row groups than trials have.
     """
     with open_file(path, MOST_BYTES):
         pass  # a plain file
-    words = [field.name for field in parquet.read_schema(path) if field.type == pa.string()]
-    with parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=words) as file:
-        about = file.metadata
-        if about.num_columns > MOST_COLUMNS:
-            raise ValueError(f"expected at most {MOST_COLUMNS} columns, got {about.num_columns}")
-        for k in range(about.num_row_groups):
-            group = about.row_group(k)
-            size = sum(group.column(j).total_uncompressed_size for j in range(about.num_columns))
-            if size > MOST_OF_GROUP or group.num_rows > GROUP + MOST:
-                sizes = f"{MOST_OF_GROUP} bytes and {GROUP + MOST} rows"
-                raise ValueError(f"row group {k + 1}: expected at most {sizes}")
+    about = parquet.read_metadata(path)
+    _check_sizes(about)
+    columns = [about.schema.column(j) for j in range(about.num_columns)]
+    texts = [column.path for column in columns if column.physical_type == "BYTE_ARRAY"]
+    with parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=texts) as file:
         yield file
+
+
+def _check_sizes(about: parquet.FileMetaData) -> None:
+    if about.num_columns > MOST_COLUMNS:
+        raise ValueError(f"expected at most {MOST_COLUMNS} columns, got {about.num_columns}")
+    for field in about.schema.to_arrow_schema():
+        kind = field.type.value_type if pa.types.is_list(field.type) else field.type
+        if kind not in TYPES.values():
+            raise ValueError(f"column {field.name[:80]}: expected numbers, words or truth values")
+    for k in range(about.num_row_groups):
+        group = about.row_group(k)
+        columns = [group.column(j) for j in range(about.num_columns)]
+        if sum(column.total_uncompressed_size for column in columns) > MOST_OF_GROUP:
+            raise ValueError(f"row group {k + 1}: expected at most {MOST_OF_GROUP} bytes")
+        if group.num_rows > GROUP + MOST or sum(column.num_values for column in columns) > MOST_CELLS:
+            sizes = f"{GROUP + MOST} rows and {MOST_CELLS} cells"
+            raise ValueError(f"row group {k + 1}: expected at most {sizes}")
 
 
 def batches(file: parquet.ParquetFile, columns: Sequence[str]) -> Iterator[dict[str, list[Any]]]:
@@ -96,9 +108,10 @@ def batches(file: parquet.ParquetFile, columns: Sequence[str]) -> Iterator[dict[
     for batch in file.iter_batches(GROUP, columns=list(columns)):
         letters = 0
         for column in batch.columns:
-            if pa.types.is_dictionary(column.type):
-                lengths = pc.binary_length(column.dictionary).cast(pa.int64())
-                letters += pc.sum(lengths.take(column.indices)).as_py() or 0
+            cells = column.flatten() if pa.types.is_list(column.type) else column
+            if pa.types.is_dictionary(cells.type):
+                lengths = pc.binary_length(cells.dictionary).cast(pa.int64())
+                letters += pc.sum(lengths.take(cells.indices)).as_py() or 0
         if letters > MOST_LETTERS:
             raise ValueError(f"expected texts of at most {MOST_LETTERS} letters in {len(batch)} rows")
         yield batch.to_pydict()

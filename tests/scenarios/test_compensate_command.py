@@ -223,6 +223,12 @@ def test_a_file_that_is_no_corrected_program_is_not_replaced(folder, corrected, 
     done = run(folder / "true", out / "mill.csv", "--out", out / "mill.csv")
     assert done.returncode == 2
     assert "is read by this command" in done.stderr
+    done = run(
+        folder / "true", out / "mill.csv", "--out", tmp_path / "in" / "x.csv", "--report", tmp_path / "in"
+    )
+    assert done.returncode == 2
+    assert "the folder of --report" in done.stderr
+    assert not (tmp_path / "in").exists()
 
 
 def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):

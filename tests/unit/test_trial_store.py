@@ -21,6 +21,7 @@ from testbench.trials.chunk import do_chunk
 from testbench.trials.experiment import Experiment
 from testbench.trials.groups import Whole, by_group
 from testbench.trials.packed import LONGEST, pack
+from testbench.trials.parquet import batches, open_trials
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.trials.stored import series
@@ -637,3 +638,22 @@ def test_a_text_that_is_stored_once_and_used_without_end_is_refused(tmp_path):
     pq.write_table(table, path, store_schema=False)
     with pytest.raises(InputError, match="expected texts of at most"):
         series(path, ["workspace.rms_mm"])
+
+
+ODD = {
+    "bytes": (pa.array([b"x"] * 9, pa.binary()), "column name: expected numbers, words or truth values"),
+    "a struct": (pa.array([{"n": "x"}] * 9), "column name: expected numbers, words or truth values"),
+    "lists of lists": (pa.array([[["x"]]] * 9), "column name: expected numbers, words or truth values"),
+    "lists of a long text": (pa.array([["x" * 200]] * 9), "expected texts of at most 1000 letters"),
+    "a long list": (pa.array([[0.0] * 200] * 9), "row group 1: expected at most .* 1000 cells"),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_columns_that_unpack_to_more_than_they_say_are_refused(tmp_path, monkeypatch, name):
+    monkeypatch.setattr("testbench.trials.parquet.MOST_LETTERS", 1000)
+    monkeypatch.setattr("testbench.trials.parquet.MOST_CELLS", 1000)
+    cells, said = ODD[name]
+    pq.write_table(pa.table({"seed": range(9), "name": cells}), tmp_path / WHOLE)
+    with pytest.raises(ValueError, match=said), open_trials(tmp_path / WHOLE) as file:
+        list(batches(file, ["seed", "name"]))

@@ -203,6 +203,13 @@ def test_nothing_is_moved_where_something_else_stands_in_the_way(tmp_path):
 
 PLANTED = {
     "removes": lambda ready, run: ready.joinpath("manifest.json").write_text(run.replace("mine", "yours")),
+    "removes all": lambda ready, run: ready.joinpath("manifest.json").write_text(
+        run.replace('["manifest.json", "mine"]', "[]")
+    ),
+    "names a file elsewhere": lambda ready, run: (
+        ready.joinpath("manifest.json").write_text(run),
+        ready.with_name("manifest.json").write_text(run.replace("mine", "/etc/hostname")),
+    ),
     "replaces": lambda ready, run: ready.joinpath("mine").write_text("theirs"),
     "links": lambda ready, run: ready.joinpath("theirs").symlink_to("/etc/hostname"),
     "pipes": lambda ready, run: os.mkfifo(ready / "theirs"),
@@ -286,6 +293,28 @@ def test_a_kill_never_leaves_an_earlier_file_beside_a_new_one(tmp_path, monkeypa
         assert len(tags) <= 1
         write_several(folder, "two")
         assert several(folder)[1] == {"two"}
+        assert not list(folder.rglob(".*"))
+        if ended == 0:
+            break
+    assert 3 < k < 19
+
+
+def write_two(folder, tag):
+    """Two of the files alone."""
+    with whole_files([folder / "1.csv", folder / "3.csv"]) as parts:
+        for part in parts:
+            part.write_text(tag)
+
+
+def test_other_files_that_begin_with_the_same_one_lose_none_of_a_run_that_was_killed(tmp_path, monkeypatch):
+    for k in range(20):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        write_several(folder, "old")
+        ended = killed_at(k, monkeypatch, write_several, folder, "new")
+        write_two(folder, "two")
+        assert refused(monkeypatch, 0, ["write_text"], write_several, folder, "refused")
+        assert set(several(folder)[0]) == {"1.csv", "2.csv", "3.csv"}
         assert not list(folder.rglob(".*"))
         if ended == 0:
             break
