@@ -22,7 +22,8 @@ Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in bench.Scenario.
 PULL_RANGE = (GRAVITY * LOAD_RANGE[0], GRAVITY * LOAD_RANGE[1])  #: Sizes of forces that can pull [N].
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
-MOST_POSES, MOST_CANDIDATES = 200, 50_000
+MOST_POSES = 200
+MOST_CANDIDATES = 50_000  #: Also times loads and pulls: memory grows with them.
 
 
 class Site:
@@ -88,6 +89,10 @@ class PlanSettings(Site):
             check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
         check_range("--poses", self.poses, 1, MOST_POSES)
         check_range("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
+        loads = len(self.loads_kg) + len(self.pulls_n)
+        check_range(
+            "--load and --pull, times --candidates", loads * self.candidates_wanted, 1, MOST_CANDIDATES
+        )
         check_range("--sigma-um", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
         if self.uncertainty_percent is not None:  # doubled for doubters
             check_range("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1])

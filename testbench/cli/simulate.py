@@ -32,6 +32,7 @@ DATASET = Kind("a dataset", rb"run,pose,marker,")
 READINGS = Kind("a file of absolute readings", rb"run,")
 FORCES = "columns force_x_N, force_y_N, force_z_N"
 MOST_POSES = 10_000  #: Random poses that are drawn at most.
+MOST_RUNS = 50_000  #: Equilibria that are sought at most, poses times loads times set-ups.
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,8 @@ def command(asked: Options, absolute: Absolute) -> None:
 
 def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
     console = plain_console()
-    q = _given_poses(cell, asked)
     masses = _one_after_the_other(cell, asked)
+    q = _given_poses(cell, asked, len(masses) * absolute.series)
     _say_overload(console, cell, masses)
     for path, own in write_readings(cell, campaign(cell, asked, absolute, masses), asked.seed, q, asked.out):
         text = (
@@ -109,7 +110,7 @@ def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
 
 
 def _read_deflections(cell: Cell, asked: Options) -> None:
-    q = _given_poses(cell, asked)
+    q = _given_poses(cell, asked, 1 if asked.loads is None else len(read_masses(asked.loads)))
     if q is None:
         q = find(build_checks(cell, Conditions()), asked.poses or 0, stream(asked.seed, 0)).q
     masses = _masses(cell, asked, len(q))
@@ -137,14 +138,17 @@ def _say_overload(
         console.print(f"Doubt: {doubt}", soft_wrap=True)
 
 
-def _given_poses(cell: Cell, asked: Options) -> Array | None:
-    """Those of the file, (poses, n) [rad, m]; None where random ones are asked for."""
+def _given_poses(cell: Cell, asked: Options, times: int) -> Array | None:
+    """Those of the file, (poses, n) [rad, m], each of which is run so often; None for random ones."""
     if (asked.file is None) == (asked.poses is None):
         raise BenchError("poses: expected either a file of poses or --poses NUMBER")
-    if asked.file is None:
-        return None
-    q = read_poses(asked.file, cell.arm)
-    check_poses(cell.room, q)
+    q = None if asked.file is None else read_poses(asked.file, cell.arm)
+    poses = (asked.poses or 0) if q is None else len(q)
+    if poses * times > MOST_RUNS:
+        most = f"expected at most {MOST_RUNS} runs, poses times loads times series"
+        raise BenchError(f"{asked.file or '--poses'}: {most}, got {poses} times {times}")
+    if q is not None:
+        check_poses(cell.room, q)
     return q
 
 

@@ -110,3 +110,41 @@ def test_in_a_map(attack, lab, odd):
 @pytest.mark.parametrize("odd", ["Arabic", "hex float", "beyond"])
 def test_in_flags(attack, lab, odd):
     attack(lab, "plan", "arm", "--task", "tasks.csv", "--tracker", f"4,-1,{ODD[odd]}").refused("--tracker")
+
+
+PLAN = ("plan", "arm", "--task", "tasks.csv", "--poses", "4")
+MORE = {
+    "poses of a file times loads": (
+        "simulate",
+        "arm",
+        "poses.csv",
+        "--loads",
+        "1,2,3,4,5,6",
+        "--out",
+        "o.csv",
+    ),
+    "random poses times loads": (
+        "simulate",
+        "arm",
+        "--poses",
+        "9999",
+        "--loads",
+        "1,2,3,4,5,6",
+        "--out",
+        "o.csv",
+    ),
+    "loads times candidates": (*PLAN, *(f"--load={1 + k}" for k in range(30)), "--candidates", "5000"),
+    "pulls times candidates": (*PLAN, *(f"--pull={1 + k},0,0" for k in range(30)), "--candidates", "5000"),
+}
+
+
+@pytest.mark.parametrize("asked", MORE)
+def test_more_runs_than_are_worked_on(attack, lab, asked):
+    head, first, *_ = (lab / "tasks.csv").read_text().splitlines()
+    (lab / "poses.csv").write_text("\n".join([head, *[first] * 9999]))
+    said = (
+        "expected at most 50000 runs"
+        if "poses" in asked
+        else "--load and --pull, times --candidates: expected"
+    )
+    attack(lab, *MORE[asked]).refused(said)
