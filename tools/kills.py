@@ -12,6 +12,7 @@ lacks. A kill that came after its end is not counted.
 
 import contextlib
 import itertools
+import json
 import os
 import random
 import re
@@ -24,7 +25,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -51,6 +52,8 @@ LATE, MOST_LATE = "too late", 4  #: What a kill after the end counts as; most of
 MOST_FAULTS = 20  #: After which no more is tried.
 CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or have a random identity.
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
+TIMED = ("solver_comparison",)  #: Studies of times: ratios of them, curves over them.
+TIME = "seconds"  #: In the names of what a clock measured.
 PICTURES = ("out.png", "out.gif")  #: Of the viewer.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
@@ -75,6 +78,7 @@ class Case:
     resumes: bool = False  #: Whether it stores trials.
     ends: bool = True  #: By itself.
     anew: bool = False  #: Whether it makes what must not be there.
+    timed: Collection[str] = ()  #: Files that differ from run to run, as they tell how long things took.
 
 
 def command(line: str, out: str = "out", *, ends: bool = True, anew: bool = False) -> Case:
@@ -85,7 +89,8 @@ def command(line: str, out: str = "out", *, ends: bool = True, anew: bool = Fals
 def study(name: str, seeds: int = 1) -> Case:
     """A study, its trials on two workers."""
     script = str(ROOT / "scenarios" / f"{name}.py")
-    return Case((sys.executable, script, *STUDY, "--seeds", str(seeds)), resumes=True)
+    timed = ("report.json", f"{name}.png") if name in TIMED else ()
+    return Case((sys.executable, script, *STUDY, "--seeds", str(seeds)), resumes=True, timed=timed)
 
 
 STUDIES = {path.stem: study(path.stem) for path in sorted((ROOT / "scenarios").glob("*.py"))}
@@ -186,10 +191,15 @@ def timeless(path: Path) -> bytes:
         return data[:6] + data[-1:]
     if path.suffix == ".parquet":
         table = parquet.read_table(path)
-        return repr(
-            table.drop_columns([c for c in table.column_names if c.endswith("seconds")]).to_pylist()
-        ).encode()
-    return re.sub(rb'"\w*seconds": [-+.\de]+', b"", data)
+        return repr(table.drop_columns([c for c in table.column_names if TIME in c]).to_pylist()).encode()
+    if path.suffix == ".json":
+        return repr(json.loads(data, object_hook=pruned)).encode()
+    return data
+
+
+def pruned(table: dict[str, object]) -> dict[str, object]:
+    """A table of a report without what a clock measured."""
+    return {key: value for key, value in table.items() if TIME not in key}
 
 
 def heed() -> None:
@@ -340,7 +350,7 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
         else:
             check_stands(case, place.files(), whole.files, way)
     if case.ends:
-        check_alike(finished(case, place).files, whole.files, "run to its end")
+        check_alike(finished(case, place).files, whole.files, "run to its end", case.timed)
     else:
         killed(case, place, whole.seconds, "INT", rng)
     left = [
@@ -372,9 +382,12 @@ def check_stands(case: Case, files: dict[str, bytes], whole: dict[str, bytes], w
         check_alike(stands, whole if stands or not case.anew else {}, f"{way}: earlier results")
 
 
-def check_alike(files: dict[str, bytes], whole: dict[str, bytes], what: str) -> None:
-    """Refuse files that are not those of a run that was left alone."""
+def check_alike(
+    files: dict[str, bytes], whole: dict[str, bytes], what: str, timed: Collection[str] = ()
+) -> None:
+    """Refuse files that are not those of a run that was left alone; the timed ones must be there."""
     differ = sorted(n for n in files.keys() | whole.keys() if files.get(n) != whole.get(n))
+    differ = [n for n in differ if Path(n).name not in timed or n not in files.keys() & whole.keys()]
     if differ:
         raise Fault(f"{what}: not as left alone: {differ}")
 
