@@ -53,7 +53,7 @@ MOST_FAULTS = 20  #: After which no more is tried.
 CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or have a random identity.
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
 TIMED = ("solver_comparison",)  #: Studies of times: ratios of them, curves over them.
-TIME = "seconds"  #: In the names of what a clock measured.
+TIME = r"seconds|ratio_to_conic"  #: In the names of what a clock measured, and of ratios of that.
 PICTURES = ("out.png", "out.gif")  #: Of the viewer.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
@@ -191,7 +191,9 @@ def timeless(path: Path) -> bytes:
         return data[:6] + data[-1:]
     if path.suffix == ".parquet":
         table = parquet.read_table(path)
-        return repr(table.drop_columns([c for c in table.column_names if TIME in c]).to_pylist()).encode()
+        return repr(
+            table.drop_columns([c for c in table.column_names if re.search(TIME, c)]).to_pylist()
+        ).encode()
     if path.suffix == ".json":
         return repr(json.loads(data, object_hook=pruned)).encode()
     return data
@@ -199,7 +201,7 @@ def timeless(path: Path) -> bytes:
 
 def pruned(table: dict[str, object]) -> dict[str, object]:
     """A table of a report without what a clock measured."""
-    return {key: value for key, value in table.items() if TIME not in key}
+    return {key: value for key, value in table.items() if not re.search(TIME, key)}
 
 
 def heed() -> None:
