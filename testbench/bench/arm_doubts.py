@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.arm.elastic import Elastic
 from testbench.bench.campaign import Cell
+from testbench.bench.confirm import UNSURE
 from testbench.bench.sag import Sag
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
@@ -21,6 +22,8 @@ THICK = 3.0  #: Diameter over length of a tube [1].
 DRAWN = 2.0  #: Diameter of a tube over the width of the drawn link [1].
 NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
 SAG = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
+COVERED = 1 / 3  #: Share of a tube's length that its drawn shape covers at least [1].
+BEHIND = 0.02  #: Distance of a point behind the flange over the reach [1].
 FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
 MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
@@ -78,9 +81,12 @@ def arm_doubts(looked: Looked) -> list[Doubt]:
         "tube length": tube_lengths,
         "beam axis": beam_axes,
         "tube diameter": diameters,
+        "tube shape": fragments,
         "joint compliance": neighbours,
         "sag": sags,
+        "payload": payloads,
         "points of the tool": points,
+        "flange": behind,
         "mass": masses,
         "base": base,
     }.items():
@@ -125,20 +131,40 @@ def diameters(arm: Looked) -> Iterator[str]:
             yield f"{link.name}: its tube is {outer:.3g} m thick, its drawn shape {widths[k]:.3g} m wide"
 
 
+def fragments(arm: Looked) -> Iterator[str]:
+    """A tube of a thickness that a guess gave it: its link is drawn in part."""
+    for k, corners in _drawn(arm.cell).items():
+        link, tube = arm.cell.arm.links[k], arm.elastic.link[k].tube
+        if tube is None or tube.outer_diameter.origin not in UNSURE:
+            continue
+        along, length = corners @ link.frame[:, 0], tube.length.value
+        covered = float(max(0.0, min(along.max(), length) - max(along.min(), 0.0)))
+        if length > CLOSE * arm.vjm.reach and covered < COVERED * length:
+            drawn = f"its drawn shape covers {1e3 * covered:.0f} of {1e3 * length:.0f} mm"
+            yield f"{link.name}: {drawn}: the diameter of its tube is a guess"
+
+
 def _widths(cell: Cell) -> dict[int, float]:
     """Widest extent across the beam axis of every link that is drawn [m]."""
+    return {
+        k: float(np.ptp(own @ cell.arm.links[k].frame[:, 1:], axis=0).max())
+        for k, own in _drawn(cell).items()
+    }
+
+
+def _drawn(cell: Cell) -> dict[int, Array]:
+    """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
     from testbench.plant.corners import corners, is_drawn
     from testbench.plant.shapes import body_names, visual_shapes
 
     if not is_drawn(cell.room):
         return {}
-    names, shapes, widths = body_names(cell.room), visual_shapes(cell.room), {}
+    names, shapes, found = body_names(cell.room), visual_shapes(cell.room), {}
     for k, link in enumerate(cell.arm.links):
         own = [corners(shape) for shape in shapes if names[shape.body] == link.name]
         if own:
-            across = np.concatenate(own) @ link.frame[:, 1:]
-            widths[k] = float(np.ptp(across, axis=0).max())
-    return widths
+            found[k] = np.concatenate(own)
+    return found
 
 
 def neighbours(arm: Looked) -> Iterator[str]:
@@ -160,6 +186,27 @@ def sags(arm: Looked) -> Iterator[str]:
         if not low <= moved <= high:
             expected = f"{1e3 * low:g} to {1e3 * high:g} mm"
             yield f"its {payload:g} kg move the tool by {1e3 * moved:.3g} mm (median), expected {expected}"
+
+
+def payloads(arm: Looked) -> Iterator[str]:
+    """A payload that somebody has stated."""
+    payload = arm.elastic.payload
+    if payload is not None and payload.origin == "estimated":
+        guess = f"its payload of {payload.value:g} kg is a guess that may be six times off"
+        yield f"{guess}: state the maker's in elastic.toml"
+
+
+def behind(arm: Looked) -> Iterator[str]:
+    """Load point and markers at the flange or beyond it."""
+    (_, R), (place, turn) = arm.bodies[-2], arm.bodies[-1]
+    outward = R[0] @ arm.cell.arm.links[-1].frame[:, 0]
+    joint = arm.bodies[-2][0][0]
+    flange = float((place[0] - joint) @ outward)
+    names = arm.cell.arm.load, *arm.cell.arm.markers
+    for name, local in zip(names, (arm.vjm.load, *arm.vjm.markers), strict=True):
+        ahead = float((place[0] + turn[0] @ local - joint) @ outward) - flange
+        if ahead < -BEHIND * arm.vjm.reach:
+            yield f"{name} is {-1e3 * ahead:.0f} mm behind the flange: is it where the tool carries it?"
 
 
 def points(arm: Looked) -> Iterator[str]:

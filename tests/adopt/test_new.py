@@ -4,12 +4,15 @@ import random
 import re
 import shutil
 
+import numpy as np
 import pytest
 from run_here import here
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
+from testbench.bench.checked import check
 from testbench.cli.program import program
+from testbench.model.vjm import body_poses
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25
@@ -43,6 +46,94 @@ def test_an_arm_that_exists_is_not_touched(tmp_path):
     (tmp_path / "mine").mkdir()
     assert "exists already" in refused(new(tmp_path / "mine", "--from", heavy_urdf(tmp_path)))
     assert not list((tmp_path / "mine").iterdir())
+
+
+def with_rods(folder):
+    """The heavy arm with a rod on link 3 that follows joint 2: its branch is as long as the wrist."""
+    text = heavy_urdf(folder).read_text()
+    rods = ""
+    for k, before in enumerate(("link_3", "rod_1", "rod_2", "rod_3")):
+        rods += f"""<link name="rod_{k + 1}"><collision><geometry><box size="3 3 3"/></geometry>
+            </collision></link><joint name="rod_joint_{k + 1}" type="revolute"><parent link="{before}"/>
+            <child link="rod_{k + 1}"/>
+            <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
+            <mimic joint="joint_a2"/></joint>"""
+    file = folder / "rods.urdf"
+    file.write_text(text.replace("</robot>", f"{rods}</robot>"))
+    return file
+
+
+def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp_path):
+    """The chain to tool0 wins; what is drawn where it is not hinders no pose."""
+    done = new(tmp_path / "mine", "--from", with_rods(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert "6 joints, tool at 'tool0'" in done.stdout
+    names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
+    assert f"off the arm, so held at zero: {names}" in done.stdout
+    assert (
+        "held where they are not, so their collisions do not count: rod_1, rod_2, rod_3, rod_4" in done.stdout
+    )
+    assert "hulls that touch" not in done.stdout
+    assert (load_arm(tmp_path / "mine").limits[:, 2] == (-2, 1.5)).all()
+
+
+def test_a_joint_that_is_locked_at_zero_is_no_joint_of_the_arm(tmp_path):
+    """An exporter that knows no limits writes zeros everywhere: then ours stand in."""
+    text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text())
+    limits = '<axis xyz="{}"/> <limit lower="{}" upper="{}" effort="0" velocity="{}"/>'
+    axis = re.search(r'<child link="link_4"/><axis xyz="([^"]*)"/>', text)[1]
+    third = f'<child link="link_4"/>{limits.format(axis, -2, 1.5, 2)}'
+    assert third in text
+    for velocity, said in ((2, "5 joints"), (0, "6 joints")):
+        file = tmp_path / f"locked_{velocity}.urdf"
+        file.write_text(text.replace(third, f'<child link="link_4"/>{limits.format(axis, 0, 0, velocity)}'))
+        done = new(tmp_path / f"arm_{velocity}", "--from", file)
+        assert done.returncode == 0, done.stderr
+        assert said in done.stdout
+        assert ("limits of 0 to 0, so held at zero: joint_a4" in done.stdout) == bool(velocity)
+
+
+@pytest.mark.parametrize("rpy", ["0 0 0", "0 1.5708 0", "3.14159 0 0", "0.3 1.5708 0.2", "0.4 0.5 0.6"])
+def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy):
+    """tool0 in joint 6, its shape sideways: the axis of the joint decides, on the side where the link is."""
+    text = heavy_urdf(tmp_path).read_text()
+    spot = re.search(r'<joint name="t" type="fixed"><origin xyz="0.1 0 0" rpy="0 1.57 0"/>', text)
+    file = tmp_path / "wrist.urdf"
+    file.write_text(text.replace(spot[0], f'<joint name="t" type="fixed"><origin xyz="0 0 0" rpy="{rpy}"/>'))
+    assert new(tmp_path / "mine", "--from", file, "--payload-kg", 100).returncode == 0
+    found = check(tmp_path / "mine")
+    vjm = found.cell.vjm
+    (joint, R), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-2:]
+    axis = R[0] @ vjm.axes[-1]
+    ahead = [abs(float((tool[0] + turn[0] @ p - joint[0]) @ axis)) for p in (vjm.load, *vjm.markers)]
+    assert ahead[0] > 0.04 * vjm.reach
+    np.testing.assert_allclose(ahead[1:], ahead[0] - 0.05 * vjm.reach, atol=2e-3)
+    assert not [doubt for doubt in found.doubts if doubt.name == "flange"]
+
+
+def test_guesses_are_doubted(tmp_path):
+    """A payload that nobody states; a tube whose link is drawn in part; markers behind the flange."""
+    file = light_urdf(tmp_path)
+    markers = [
+        flag for k in range(3) for flag in ("--marker", f"P{k}={0.1 * (k == 0)},{0.1 * (k == 1)},-0.3")
+    ]
+    done = new(tmp_path / "mine", "--from", file, *markers)
+    assert done.returncode == 0, done.stderr
+    found = {doubt.name: doubt.sentence for doubt in check(tmp_path / "mine").doubts}
+    assert "is a guess that may be six times off" in found["payload"]
+    assert re.fullmatch(r"P\d is \d+ mm behind the flange: .*", found["flange"])
+    assert new(tmp_path / "stated", "--from", file, "--payload-kg", 3).returncode == 0
+    assert not {"payload", "flange"} & {doubt.name for doubt in check(tmp_path / "stated").doubts}
+
+
+def test_the_payload_names_the_links_that_have_no_mass(tmp_path):
+    file = light_urdf(tmp_path)
+    text = re.sub(r"\s+", " ", file.read_text())
+    start = text.index('<link name="link_3">')
+    bare = text[:start] + re.sub("<inertial>.*?</inertial>", "", text[start:], count=1)
+    file.write_text(bare)
+    assert new(tmp_path / "mine", "--from", file).returncode == 0
+    assert "the file has no mass of link_3" in (tmp_path / "mine/elastic.toml").read_text()
 
 
 WRONG = {

@@ -6,7 +6,6 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.adopt.chain import Chain
-from testbench.plant.adopt.outline import triangles
 
 COINCIDE = 0.02  #: Joints closer than this share of the reach coincide [1].
 PARALLEL = 0.1  #: Sine of the angle below which two directions are one [1].
@@ -53,19 +52,19 @@ def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
     elif following is not None:
         x, runs = _outward(chain, k, following), "along the next joint's axis: both joints in one point"
     else:
-        x, runs = _outward(chain, k, _longest(chain, k)), "along the shape: joint and tool in one point"
+        x, runs = _flange_axis(chain, k, end), "along the flange's axis: joint and tool in one point"
     axes = [following, None if own is None else own.axis]
     return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
 
 
-def _longest(chain: Chain, k: int) -> Array:
-    """The longest direction of a part's shape; without one its joint's axis."""
-    corners = triangles(chain.parts[k].shapes).reshape(-1, 3)
+def _flange_axis(chain: Chain, k: int, tool: Array) -> Array:
+    """The axis of the last joint, outward: as the tool's frame points along it, else where the part lies."""
     joint = chain.parts[k].joint
-    if len(corners) < 3:
-        return np.array([0.0, 0.0, 1.0]) if joint is None else joint.axis
-    _, _, axes = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)
-    return np.asarray(axes[0])
+    assert joint is not None  # the last part has one
+    along = tool[:3, :3].T @ joint.axis
+    if joint.prismatic or np.abs(along).max() < 1 - PARALLEL:
+        return _outward(chain, k, joint.axis)
+    return np.asarray(joint.axis * np.sign(along[np.abs(along).argmax()]))
 
 
 def _outward(chain: Chain, k: int, axis: Array) -> Array:

@@ -1,5 +1,6 @@
 """Bodies joined to parts: what is fixed goes with its carrier, what branches off stands at zero."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,9 +53,24 @@ def in_world(bodies: tuple[Body, ...], k: int) -> Array:
     return pose
 
 
-def part_of(bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, carrier: int) -> Part:
-    """All bodies of a part as one."""
-    own = [(bodies[k], placed[k].pose) for k in placed if placed[k].part == index]
+def held(bodies: tuple[Body, ...], path: list[int], last: int, placed: dict[int, Placed]) -> set[int]:
+    """Bodies behind joints off the arm, but for those on its last part: rods drawn where they are not."""
+    found: set[int] = set()
+    for k, body in enumerate(bodies):  # parents first
+        if k in placed and k not in path and placed[k].part < last and (body.moves or body.parent in found):
+            found.add(k)
+    return found
+
+
+def part_of(
+    bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, carrier: int, rods: Collection[int]
+) -> Part:
+    """All bodies of a part as one; what rods touch does not count."""
+    own = [
+        (_without_touch(bodies[k]) if k in rods else bodies[k], placed[k].pose)
+        for k in placed
+        if placed[k].part == index
+    ]
     pose = np.eye(4)
     if index:
         pose = placed[bodies[carrier].parent].pose @ bodies[carrier].pose
@@ -71,6 +87,10 @@ def part_of(bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, car
         shapes=tuple(_moved(shape, pose) for body, pose in own for shape in body.shapes),
         sites=tuple(_site(site, pose) for body, pose in own for site in body.sites),
     )
+
+
+def _without_touch(body: Body) -> Body:
+    return replace(body, shapes=tuple(replace(shape, collides=False) for shape in body.shapes))
 
 
 def _joined(own: list[tuple[Body, Array]]) -> tuple[float, Array, Array]:

@@ -1,6 +1,7 @@
 """What became of a stranger's bodies, a sentence each: for the one who must confirm it."""
 
 import math
+from collections.abc import Collection
 
 from testbench.plant.adopt.chain import JointOf, Part
 from testbench.plant.adopt.merge import SPECK, Placed
@@ -8,7 +9,11 @@ from testbench.plant.adopt.tree import Body
 
 
 def what_became(
-    bodies: tuple[Body, ...], placed: dict[int, Placed], path: list[int], parts: tuple[Part, ...]
+    bodies: tuple[Body, ...],
+    placed: dict[int, Placed],
+    path: list[int],
+    parts: tuple[Part, ...],
+    rods: Collection[int],
 ) -> list[str]:
     """What was merged, frozen, left out or stood in for, a sentence each."""
     notes = []
@@ -23,6 +28,8 @@ def what_became(
     ]
     if frozen:
         notes.append(f"off the arm, so held at zero: {', '.join(frozen)}")
+    if touching := [bodies[k].name for k in sorted(rods) if bodies[k].shapes]:
+        notes.append(f"held where they are not, so their collisions do not count: {', '.join(touching)}")
     if outside := [body.name for k, body in enumerate(bodies) if k not in placed]:
         notes.append(f"not of this arm, so left out: {', '.join(outside)}")
     for part in parts:

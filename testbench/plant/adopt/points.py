@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.adopt.beam import Beam
+from testbench.plant.adopt.beam import COINCIDE, Beam
 from testbench.plant.adopt.chain import Chain
+from testbench.plant.adopt.outline import triangles
 from testbench.plant.adopt.wishes import Wishes
 
 AROUND = 0.1  #: Distance of the proposed markers from the tool over the reach [1].
@@ -41,20 +42,23 @@ def points(chain: Chain, wishes: Wishes, last: Beam, reach: float) -> Points:
         reach: Stretched length of the arm [m].
     """
     tool = tool_pose(chain, wishes)
+    ahead = _ahead(chain, tool, last, reach)
     axes = tool[:3, :3].T @ last.frame  # beam axes in the tool's frame, as columns
     sites = _sites(chain, tool)
     proposed: list[tuple[str, str]] = []
     if wishes.tool is None:
         proposed.append(("tool", f"tool at {chain.tip_name!r} of the robot's file"))
     if wishes.load is None:
-        proposed.append(("load", f"load point {1000 * BEYOND * reach:.0f} mm beyond the tool on its axis"))
+        proposed.append(
+            ("load", f"load point {1000 * (ahead + BEYOND * reach):.0f} mm beyond the tool on its axis")
+        )
     if not wishes.markers:
         origin = (
             "at the sites of the robot's file" if sites else f"{1000 * AROUND * reach:.0f} mm off the tool"
         )
         proposed.append(("markers", f"markers {origin}"))
-    markers = wishes.markers or sites or _ring(axes, AROUND * reach)
-    load = np.round(BEYOND * reach * axes[:, 0], MILLIMETRE) if wishes.load is None else wishes.load
+    markers = wishes.markers or sites or _ring(axes, AROUND * reach, ahead)
+    load = np.round((ahead + BEYOND * reach) * axes[:, 0], MILLIMETRE) if wishes.load is None else wishes.load
     return Points(markers, load, tuple(proposed))
 
 
@@ -82,8 +86,18 @@ def _sites(chain: Chain, tool: Array) -> tuple[tuple[str, Array], ...]:
     return () if on_a_line(local) else tuple((s.name, p) for s, p in zip(found, local, strict=True))
 
 
-def _ring(axes: Array, radius: float) -> tuple[tuple[str, Array], ...]:
+def _ahead(chain: Chain, tool: Array, last: Beam, reach: float) -> float:
+    """How far the drawn flange is ahead of a tool that lies in the last joint [m]."""
+    surface = triangles(chain.parts[-1].shapes).reshape(-1, 3)
+    if last.distance > COINCIDE * reach or not len(surface):
+        return 0.0
+    return float(np.clip(((surface - tool[:3, 3]) @ last.frame[:, 0]).max(), 0.0, AROUND * reach))
+
+
+def _ring(axes: Array, radius: float, ahead: float) -> tuple[tuple[str, Array], ...]:
     """Three markers around the tool's axis."""
     angles = 2 * np.pi * np.arange(3) / 3
-    ring = radius * (np.outer(np.cos(angles), axes[:, 1]) + np.outer(np.sin(angles), axes[:, 2]))
+    ring = ahead * axes[:, 0] + radius * (
+        np.outer(np.cos(angles), axes[:, 1]) + np.outer(np.sin(angles), axes[:, 2])
+    )
     return tuple((f"P{k}", np.round(place, MILLIMETRE) + 0.0) for k, place in enumerate(ring, start=1))

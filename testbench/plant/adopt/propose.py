@@ -83,7 +83,10 @@ def _payload(chain: Chain, wishes: Wishes, long: float) -> tuple[float, str]:
         return estimated_payload(
             chain.mass, long
         ), f"by {chain.mass:.0f} kg of mass and {long:.2f} m of reach"
-    return estimated_payload(None, long), f"by {long:.2f} m of reach, the file has no masses"
+    bare = ", ".join(part.name for part in chain.parts[1:] if part.inertia_from != "file")
+    every = all(part.inertia_from != "file" for part in chain.parts[1:])
+    lacks = "the file has no masses" if every else f"the file has no mass of {bare}"
+    return estimated_payload(None, long), f"by {long:.2f} m of reach, {lacks}"
 
 
 def _link(part: Part, line: Beam, of: Class) -> LinkRow:

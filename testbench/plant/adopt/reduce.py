@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.errors import InputError
 from testbench.plant.adopt.chain import Chain
-from testbench.plant.adopt.merge import in_world, part_of, place
+from testbench.plant.adopt.merge import held, in_world, part_of, place
 from testbench.plant.adopt.names import with_fit_names
 from testbench.plant.adopt.notes import what_became
 from testbench.plant.adopt.tree import Tip, Tree, named_tips, path_to, usual_tip
@@ -36,14 +36,15 @@ def reduce_tree(file: Path, tree: Tree, tip: str | None = None) -> Chain:
     placed = place(bodies, path)
     carriers = [k for k in path if bodies[k].joint is not None]
     base = path[path.index(carriers[0]) - 1]
-    parts = tuple(part_of(bodies, placed, k, carrier) for k, carrier in enumerate([base, *carriers]))
+    rods = held(bodies, path, len(carriers), placed)
+    parts = tuple(part_of(bodies, placed, k, carrier, rods) for k, carrier in enumerate([base, *carriers]))
     chain = Chain(
         name=tree.name,
         parts=parts,
         tip=placed[end.body].pose @ end.pose,
         tip_name=end.name,
         base=in_world(bodies, base),
-        notes=(*tree.notes, *notes, *what_became(bodies, placed, path, parts)),
+        notes=(*tree.notes, *notes, *what_became(bodies, placed, path, parts, rods)),
     )
     return with_fit_names(chain)
 

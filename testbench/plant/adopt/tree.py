@@ -14,6 +14,7 @@ TIPS = (
     *("end_effector", "grip_site", "pinch_site", "hand"),
 )
 """How files call the place of the tool, the best first; a prefix such as `panda_` may stand before."""
+FLANGES = "tool0", "flange"  #: Those that no finger of a gripper is called.
 FINGER_JOINTS = 4  #: A branch of so few joints behind an arm is a finger.
 ARM_JOINTS = 3  #: Fewest joints of an arm.
 
@@ -79,16 +80,34 @@ def named_tips(tree: Tree) -> list[Tip]:
 def usual_tip(tree: Tree) -> Tip:
     """Where a tool is mounted if nobody says it: at the end of the longest chain of moving joints.
 
-    Fingers of a gripper do not count. At the last moving body, or on what is fixed to it, a usual name
-    decides; else a bare frame that is fixed to it; else the body itself.
+    Fingers of a gripper and rods that follow other joints do not count; a flange by its name wins over a
+    longer chain. At the last moving body, or on what is fixed to it, a usual name decides; else a bare frame
+    that is fixed to it; else the body itself.
     """
-    last = _last_moving(tree)
+    flange = _flange(tree)
+    last = _last_moving(tree) if flange is None else flange
     ends = [tip for tip in named_tips(tree) if _carrier(tree, tip.body) == last]
     ranked = [(rank, tip) for tip in ends if (rank := _rank(tip.name)) is not None]
     if ranked:
         return min(ranked, key=lambda found: found[0])[1]
     bare = [tip for tip in ends if tree.bodies[tip.body].parent == last and _is_bare(tree.bodies[tip.body])]
     return bare[0] if len(bare) == 1 else Tip(tree.bodies[last].name, last, np.eye(4))
+
+
+def _flange(tree: Tree) -> int | None:
+    """The moving body of an arm that carries what its file calls a flange, the best name first."""
+    found = [
+        (rank, carrier)
+        for tip in named_tips(tree)
+        if (rank := _rank(tip.name)) is not None and TIPS[rank] in FLANGES
+        if _joints_before(tree, carrier := _carrier(tree, tip.body)) >= ARM_JOINTS
+    ]
+    return min(found, default=(0, None), key=lambda own: own[0])[1]
+
+
+def _joints_before(tree: Tree, body: int) -> int:
+    """Joints that lead to a body."""
+    return sum(tree.bodies[k].joint is not None for k in path_to(tree, body))
 
 
 def _rank(name: str) -> int | None:
@@ -117,10 +136,10 @@ def _last_moving(tree: Tree) -> int:
     height = [0] * len(tree.bodies)  # moving joints behind a body, the longest way
     for k in reversed(range(len(tree.bodies))):
         body = tree.bodies[k]
+        branches[k] = [b for b in branches[k] if not tree.bodies[b].odd] or branches[k]  # rods follow others
+        height[k] = max((height[b] + 1 for b in branches[k]), default=0)
         if body.moves and body.parent >= 0:
-            before = carriers[body.parent]
-            branches[before].append(k)
-            height[before] = max(height[before], height[k] + 1)
+            branches[carriers[body.parent]].append(k)
     first = [k for k, body in enumerate(tree.bodies) if body.parent < 0]
     here = max(first, key=lambda k: (height[k], -k))
     joints = 0

@@ -41,14 +41,18 @@ def read_urdf(file: Path, root: ET.Element) -> Tree:
     colours = _colours(file, root)
     index: dict[str, int] = {}
     bodies: list[Body] = []
+    locked: list[str] = []
     for name in _from_the_root(file, links, parents):
         e, joint = links[name], parents.get(name)
         body = replace(_link(file, e, name), shapes=link_shapes(file, e, colours, meshes))
         index[name] = len(bodies)
         if joint is not None:
             body = _jointed(file, joint, replace(body, parent=index[_end(file, joint, "parent")]))
+            if _is_locked(file, joint):
+                locked.append(joint.get("name", ""))
         bodies.append(body)
-    return Tree(root.get("name") or file.stem, tuple(bodies), tuple(meshes.notes()))
+    notes = [f"limits of 0 to 0, so held at zero: {', '.join(locked)}"] if locked else []
+    return Tree(root.get("name") or file.stem, tuple(bodies), (*notes, *meshes.notes()))
 
 
 def _by_name(file: Path, elements: list[ET.Element]) -> dict[str, ET.Element]:
@@ -124,7 +128,7 @@ def _jointed(file: Path, e: ET.Element, body: Body) -> Body:
     """The link behind its joint."""
     body = replace(body, pose=read_origin(file, e))
     kind, name = e.get("type", ""), e.get("name", "")
-    if kind == "fixed":
+    if kind == "fixed" or _is_locked(file, e):
         return body
     if kind in ODD:
         return replace(body, odd=ODD[kind])
@@ -140,6 +144,19 @@ def _jointed(file: Path, e: ET.Element, body: Body) -> Body:
     mimic = e.find("mimic")
     odd = "" if mimic is None else f"follows {mimic.get('joint')!r} (mimic)"
     return replace(body, joint=joint, odd=odd)
+
+
+def _is_locked(file: Path, e: ET.Element) -> bool:
+    """Whether limits of 0 to 0 are meant: an exporter that knows none writes zeros everywhere."""
+    limit = e.find("limit")
+    if e.get("type") not in ("revolute", "prismatic") or limit is None:
+        return False
+    if not {"lower", "upper"} <= limit.attrib.keys():
+        return False
+    lower, upper, effort, velocity = (
+        read_number(file, limit, key, 0.0) for key in ("lower", "upper", "effort", "velocity")
+    )
+    return lower == upper == 0 and (effort != 0 or velocity != 0)
 
 
 def _limits(file: Path, e: ET.Element, kind: str) -> tuple[float, float, bool]:

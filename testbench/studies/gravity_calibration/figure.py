@@ -56,16 +56,16 @@ def models(report: GravityReport) -> Figure:
 
 
 def places(report: GravityReport) -> Figure:
-    """Errors of the best of each method over the workspace."""
+    """Errors over the workspace of least squares, joints alone and the model to take."""
     return error_map(report.map, f"{report.arm} under {report.payload_kg:g} kg", report.seed)
 
 
-def residuals(campaign: Campaign, results: Sequence[Result], recommended: str) -> Figure:
+def residuals(campaign: Campaign, results: Sequence[Result], take: str) -> Figure:
     """Distributions of residual components with their normal curve, as Fig. 5 of the paper.
 
-    The paper's two models, joints alone, and the recommended one; all axes have one range.
+    The paper's two models, joints alone, and the one to take; all axes have one range.
     """
-    chosen = [r for r in results if r.model.name in (JOINTS, *PAPERS, recommended)]
+    chosen = [r for r in results if r.model.name in (JOINTS, *PAPERS, take)]
     across = min(len(chosen), 2)
     down = -(-len(chosen) // across)
     figure = page(1.3 + 2.9 * down)

@@ -1,7 +1,7 @@
 """What a calibration leaves beside its report: dataset, residual figure and recording of the first seed."""
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, distinct
+from testbench.bench.baselines import distinct
 from testbench.bench.campaign import build_cell
 from testbench.data.csvfile import write_csv
 from testbench.studies.gravity_calibration import figure, trial
@@ -21,7 +21,7 @@ def write(run: Run[Settings, GravityReport]) -> Seen:
     names = {m.name for m in distinct(run.report.models)}
     results = [result for result in trial.results(cell, campaign) if result.model.name in names]
     write_csv(campaign.measured, cell.arm, run.folder / "dataset.csv")
-    figure.residuals(campaign, results, run.report.recommended).savefig(run.folder / "residuals.png")
+    figure.residuals(campaign, results, run.report.take).savefig(run.folder / "residuals.png")
     drawn = about(run)
     write_calibration(run.folder / "recording.rrd", drawn, cell, campaign, results)
     models = {m.name: m for m in run.report.models}
@@ -32,12 +32,12 @@ def write(run: Run[Settings, GravityReport]) -> Seen:
 
 
 def about(run: Run[Settings, GravityReport]) -> Calibration:
-    """Words and models: what is compared, the recommended one, which sorts the runs, joints alone."""
+    """Words and models: what is compared, the one to take, which sorts the runs."""
     report = run.report
     models = distinct(report.models)
     names = [m.name for m in models]
-    best = names.index(report.recommended) if report.recommended else 0
-    shown = dict.fromkeys([*report.map.compared, names[best], JOINTS])
+    best = names.index(report.take) if report.take else 0
+    shown = dict.fromkeys([*report.map.compared, names[best]])
     return Calibration(
         header=Header(report.scenario, run.parameters, run.seeds[0]),
         summary=run.words.summary(run.tables["recorded"]),

@@ -1,6 +1,6 @@
 """The report of all seeds: medians and spreads of every model, and which is best where."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from testbench.bench.baselines import JOINTS, distinct, duels, gain
@@ -119,7 +119,7 @@ def summary(asked: Settings, seeds: range, trials: Trials[ModelRow]) -> GravityR
         by_arm=by_arm(by_name, arms),
         check_best=best_of({m.name: m.check_true.rms_mm for m in models if m.conservative is True}).names,
         twins=twins(models),
-        map=error_map([row for row in found if row.name in told], compared(best_of_methods)),
+        map=error_map([row for row in found if row.name in told], compared(by_name, least[0], take)),
     )
 
 
@@ -144,11 +144,9 @@ def winners(models: Sequence[ModelReport]) -> list[Winner]:
     return sorted(found, key=lambda w: middle(w.rms_mm))
 
 
-def compared(winners: Sequence[Winner]) -> list[str]:
-    """The best of least squares, of GCO without a prior and of GCO with one, as far as they are there."""
-    best = {(w.constraint, w.prior): w.names[0] for w in winners}
-    methods: tuple[tuple[Constraint, bool], ...] = (("none", False), ("psd", False), ("psd", True))
-    return [best[method] for method in methods if method in best]
+def compared(names: Collection[str], least_squares: str, take: str) -> list[str]:
+    """What every picture shows: the best of least squares, the incumbent, and last what wins in words."""
+    return [name for name in dict.fromkeys((least_squares, JOINTS, take)) if name in names]
 
 
 def error_map(rows: Sequence[ModelRow], names: Sequence[str]) -> ErrorPlaces:
@@ -266,7 +264,7 @@ def tables(report: GravityReport) -> dict[str, Table]:
         "models": Table(COLUMNS, report.models, bold=marked),
         "short": Table(short, told, bold=marked, headline="workspace.rms_mm"),
         "recorded": Table(recorded, best_first, bold=marked),
-        "errors": Table(drawn, told, bold=report.recommended),
+        "errors": Table(drawn, told, bold=report.take),
         "fits": Table(FITS, report.models),
         "by_arm": pivot(arms, COLUMNS[0], TRUE_ARM, BY_ARM),
     }

@@ -56,7 +56,7 @@ class _Set:
 def calibration_seen(made: Calibrated) -> Seen:
     """What the page of a calibration draws: the models that are compared, and joints alone."""
     named = [m.name for m in made.models]
-    shown = [named.index(name) for name in (*made.map.compared, JOINTS) if name in named]
+    shown = [named.index(name) for name in dict.fromkeys((*made.map.compared, JOINTS)) if name in named]
     models = [made.models[k] for k in shown]
     every, over = made.campaign.measured, _ordered(made.campaign.truth, made.map)
     estimates = [made.results[k].estimate for k in shown]
