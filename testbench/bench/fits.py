@@ -9,6 +9,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.default import Recommendation, default_name, recommend
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
+from testbench.bench.judged import of_model
 from testbench.bench.looks import UNSEEN, Looks
 from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
@@ -79,6 +80,8 @@ def fit(
     """
     looks = runs.looks.doubts
     try:
+        models, lost = _working(cell, models, runs)
+        looks = (*looks, *lost)
         runs, found, taken, scores = _all(cell, models, runs, clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in looks), str(err)])) from err
@@ -114,6 +117,24 @@ def fit(
         scale=runs.looks.scale,
     )
     return Identified(fits, runs, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
+
+
+def _working(cell: Cell, models: Sequence[Model], runs: Runs) -> tuple[Sequence[Model], list[Doubt]]:
+    """The models without estimators of one's own that fail, and what is said of these.
+
+    Raises:
+        BenchError: When none is left.
+    """
+    lost: dict[str, Doubt] = {}
+    for model in models:
+        if not isinstance(model.estimator, Method):
+            try:
+                of_model(cell, model, runs.used)
+            except BenchError as err:
+                lost[model.name] = Doubt("estimator", f"left out: {err}")
+    if len(lost) == len(models):
+        raise BenchError("; ".join(doubt.sentence for doubt in lost.values()))
+    return [model for model in models if model.name not in lost], list(lost.values())
 
 
 def _all(

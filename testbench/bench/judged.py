@@ -8,7 +8,7 @@ import numpy as np
 from testbench.bench.campaign import Campaign, Cell
 from testbench.bench.models import Model
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method
 from testbench.identify.evaluate import Score, all_deflections, score
 
@@ -41,17 +41,27 @@ def identify(
     estimates, seconds = [], []
     for model in models:
         start = clock()
-        estimates.append(model.estimator(cell.vjm, model.structure, campaign.identification))
+        estimates.append(of_model(cell, model, campaign.identification))
         seconds.append(clock() - start)
     found = zip(models, estimates, seconds, judge_all(cell, campaign, estimates), strict=True)
     return [Result(**vars(errors), model=m, estimate=e, seconds=taken) for m, e, taken, errors in found]
+
+
+def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
+    """What a model makes of runs; BenchError names an estimator of one's own that fails."""
+    try:
+        return model.estimator(cell.vjm, model.structure, data)
+    except Exception as err:
+        if isinstance(model.estimator, Method) or isinstance(err, BenchError):
+            raise
+        raise BenchError(f"{model.name}: its estimator failed: {type(err).__name__}: {err}") from err
 
 
 def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
     """Identify one model from each of several datasets; an estimator of one's own takes them one by one."""
     if isinstance(model.estimator, Method):
         return model.estimator.each(cell.vjm, model.structure, datasets)
-    return [model.estimator(cell.vjm, model.structure, data) for data in datasets]
+    return [of_model(cell, model, data) for data in datasets]
 
 
 def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:

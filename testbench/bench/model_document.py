@@ -19,8 +19,10 @@ PRINTED = (
     "^[^\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029]*$"  #: Texts without control characters, which no XML holds.
 )
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Numbers = list[Number]
-Rows = list[Numbers]
+MOST, MOST_TEXTS = 100_000, 1000  #: Numbers of a list, and texts.
+Numbers = Annotated[list[Number], Field(max_length=MOST)]
+Rows = Annotated[list[Numbers], Field(max_length=MOST)]
+Texts = Annotated[list[str], Field(max_length=MOST_TEXTS)]
 Size = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
@@ -50,8 +52,9 @@ class AboutRow(Row):
     """Where a model comes from."""
 
     method: str
-    data: dict[str, str]  #: SHA-256 of every file of readings, by its name.
-    doubts: list[str]
+    #: SHA-256 of every file of readings, by its name.
+    data: Annotated[dict[str, str], Field(max_length=MOST_TEXTS)]
+    doubts: Texts
     force_N: Size | None
     moment_Nm: Size | None
     versions: dict[str, str]

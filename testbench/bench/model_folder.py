@@ -30,6 +30,7 @@ from testbench.model.weights import Weights
 DOCUMENT, POSTERIOR, FITS = "model.json", "posterior.npz", "models.json"
 ARM = ("rigid.xml", "elastic.toml")  #: Of the arm's folder.
 MAX_BYTES, MAX_ROOT = 50_000_000, 300_000_000
+MOST_ROWS = 10_000  #: Of an array of posterior.npz, and columns: real ones have some hundreds.
 LARGEST_OF_ROOT = 1e100  #: Of posterior.npz: sums of squares are finite.
 D = TypeVar("D", bound=Strict)
 
@@ -187,6 +188,8 @@ def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Ar
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
+            for entry in packed.infolist():
+                _check_rows(packed, entry.filename)
         if size > MAX_ROOT:
             raise BenchError(f"at most {MAX_ROOT} bytes when unpacked, got {size}")
         with np.load(io.BytesIO(raw), allow_pickle=False) as data:
@@ -195,6 +198,16 @@ def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Ar
         Exception
     ) as err:  # of bytes that are no such file numpy, zipfile and lzma raise errors of 15 kinds
         raise InputError(path, "", f"expected the posterior of a model: {err}") from err
+
+
+def _check_rows(packed: zipfile.ZipFile, name: str) -> None:
+    """Refuse an array of more rows than any has before it is unpacked."""
+    with packed.open(name) as file:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise BenchError(f"{name}: expected an array of NumPy's format 1.0")
+        shape, _, _ = np.lib.format.read_array_header_1_0(file)
+    if max(shape, default=0) > MOST_ROWS:
+        raise BenchError(f"{name}: expected at most {MOST_ROWS} rows and columns, got {shape}")
 
 
 def _numbers(array: npt.NDArray[np.generic], name: str) -> Array:

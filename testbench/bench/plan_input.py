@@ -23,20 +23,20 @@ LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
 FORCE = ("force_x_N", "force_y_N", "force_z_N")  #: Columns of a plan: what pulls in a run, world axes.
 
 
-def read_tasks(path: Path, cell: Cell, hung: Load) -> Tasks:
+def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> Tasks:
     """Read tasks, one pose a row, and check that the arm can take them.
 
     Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
     (optional): load of the process, world axes. point_*_m (optional with them): where it acts, in the tool's
     frame; the arm's load point if not given.
 
-    Tasks without such columns have the load `hung`.
+    Tasks without such columns have the load `hung`. A map says how the file names the columns otherwise.
 
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
     """
-    names = read_map(None, cell.arm)
-    table = read_table(path, lambda name: names.find(name) is not None)
+    names = read_map(mapping, cell.arm)
+    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
     columns = find_columns(table, names, cell.arm)
     q = joint_coordinates(columns, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:

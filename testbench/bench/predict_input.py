@@ -14,7 +14,7 @@ from testbench.correct.arm_model import ArmModel
 from testbench.correct.newton import Aim
 from testbench.data.dataset import Ids
 from testbench.data.posefile import read_poses
-from testbench.data.program import read_program, unread
+from testbench.data.program import Program, read_program, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, InputError, NoEquilibrium
 from testbench.model.load import Load
@@ -71,12 +71,20 @@ def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable
     if program.corrected and program.q is not None:
         notes += ("The program was corrected: its joints count as they stand",)
         program = replace(program, position=None, rotation=None)
+    program, said = with_payload(model, program, mass)
     q = drawn_joints(model, program, aim, None)
-    loads, hung = loads_of(model, program, aim, q), program.mass
-    if not (program.mass.any() or program.wrench.any() or program.along.any()):
-        hung = np.full(len(q), mass())
-        loads, notes = (hanging(model, hung),), (*notes, no_load(model, hung[0]))
+    loads, hung, notes = loads_of(model, program, aim, q), program.mass, (*notes, *said)
     return Asked(path, program.line, program.labels, q, loads, hung, notes)
+
+
+def with_payload(
+    model: ArmModel, program: Program, mass: Callable[[], float]
+) -> tuple[Program, tuple[str, ...]]:
+    """A program that says of no load with what hangs then [kg], and that in words."""
+    if program.mass.any() or program.wrench.any() or program.along.any():
+        return program, ()
+    hung = mass()
+    return replace(program, mass=np.full(program.points, hung)), (no_load(model, hung),)
 
 
 def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
@@ -91,6 +99,8 @@ def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
 
 def no_load(model: ArmModel, mass: float) -> str:
     """What hangs [kg] where the file says of no load, a sentence."""
+    if not mass:
+        return "No load in the file: nothing hangs"
     what = f"the payload of {mass:g} kg hangs" if mass == model.arm.payload else f"{mass:g} kg hang"
     return f"No load in the file: {what}"
 

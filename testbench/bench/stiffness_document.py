@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from testbench.bench.model_document import LARGEST, AboutRow, Document, Number, Row, Rows, Size
+from testbench.bench.model_document import LARGEST, AboutRow, Document, Number, Row, Rows, Size, Texts
 
 
 class Entry(Row):
@@ -69,9 +69,9 @@ class UnseenRow(Row):
 
     directions: int  #: Of the unknowns, without the prior.
     without_bound: int  #: Of these, such that no prior fills.
-    stiffer: list[str]  #: Links and joints that may be ten times stiffer than the prior.
-    softer: list[str]  #: And ten times softer.
-    words: list[str]
+    stiffer: Texts  #: Links and joints that may be ten times stiffer than the prior.
+    softer: Texts  #: And ten times softer.
+    words: Texts
 
 
 class SpreadRow(Row):
@@ -103,5 +103,5 @@ class StiffnessDocument(Document):
     certificate: CertificateRow
     unseen: UnseenRow
     spread: SpreadRow
-    notes: list[str]
+    notes: Texts
     about: AboutRow

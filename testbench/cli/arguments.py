@@ -1,9 +1,43 @@
 """Arguments that several commands take."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from testbench.arm.decimal import is_decimal
+from testbench.arm.mjcf import GRAVITY
+from testbench.data.units import UNITS, find_unit
+
+MASSES = tuple(unit.name for unit in UNITS if unit.si in ("kg", "N"))
+LEAST, MOST = 0.001, 10_000.0
+"""Of a mass that can hang [kg]."""
+QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
+
+
+def mass(text: str) -> float:
+    """A hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg].
+
+    Raises:
+        BadParameter: When it is none, or out of range.
+    """
+    parts = QUANTITY.fullmatch(text)
+    if parts is None or not is_decimal(parts[1]):
+        raise typer.BadParameter("expected a mass such as 240, 240kg or 530lb")
+    unit = find_unit(parts[2] or "kg")
+    if unit is None or unit.name not in MASSES:
+        raise typer.BadParameter(f"expected one of the units {', '.join(MASSES)}")
+    found = float(parts[1]) * unit.scale / (GRAVITY if unit.si == "N" else 1.0)
+    if not LEAST <= found <= MOST:
+        raise typer.BadParameter(f"expected {LEAST:g} to {MOST:g} kg")
+    return found
+
+
+def mass_or_none(text: str) -> float:
+    """The same; 0 where nothing hangs."""
+    return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
 
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
 Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV or any other text table.")]
@@ -24,5 +58,14 @@ MapFile = Annotated[
 SigmaUm = Annotated[
     float | None,
     typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis, where the file lacks it."),
+]
+Load = Annotated[
+    float | None,
+    typer.Option(
+        parser=mass_or_none,
+        metavar="MASS",
+        help="Mass that hangs where the file says of no load, such as 240 or 530lb; 0 for nothing. The "
+        "payload that the arm states if not given.",
+    ),
 ]
 Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

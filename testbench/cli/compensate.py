@@ -12,8 +12,10 @@ from testbench.bench.campaign import build_cell
 from testbench.bench.compensate import NAMED, CorrectedProgram, correct_program
 from testbench.bench.compensate_report import report
 from testbench.bench.load_model import load_model
+from testbench.bench.payload import payload_of
 from testbench.bench.plan_input import joints_of, place
-from testbench.cli.arguments import MapFile
+from testbench.bench.predict_input import with_payload
+from testbench.cli.arguments import Load, MapFile
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
 from testbench.data.motion.formats import format_of
@@ -44,6 +46,7 @@ class Options:
     report: Annotated[Path | None, typer.Option(help="Folder of the page; beside --out if not given.")] = None
     arm: Annotated[str | None, typer.Option(help="The arm, to make sure that the model is of it.")] = None
     mapping: MapFile = None
+    load: Load = None
     asked: Annotated[
         Asked | None,
         typer.Option(
@@ -81,6 +84,7 @@ def command(asked: Options) -> None:
         model = load_model(asked.model, asked.arm)
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
+        program, notes = with_payload(model, program, lambda: payload_of(model.arm, asked.load, "--load"))
         start = None if asked.start is None else joints_of(asked.start, model.arm)
         found = correct_program(model, program, aim, cell.room, start=start)
         if found.unreached and not asked.keep_unreachable:
@@ -88,6 +92,8 @@ def command(asked: Options) -> None:
         said = report(found, to.program.name)
         write(cell, found, said, _plain(asked), to)
         console, text = plain_console(), words(said)
+        for note in notes:
+            console.print(note, soft_wrap=True)
         print_answer(console, text)
         console.print(grid(tables(said)["worst"]))
         print_statements(console, text)

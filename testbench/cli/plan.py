@@ -16,7 +16,7 @@ from testbench.bench.payload import overloaded, overpulled, payload_of
 from testbench.bench.plan_input import box, place, pull, read_tasks
 from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.cli.absolute_plan import Absolute
-from testbench.cli.arguments import ArmName, Noise
+from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
 from testbench.output.run import claim_folder
@@ -41,8 +41,10 @@ class Options:
     load: Annotated[
         list[float] | None,
         typer.Option(
-            help="Mass to hang in kg, again for a choice; what the arm states if not given. With --absolute "
-            "it hangs in every pose after the first reading, or nothing does."
+            parser=mass,
+            metavar="MASS",
+            help="Mass to hang, such as 240 or 530lb, again for a choice; what the arm states if not given. "
+            "With --absolute it hangs in every pose after the first reading, or nothing does.",
         ),
     ] = None
     pull: Annotated[
@@ -55,6 +57,7 @@ class Options:
     poses: Annotated[
         int | None, typer.Option(help="How many to measure; 12 if not given, 50 with --absolute.")
     ] = None
+    mapping: MapFile = None
     tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None
     acceptance_deg: Annotated[
         float | None,
@@ -98,12 +101,13 @@ def command(asked: Options, absolute: Absolute) -> None:
 
 def _plan_deflections(asked: Options, task: Path) -> None:
     folder = find_arm(asked.arm)
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder, task], force=asked.force):
+    given = [folder, task, *([asked.mapping] if asked.mapping else [])]
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = replace(build_cell(asked.arm), floor=asked.floor_z)
         settings = _settings(cell, asked)
         with of_flag("--model"):
             structure(cell, settings.model)  # refused here, not after the search
-        tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]))
+        tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]), asked.mapping)
         console = terminal.plain_console()
         doubts = overloaded(cell.arm, settings.loads_kg), overpulled(cell.arm, settings.pulls_n)
         for doubt in filter(None, doubts):
@@ -154,7 +158,8 @@ def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
 
 def _absolute_settings(cell: Cell, asked: Options, flags: Absolute) -> AbsolutePlanSettings:
     """The flags as settings; BenchError where one excludes --absolute or is out of range."""
-    for flag, given in (("--task", asked.task), ("--no-prior", asked.no_prior), ("--pull", asked.pull)):
+    more = ("--pull", asked.pull), ("--map", asked.mapping)
+    for flag, given in (("--task", asked.task), ("--no-prior", asked.no_prior), *more):
         if given:
             raise BenchError(f"{flag}: expected no --absolute with it")
     usual = AbsolutePlanSettings

@@ -15,7 +15,7 @@ from testbench.bench.predict_input import read_asked
 from testbench.bench.prediction import Wanted, predicted
 from testbench.bench.prediction_report import reported
 from testbench.bench.stiffness_map import FORCE
-from testbench.cli.arguments import MapFile
+from testbench.cli.arguments import Load, MapFile
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.run import claim_folder
@@ -34,10 +34,7 @@ class Options:
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
     arm: Annotated[str | None, typer.Option(help="The arm, to make sure that the model is of it.")] = None
     mapping: MapFile = None
-    load: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=10_000, help="Mass in kg that hangs where the file says of no load."),
-    ] = None
+    load: Load = None
     linear: Annotated[
         bool, typer.Option("--linear", help="By Eq. (6) instead of the loaded equilibrium of Eq. (7).")
     ] = False

@@ -17,7 +17,7 @@ from testbench.bench.payload import overloaded, overpulled, payload_of
 from testbench.bench.plan_input import read_masses, read_payload, read_pulls
 from testbench.bench.tracker_runs import by_trackers, places
 from testbench.cli.absolute import Absolute, campaign, files, write_readings
-from testbench.cli.arguments import ArmName, Noise
+from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.errors import Array, BenchError, InputError
@@ -50,10 +50,13 @@ class Options:
     payload_kg: Annotated[
         float | None,
         typer.Option(
-            min=0.001, max=10_000, help="Hung mass; what the arm states if not given; a plan.csv has its own."
+            parser=mass,
+            metavar="MASS",
+            help="Hung mass, such as 240 or 530lb; what the arm states if not given; a plan.csv has its own.",
         ),
     ] = None
     loads: Annotated[str | None, typer.Option(help="Several hung masses a pose: KG,KG ...")] = None
+    mapping: MapFile = None
     sigma_um: Noise = 50.0
     tracker: Annotated[
         list[str] | None,
@@ -71,7 +74,7 @@ class Options:
 @takes(Options, Absolute)
 def command(asked: Options, absolute: Absolute) -> None:
     """Settle the true arm, read the markers, write the dataset."""
-    inputs = [find_arm(asked.arm), *([asked.file] if asked.file else [])]
+    inputs = [find_arm(asked.arm), *filter(None, [asked.file, asked.mapping])]
     kind = READINGS if absolute.absolute else DATASET
     with ExitStack() as held:
         for path in files(asked.out, absolute.series):
@@ -142,7 +145,7 @@ def _given_poses(cell: Cell, asked: Options, times: int) -> Array | None:
     """Those of the file, (poses, n) [rad, m], each of which is run so often; None for random ones."""
     if (asked.file is None) == (asked.poses is None):
         raise BenchError("poses: expected either a file of poses or --poses NUMBER")
-    q = None if asked.file is None else read_poses(asked.file, cell.arm)
+    q = None if asked.file is None else read_poses(asked.file, cell.arm, asked.mapping)
     poses = (asked.poses or 0) if q is None else len(q)
     if poses * times > MOST_RUNS:
         most = f"expected at most {MOST_RUNS} runs, poses times loads times series"

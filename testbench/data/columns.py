@@ -109,7 +109,8 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
         hint = "names that are not ours need a map, a file without a header too"
-        problem = f"no column is known, got {list(table.names)}; {hint}"
+        wanted = ", ".join(joint.shown_column for joint in arm.joints)
+        problem = f"no column is known, expected {wanted}, got {', '.join(table.names[:3])} ...; {hint}"
         raise InputError(table.path, f"line {table.header}", problem)
     _check_map(table, names, named)
     table, named = join_axes(table, named, names)

@@ -70,6 +70,7 @@ class _Map(Strict):
     cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
     words: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     values: dict[Text, float] = Field(default_factory=dict, max_length=50)
+    scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Named:
 
     slot: Slot  #: The quantity.
     unit: Unit | None  #: Its unit by our name for it; None where that has none.
-    sign: float = 1.0  #: -1 where the map has a minus before the name.
+    sign: float = 1.0  #: What the cells are multiplied by: -1 where the map has a minus before the name.
     mapped: str = ""  #: Key of the map that says so; empty for one of our own names.
     optional: bool = False  #: Whether the file may lack the column.
     header: Unit | None = None  #: Its unit by what the file calls it, beside a map.
@@ -194,6 +195,9 @@ def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str
 
 def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dict[str, Named]:
     words, _, _ = _words(path, found, arm)
+    if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
+        keys = ", ".join({**found.columns, **found.optional}) or "none"
+        raise InputError(path, f"scale.{lost[0]}", f"expected a key of columns or optional, which are {keys}")
     choices = placeholders(arm, words)
     named: dict[str, Named] = {}
     alone: set[Slot] = set()
@@ -211,7 +215,8 @@ def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dic
                     raise InputError(path, f"{section}.{key}", problem)
                 if "{" in key and known[0] in alone:
                     continue
-                new = Named(*known, sign, key, optional=section == "optional")
+                times = sign * found.scale.get(key, 1.0)
+                new = Named(*known, times, key, optional=section == "optional")
                 if "{" not in key:
                     alone.add(known[0])
                 if named.setdefault(squeeze(their), new) != new:

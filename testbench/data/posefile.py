@@ -32,16 +32,17 @@ def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
     return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
 
 
-def read_poses(path: Path, arm: Arm) -> Array:
+def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     """Read poses within the arm's limits, (poses, n) [rad, m]: one a row, a column for every joint.
 
-    Other columns may be there. A plan has every angle twice, in radians and degrees.
+    Other columns may be there. A plan has every angle twice, in radians and degrees. A map says how the file
+    names the joints otherwise.
 
     Raises:
         InputError: Names the line and what was expected.
     """
-    names = read_map(None, arm)
-    table = read_table(path, lambda name: names.find(name) is not None)
+    names = read_map(mapping, arm)
+    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
     joints = [
         (k, own)
         for k, name in enumerate(table.names)

@@ -107,7 +107,12 @@ def select_rows(series: Series, rows: Mask | Ids) -> Series:
 
 
 def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
-    """Deflection pairs as absolute readings: two rows a run, of one pose; one series a station."""
+    """Deflection pairs as absolute readings: two rows a run, of one pose; one series a station.
+
+    Orientations are carried over where they were read.
+    """
+    from scipy.spatial.transform import Rotation  # here: it takes long to import
+
     found = []
     stations = np.ones(data.runs, dtype=int) if data.station is None else data.station
     for station in np.unique(stations):
@@ -116,6 +121,10 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
         precision = None
         if data.precision is not None:  # of a deflection: twice the covariance of a reading
             precision = np.concatenate([2 * data.precision[own]] * 2)
+        rotation = None
+        if data.rotation_before is not None and data.rotation_after is not None:
+            turns = np.concatenate([data.rotation_before[own], data.rotation_after[own]])
+            rotation = Rotation.from_rotvec(turns).as_matrix()
         still = np.zeros((len(own), 6))
         found.append(
             Series(
@@ -133,6 +142,8 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
                 ),
                 sigma=data.sigma,
                 precision=precision,
+                rotation=rotation,
+                sigma_rotation=data.sigma_rotation,
             )
         )
     return tuple(found)

@@ -15,7 +15,7 @@ from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-Constraint = Literal["none", "psd", "free"]
+Constraint = Literal["none", "psd", "free", "own"]
 """What a method asks of every block: nothing; to be positive semi-definite; the same, but only as far as free
 directions allow, the fit being that of least squares."""
 
@@ -72,13 +72,12 @@ class Estimate:
     C_theta: Array  #: Aggregated joint compliance, (n_theta, n_theta).
     f_m: float  #: Cost, Eq. (19) [1].
     f_m_floor: float  #: Cost to expect of noise alone [1].
-    conservative: bool  #: Whether every block is positive semi-definite.
     status: str = "not certified"  #: "solved", or what went wrong, or "not certified" where nobody knows.
     #: Distance from the optimum; None where none was computed (least squares).
     certificate: Certificate | None = None
     solver_seconds: float = 0.0  #: Time inside the numerical solver, as it reports it; 0 where it does not.
     advice: tuple[str, ...] = ()  #: Sentences for a person: what the data cannot see, what filled it.
-    constraint: Constraint = "none"  #: What the method asked of the blocks.
+    constraint: Constraint = "own"  #: What the method asked of the blocks; "own" where nobody says it.
     #: Whether only the trace weight of GCO holds unseen compliance, which fits a little better as it grows.
     held_by_trace_weight: bool = False
     belief: Belief | None = None  #: The prior that counted as data; None for none.
@@ -89,6 +88,11 @@ class Estimate:
     def structure(self) -> Structure:
         """The structure that was identified."""
         return self.regression.structure
+
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether every block is symmetric and positive semi-definite up to rounding: looked at."""
+        return is_conservative(self.structure, self.C_theta)
 
     @cached_property
     def eigenvalues(self) -> tuple[Array, ...]:
@@ -111,7 +115,7 @@ def make_estimate(
     pi: Array,
     *,
     method: str,
-    constraint: Constraint = "none",
+    constraint: Constraint = "own",
     advice: tuple[str, ...] = (),
 ) -> Estimate:
     """Judge a parameter vector: the last line of every estimator; what else is known, `replace` adds.
@@ -120,7 +124,7 @@ def make_estimate(
         regression: The reduced dataset.
         pi: Parameters, (n,).
         method: Name of the method, for reports.
-        constraint: What the method asked of the blocks.
+        constraint: What the method asked of the blocks; "own" of an estimator of your own.
         advice: Sentences for a person.
 
     Returns:
@@ -138,7 +142,6 @@ def make_estimate(
         C_theta=C,
         f_m=cost,
         f_m_floor=regression.f_m_floor,
-        conservative=is_conservative(regression.structure, C),
         advice=(*_rank_advice(regression), *_fit_advice(regression, cost), *advice),
         constraint=constraint,
     )

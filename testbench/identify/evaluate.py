@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
 from testbench.identify.regression import BLOCK_RUNS
 from testbench.identify.weighed import marker_points
@@ -78,7 +78,13 @@ def score(predicted: Array, reference: Array) -> Score:
 
     Returns:
         Root mean square, 95th percentile and largest error, absolute and relative.
+
+    Raises:
+        BenchError: When a number is not finite.
     """
+    for name, values in (("predicted", predicted), ("reference", reference)):
+        if not np.isfinite(values).all():
+            raise BenchError(f"score: {name} [m]: expected finite numbers")
     error = np.linalg.norm(predicted - reference, axis=-1).ravel()
     size = np.linalg.norm(reference, axis=-1).ravel()
     share = error[size > 0] / size[size > 0]

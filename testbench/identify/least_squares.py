@@ -20,7 +20,8 @@ def minimum_norm(regression: Regression) -> Estimate:
     if regression.rank < regression.structure.n:
         advice = ("least squares filled the free directions with the solution of minimum norm",)
     pi = solve(regression)
-    return replace(make_estimate(regression, pi, method="least squares", advice=advice), status="solved")
+    found = make_estimate(regression, pi, method="least squares", constraint="none", advice=advice)
+    return replace(found, status="solved")
 
 
 def solve(regression: Regression) -> Array:

@@ -64,7 +64,7 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
     scenario = {"settings": plain, "models": digests(arms)}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
-    backend = choose_backend(common)
+    backend, remote = choose_backend(common), common.cluster is not None
     with (
         _of_stored(out, resume=common.resume),
         claim_folder(out, script, inputs=arms, force=common.force),
@@ -74,7 +74,9 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
         work = partial(study.trials, settings)
-        show_progress(run_study(work, store, backend, size=study.size), len(seeds), "trials", console)
+        show_progress(
+            run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials", console
+        )
         whole = Whole(store, write_parquet(store, folder))
         report = study.summary(settings, seeds, whole)
         found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
@@ -124,7 +126,12 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
             raise InputError(folder, "", "expected a folder of this run, got a link; move it away")
         own = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
         with open_store(folder, own, row=row, resume=common.resume) as store:
-            show_progress(run_study(work, store, backend), pieces, words, terminal.plain_console())
+            show_progress(
+                run_study(work, store, backend, remote=common.cluster is not None),
+                pieces,
+                words,
+                terminal.plain_console(),
+            )
             write_parquet(store, folder)
             return [found for _, rows in store.trials() for found in rows]
 

@@ -13,14 +13,16 @@ from testbench.trials.store import TrialStore
 RETRIES = 3  #: Times in a row that workers may be lost without a single new result.
 
 
-def run_study(work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1) -> Iterator[int]:
+def run_study(
+    work: Work, store: TrialStore[Any], backend: Backend, *, size: int = 1, remote: bool = False
+) -> Iterator[int]:
     """Do all trials that are not stored yet; yields how many are, first those from before.
 
     Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
     where a run was stopped and resumed. (Processors of another kind give other last digits.) See `chunk.Work`
     for what keeps them bit-equal. A chunk has `size` seeds, 0.1 to 1 s of work: a stop loses the chunks under
-    way. A study that is one chunk is done by this process; what is left of a larger one is not, as it may be
-    what workers die of.
+    way. A study that is one chunk is done by this process, but where the backend is `remote`, which somebody
+    asked for; what is left of a larger one is not, as it may be what workers die of.
 
     Raises:
         BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.
@@ -28,7 +30,7 @@ def run_study(work: Work, store: TrialStore[Any], backend: Backend, *, size: int
     if size < 1:
         raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
     done, lost, every = store.count, 0, len(store.experiment.seeds)
-    backend = here if every <= size else backend
+    backend = here if every <= size and not remote else backend
     yield done
     while done < every:
         before = done

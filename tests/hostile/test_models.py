@@ -60,12 +60,20 @@ NUMBERS = {
     "a name that fills pages": (says("name", value="x" * 10**6), "name: String should have at most"),
     "masses of 1e300 kg": (says("weights", "mass_kg", value=[1e300] * 8), "weights.mass_kg.0: Input should"),
     "a compliance of 1e308": (says("joints", value={"joint_1": 1e308}), "joints.joint_1: Input should"),
+    "100,000 doubts": (
+        says("about", "doubts", value=["?"] * 10**5),
+        "about.doubts: List should have at most",
+    ),
     "no digests": (says("digests", value={}), "is not the arm of the model"),
     "a format of 30 digits": (says("format", value=10**30), "is a stiffness of format"),
     "rows that are none": (says("spread", "heavy_rows", value=10**9), "spread.heavy_rows"),
 }
 ARRAYS = {
     "errors of 1e200": ({"root": np.full((200, 56), 1e200)}, "root: expected numbers up to 1e+100"),
+    "half a million rows in 245 kB": (
+        {"root": np.zeros((558_035, 56))},
+        "root.npy: expected at most 10000 rows",
+    ),
     "no errors": ({"root": np.zeros((0, 56))}, "heavy_rows"),
     "three axes": ({"root": np.zeros((2, 56, 2))}, "root: expected shape"),
     "objects": ({"root": np.array([{}], dtype=object)}, "Object arrays cannot be loaded"),

@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbench.bench.baselines import is_least_squares
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.default import DEFAULT, choose, default_models, recommend
+from testbench.bench.fits import Runs, fit
 from testbench.bench.judged import identify
 from testbench.bench.models import Model, named_models
 from testbench.data.outliers import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
-from testbench.identify.evaluate import deflections
+from testbench.identify.evaluate import deflections, score
 from testbench.identify.hierarchy import learn
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.metric import metric, rescaled
@@ -161,3 +163,33 @@ def test_last_digits_of_the_readings_move_no_prediction(kr500, campaign, prior, 
             moved = deflections(kr500.vjm, one, where)
             change = np.abs(deflections(kr500.vjm, two, where) - moved).max()
             assert change <= 1e-9 * np.abs(moved).max()
+
+
+def failing(vjm, structure, data):
+    raise ValueError("singular")
+
+
+def test_an_estimator_of_ones_own_is_named_as_such_and_checked(kr500, campaign):
+    """Neither least squares nor GCO; conservative is looked at, not believed; a NaN is no score."""
+    data, structure = campaign.identification, template56(kr500.arm)
+    found = make_estimate(reduce(kr500.vjm, structure, data), -np.ones(structure.n), method="mine")
+    assert found.constraint == "own"
+    assert not is_least_squares(found.structure.name, found.constraint, prior=False)
+    assert not found.conservative
+    with pytest.raises(TypeError, match="conservative"):
+        replace(found, conservative=True)
+    moved = data.deflection.copy()
+    moved[0, 0, 0] = np.nan
+    with pytest.raises(BenchError, match=r"score: predicted .m.: expected finite numbers"):
+        score(moved, data.deflection)
+
+
+def test_one_estimator_that_fails_does_not_cost_the_others(kr500, campaign):
+    own = Model("mine", template56(kr500.arm), failing)
+    runs = Runs("runs.csv", campaign.identification, campaign.identification, None)
+    found = fit(kr500, [*named_models(kr500, ["Joints"]), own], runs, lambda: 0.0)
+    assert [m.name for m in found.fits.models] == ["Joints"]
+    said = [doubt.sentence for doubt in found.fits.doubts if doubt.name == "estimator"]
+    assert said == ["left out: mine: its estimator failed: ValueError: singular"]
+    with pytest.raises(BenchError, match="mine: its estimator failed: ValueError: singular"):
+        fit(kr500, [own], runs, lambda: 0.0)

@@ -13,11 +13,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import typer
 from listening import listening
 from run_here import heed_ctrl_c, here
 
 from testbench import __version__
 from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv
 
@@ -166,7 +168,7 @@ def test_unreachable_and_colliding_poses_are_named(tmp_path):
 def test_poses_in_other_columns_name_the_expected_ones(tmp_path):
     poses = write_poses(tmp_path / "poses.csv", POSES, header=HEADER.replace("_rad", "_grad"))
     message = refused(run("simulate", ARM, poses, "--out", tmp_path / "d"))
-    assert "line 1: no column is known, got ['joint_1_grad', " in message
+    assert "joint_6_deg, got joint_1_grad, " in message
 
 
 def test_an_unwritable_place_is_one_line(simulated, tmp_path):
@@ -185,6 +187,45 @@ def test_a_marker_that_did_not_move_and_a_sigma_of_another_unit(simulated, tmp_p
     assert done.returncode == 0, done.stderr
     (tmp_path / "unit.csv").write_text((simulated / "data.csv").read_text().replace("5e-05", "50.0"))
     assert "expected 1e-09 to 0.01, got 50" in refused(run("identify", ARM, tmp_path / "unit.csv"))
+
+
+@pytest.mark.parametrize(
+    ("text", "kilograms"),
+    {
+        "240": 240,
+        "240kg": 240,
+        " 0.24 t": None,
+        "240 KG": 240,
+        "100lb": 45.359237,
+        "981 daN": 1000,
+    }.items(),
+)
+def test_a_mass_is_read_in_its_unit(text, kilograms):
+    if kilograms is None:
+        with pytest.raises(
+            typer.BadParameter, match="expected one of the units N, daN, kN, lbf, kgf, kg, lb"
+        ):
+            mass(text)
+    else:
+        assert mass(text) == pytest.approx(kilograms, rel=1e-4)
+
+
+def test_poses_of_other_names_are_read_by_a_map(tmp_path):
+    """The same runs as from our names; a map without the joints says which names are expected."""
+    head, row = [f"joint_{k}_deg" for k in range(1, 7)], "10,-80,70,5,40,3\n"
+    plain, named, table = (tmp_path / name for name in ("plain.csv", "named.csv", "map.toml"))
+    plain.write_text(",".join(head) + "\n" + row)
+    named.write_text(",".join(f"Achse{k}" for k in range(1, 7)) + "\n" + row)
+    table.write_text("[columns]\n" + "".join(f'joint_{k}_deg = "Achse{k}"\n' for k in range(1, 7)))
+    for file, flags in ((plain, ()), (named, ("--map", table))):
+        out = tmp_path / f"runs_{file.stem}.csv"
+        done = run("simulate", "kr500_l480", file, *flags, "--out", out)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs_plain.csv").read_bytes() == (tmp_path / "runs_named.csv").read_bytes()
+    said = refused(run("simulate", "kr500_l480", named, "--out", tmp_path / "no.csv"))
+    assert "no column is known, expected joint_1_deg, joint_2_deg" in said
+    tasks = run("plan", "kr500_l480", "--task", named, "--map", table, "--out", tmp_path / "p", "--poses", 0)
+    assert "Achse" not in tasks.stderr  # what is wrong is the number of poses
 
 
 def test_the_bare_command_and_an_endless_name_are_one_line(simulated, tmp_path):

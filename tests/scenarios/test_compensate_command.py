@@ -8,6 +8,8 @@ from page_checks import check_page, said
 from run_here import here
 
 from testbench import files
+from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.fits import Runs, fit
 from testbench.bench.models import Model, named_models
@@ -158,6 +160,24 @@ def test_set_points_of_the_tool_are_corrected_as_their_joints_are(kr500, folder,
     assert done.returncode == 0, done.stderr
     ours = read_program(tmp_path / "right.csv", kr500.arm).q
     assert np.abs(ours - read_program(corrected[0] / "right.csv", kr500.arm).q).max() < 1e-8
+
+
+def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, tmp_path):
+    """One rule for both: what the arm states hangs, or what --load says."""
+    q, *_ = asked
+    bare = tmp_path / "bare.csv"
+    rows = [",".join(map(repr, np.degrees(row).tolist())) for row in q]
+    bare.write_text("\n".join([",".join(f"joint_{k}_deg" for k in range(1, 7)), *rows]) + "\n")
+    found = {}
+    for name, flags in {"stated": (), "same": ("--load", "460.3kg"), "none": ("--load", 0)}.items():
+        done = run(folder / "true", bare, "--out", tmp_path / f"{name}.csv", *flags)
+        assert done.returncode == 0, done.stderr
+        found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, done.stdout
+    assert "No load in the file: the payload of 460.3 kg hangs" in found["stated"][1]
+    assert "No load in the file: nothing hangs" in found["none"][1]
+    np.testing.assert_array_equal(found["stated"][0], found["same"][0])
+    np.testing.assert_allclose(found["none"][0], q, atol=1e-9)
+    assert np.abs(found["stated"][0] - q).max() > 1e-4
 
 
 def test_a_robots_language_has_the_same_joints(kr500, folder, corrected, tmp_path):

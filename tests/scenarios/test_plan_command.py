@@ -219,7 +219,7 @@ BAD = [
     (["--acceptance-deg", "30"], "expected --tracker with it"),
     (["--poses", "201"], "poses: expected 1 to 200, got 201"),
     (["--candidates", "5"], "--candidates: expected 12 to 50000, got 5"),
-    (["--load", "nan"], "--load: expected a finite number, got nan"),
+    (["--load", "nan"], "--load: expected a mass such as 240, 240kg or 530lb"),
     (["--load", "460"], "each once"),
     (["--sigma-um", "0"], "--sigma-um: Input should be"),
     (["--sling-m", "0.1"], "sling [m] of the payload: expected more than"),

@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import load_arm
-from testbench.data.series import Series
+from testbench.data.dataset import Dataset
+from testbench.data.series import Series, series_of
 from testbench.data.series_csv import write_series
 from testbench.data.series_export import SeriesExport, read_series
 from testbench.errors import BenchError, InputError
@@ -236,6 +237,29 @@ def test_a_deflection_pair_is_two_readings(tmp_path):
     [s] = read(tmp_path, own, '[series]\ntarget = "mount"\n').series
     assert (s.rows, s.target, s.wrench[:, 2].tolist()) == (2 * N, "mount", [0.0] * N + [5 * -9.81] * N)
     np.testing.assert_allclose(s.position[N:] - s.position[:N], -1e-3, atol=1e-9)
+
+
+def test_a_map_says_what_a_column_is_multiplied_by(tmp_path):
+    """U95 of a tracker is twice a standard deviation; a key that is no column is named."""
+    own = PLAIN | {"U95 [mm]": [0.08] * N}
+    toml = '[columns]\nsigma_mm = "U95 [mm]"\n[scale]\n{} = 0.5\n'
+    [s] = read(tmp_path, own, toml.format("sigma_mm")).series
+    assert s.sigma == pytest.approx(40e-6)
+    with pytest.raises(InputError, match=r"scale.sigma_um: expected a key of columns or optional"):
+        read(tmp_path, own, toml.format("sigma_um"))
+
+
+def test_pairs_as_readings_keep_their_orientations():
+    """What a fit of both kinds sees of a pair is all that was read."""
+    turns = np.random.default_rng(2).normal(size=(2, N, 3))
+    still = {"run": np.arange(N), "pose": np.arange(N), "wrench": np.zeros((N, 6)), "point": np.zeros((N, 3))}
+    data = Dataset(
+        markers=("P1",), q=Q, before=P[:, None], after=P[:, None] + 1e-3, sigma=1e-5, sigma_rotation=1e-4,
+        rotation_before=turns[0], rotation_after=turns[1], **still,
+    )  # fmt: skip
+    [own] = series_of(data, "pairs", "mount")
+    assert own.sigma_rotation == 1e-4
+    np.testing.assert_allclose(own.rotation, Rotation.from_rotvec(np.vstack(turns)).as_matrix())
 
 
 def changed(column: str, value: object, row: int = 2) -> dict[str, list]:

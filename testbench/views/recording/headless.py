@@ -45,7 +45,13 @@ def windowless(size: str) -> Iterator[ViewerClient]:
             check_runs(process)
             return _connected(f"rerun+http://{HERE}:{port}/proxy")
 
-        yield wait(connected, START, f"the viewer did not answer in {START:g} s")
+        try:
+            yield wait(connected, START, f"the viewer did not answer in {START:g} s")
+        except (ConnectionError, TimeoutError, RuntimeError) as err:  # of its client, such as a deadline
+            if isinstance(err, BenchError):
+                raise
+            said = " ".join(str(err).split()) or type(err).__name__
+            raise BenchError(f"the viewer did not answer in time: {said}; is the machine busy?") from err
 
 
 def show(client: ViewerClient, file: Path) -> None:

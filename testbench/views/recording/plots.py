@@ -15,7 +15,12 @@ from testbench.views.recording.pen import Line, Pen
 from testbench.views.recording.style import MEASURED, NOISE, Colour
 
 ERROR, BARS, DEFLECTION = "error_mm", "error_bars_mm", "deflection_mm"
-METHODS = {"none": "LS", "free": "LS", "psd": "GCO"}  #: What a bar is named after, by constraint.
+METHODS = {
+    "none": "LS",
+    "free": "LS",
+    "psd": "GCO",
+    "own": "own",
+}  #: What a bar is named after, by constraint.
 SETS = {"identification": "fit", "check": "check"}  #: Sets of runs, and what they are called.
 THICK, THIN = 4.5, 1.5  #: Widths of lines that may lie on each other [ui points].
 MOST = 4  #: Models of which there is a histogram.
