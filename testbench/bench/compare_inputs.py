@@ -8,6 +8,8 @@ from typing import TypeVar
 from pydantic import JsonValue
 
 from testbench.bench.compare_settings import Path, short, show_setting, words_of
+from testbench.bench.truths import CALLED, TRUTHS, member
+from testbench.errors import BenchError
 from testbench.output.finished import Finished
 
 ABSENT, NONE = "not said", "none"
@@ -52,6 +54,32 @@ def inputs_differ(runs: Sequence[Finished]) -> list[InputRow]:
     versions = _by_key("version of ", [m.versions for m in told])
     first, last = [rows.get("command")], [rows.get("seeds"), *arms, *versions, rows.get("commit")]
     return [row for row in (*first, *_settings(runs), *last) if row is not None]
+
+
+def true_arms(run: Finished) -> frozenset[str]:
+    """Which true arms a simulated run has met; none where it says of none."""
+    manifest = run.manifest
+    named = {leaf for path, leaf in _flat(manifest.scenario).items() if path[-1:] == ("true_arm",)}
+    if len(named) != 1 or not isinstance(family := named.pop(), str) or not manifest.seeds:
+        return frozenset()
+    seeds = range(manifest.seed, manifest.seed + min(manifest.seeds, len(TRUTHS)))
+    return frozenset(CALLED.get(name, name) for name in (member(family, seed) for seed in seeds))
+
+
+def refuse_other_arms(runs: Sequence[Finished]) -> None:
+    """Refuse runs of other true arms: which errs less then says nothing of what was changed.
+
+    Raises:
+        BenchError: Names the arms.
+    """
+    known = [(run, arms) for run in runs if (arms := true_arms(run))]
+    alone = {run.manifest.seed for run, _ in known if run.manifest.seeds == 1}
+    if len({arms for _, arms in known}) > 1 or (len(alone) > 1 and len(known) > 1):
+        told = "; ".join(
+            f"{run.folder}: {', '.join(sorted(arms))}, seeds {seeds_words(run)}" for run, arms in known
+        )
+        problem = f"expected the same true arms, of one seed each the same seed, got {told}"
+        raise BenchError(f"runs: {problem}; --anyway compares them all the same")
 
 
 def seeds_words(run: Finished) -> str:

@@ -91,6 +91,19 @@ class CompensationReport:
     output: str  #: Name of the corrected file.
     rows: tuple[PointRow, ...]
 
+    @property
+    def harmful(self) -> bool:
+        """Whether what is left may be as large as what is put right: nobody should run the program."""
+        return bool(self.loaded) and (
+            self.half_95_mm is None or self.half_95_mm.median >= self.before_mm.median
+        )
+
+    @property
+    def verdict(self) -> str:
+        """What to do with the program, a sentence."""
+        warning = "Do not run this: the model does not know enough to promise an improvement."
+        return warning if self.harmful else ""
+
 
 def report(found: CorrectedProgram, output: str) -> CompensationReport:
     """The report of a corrected program, written to a file of this name."""

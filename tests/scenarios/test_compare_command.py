@@ -419,3 +419,16 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
 def test_no_pane_of_the_recording_is_blank_on_any_timeline(many, folder, tmp_path, blank_panes):
     said(tmp_path, many, calibration(folder / "fourth", range(1, 21), 1.5))
     assert blank_panes(tmp_path / "out" / "recording.rrd") == []
+
+
+def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):
+    """One seed is one true arm; of all seeds of the family the arms are the same."""
+    for first, second, alike in ((range(1, 2), range(2, 3), False), (range(1, 15), range(15, 29), True)):
+        folders = [calibration(tmp_path / f"{own[0]}_{len(own)}", own) for own in (first, second)]
+        out = tmp_path / f"compared_{len(first)}"
+        done = compare(*folders, "--out", out)
+        assert (done.returncode == 0) == alike, done.stderr
+        if not alike:
+            assert "expected the same true arms, of one seed each the same seed, got" in done.stderr
+            assert not out.exists()
+            assert compare(*folders, "--out", out, "--anyway").returncode == 0

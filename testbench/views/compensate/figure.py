@@ -30,8 +30,10 @@ def overview(found: CorrectedProgram, report: CompensationReport) -> Figure:
     after = f"within {half.max:.3f} mm (95 %)" if half else "not bounded everywhere"
     say(
         figure,
-        f"{report.program}: {report.before_mm.max:.2f} mm off at most as programmed, corrected {after}",
-        "Errors of the loaded tool, by the model. Green: corrected; intervals are of the widest axis, 95 %.",
+        f"{report.verdict} {report.program}: {report.before_mm.max:.2f} mm off at most as programmed, "
+        f"corrected {after}".strip(),
+        "Errors of the loaded tool, by the model. Green: corrected; intervals are of the widest axis, 95 %, "
+        "bars on the path those along its axes.",
     )
     return figure
 
@@ -82,6 +84,11 @@ def _path(axes: Axes, found: CorrectedProgram) -> None:
         *(asked[some] @ v for v in (across, up)),
         *(ways @ v for v in (across, up)),
         angles="xy", scale_units="xy", scale=1, width=0.004, color=BEFORE, alpha=0.5,
+    )  # fmt: skip
+    spans = scale * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
+    axes.errorbar(
+        asked[some] @ across, asked[some] @ up, xerr=spans @ across, yerr=spans @ up, fmt="none",
+        ecolor=AFTER, alpha=0.5, elinewidth=1, label=f"where it may be, 95 %, x {scale:g}",
     )  # fmt: skip
     for path, colour, width, label in (
         (asked, AFTER, 2.5, "asked, and corrected by the model"),

@@ -63,7 +63,10 @@ def _groups(
     force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
     most = float(np.linalg.norm(force, axis=1).max()) or 1.0
     ways = {"path asked": (asked, TASK), BEFORE: (off, MEASURED), "corrected, by the model": (back, GCO)}
+    half = M * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
+    spans = half[:, None, :] * np.eye(3)  # along each axis of the world
     layers = [
+        Layer("where it may be, 95 %", GCO, "lines", asked[:, None] - spans, asked[:, None] + spans),
         *(Layer(name, colour, "lines", x[None, :-1], x[None, 1:]) for name, (x, colour) in ways.items()),
         Layer("tool asked", TASK, "dots", asked[:, None]),
         Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None]),
