@@ -259,3 +259,15 @@ def test_moves_of_a_learnt_prior_are_differences_of_its_fit(kr500, campaign):
         J.append((further - nearer) / (2 * step))
     dense = np.transpose(J) @ covariance @ np.array(J)
     np.testing.assert_allclose(moves.T @ moves, dense, atol=1e-3 * np.abs(dense).max())
+
+
+def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
+    """x = M z with M of the rigid unknowns and of the metric: covariance M (root^T root)^-1 M^T."""
+    root, L = (
+        np.triu(rng.normal(size=(7, 7))) + 3 * np.eye(7),
+        np.tril(rng.normal(size=(4, 4))) + 2 * np.eye(4),
+    )
+    own = SimpleNamespace(rigid=3, columns=np.arange(7), elastic=SimpleNamespace(L=L))
+    W = deviations_root(SimpleNamespace(own=own, root=root))
+    M = block_diag(np.eye(3), L)
+    np.testing.assert_allclose(W @ W.T, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)

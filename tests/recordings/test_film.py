@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from testbench.errors import BenchError
-from testbench.views.recording import film
+from testbench.views.recording import film, shot
 from testbench.views.recording.film import LARGEST, LONGEST, MOVING, REST, write_film
 
 
@@ -78,3 +78,18 @@ def test_an_mp4_without_ffmpeg_or_with_one_that_fails_is_one_line(tmp_path, monk
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
     with pytest.raises(BenchError, match="needs the program ffmpeg"):
         write_film(tmp_path / "part", ".mp4", steps(2))
+
+
+def test_a_film_goes_through_its_timeline_from_its_first_place(monkeypatch):
+    """The load is hung on step by step, not taken off."""
+    gone, picture = [], png(np.zeros((200, 10, 3), np.uint8))
+    for name, answer in {"has": False, "hide_bars": None, "settled": picture, "still": picture}.items():
+        monkeypatch.setattr(shot.headless, name, lambda *_, answer=answer: answer)
+    monkeypatch.setattr(shot.headless, "places", lambda *_: ("load", 3, 40))
+    monkeypatch.setattr(shot.headless, "go", lambda _, timeline, at: gone.append((timeline, at)))
+    pictures = list(shot._frames(None, shot.Sight()))
+    first, *steps = gone
+    assert first == steps[0] == ("load", 3)
+    assert steps[-1] == ("load", 40)
+    assert steps == sorted(steps)
+    assert len(pictures) == len(steps)

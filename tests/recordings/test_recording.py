@@ -1,5 +1,6 @@
 """The recording of a calibration study, read back from its file."""
 
+import re
 import shutil
 import time
 import xml.etree.ElementTree as ET
@@ -9,18 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from read_back import chunks_of, columns, document, layout, on, picture, rerun, series
+from read_back import chunks_of, columns, document, layout, on, picture, rerun, series, views
 from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario, build_cell, settle_both, simulate
 from testbench.bench.judged import identify
 from testbench.bench.models import SECTION_6, named_models
+from testbench.data.dataset import in_order
+from testbench.identify.evaluate import deflections
 from testbench.model.poses import WorkArea
 from testbench.plant import settle
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
 from testbench.studies.gravity_calibration import recording, summary, trial
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.study import Run
+from testbench.views.page.calibration import Calibrated, calibration_seen
 from testbench.views.recording import calibration
 from testbench.views.recording.arm import reach
 from testbench.views.recording.calibration import write_calibration
@@ -552,3 +556,48 @@ def test_of_several_seeds_the_words_are_the_medians_and_the_drawing_is_the_first
     assert columns(chunks, "/__properties/study")["seed"] == [[1]]
     labels = columns(chunks, "/errors_by_model_mm/number")["Points2D:labels"][0]
     assert f"{area.median:.3f} ({area.p05:.3f} to {area.p95:.3f}) mm, recommended" in labels
+
+
+@pytest.fixture(scope="module")
+def seen(heavy):
+    """What the page draws of the same study."""
+    about, cell, campaign, results = heavy
+    made = Calibrated(cell, campaign, results, about.models, about.map, 37.0)
+    return made, calibration_seen(made)
+
+
+def test_the_pages_arrows_lead_from_where_markers_go_to_where_each_model_has_them(heavy, seen):
+    """Of every model its own, as many times as long as the title says, on the deflection as it says."""
+    made, drawn = seen
+    said = re.fullmatch(r"Deflections x (\S+), arrows of errors x (\S+)\.", drawn.scene.title)
+    moved, arrows = map(float, said.groups())
+    assert moved == 37.0
+    named = {m.name: r.estimate for m, r in zip(made.models, made.results, strict=True)}
+    truth = {run: k for k, run in enumerate(made.campaign.truth.run.tolist())}
+    sets = (
+        in_order(made.campaign.truth, np.array([truth[run] for run in made.map.run])),
+        made.campaign.measured,
+    )
+    for group, data in zip(drawn.scene.groups, sets, strict=True):
+        dots, *errors = group.layers
+        np.testing.assert_allclose(dots.at, data.before + moved * data.deflection, atol=2e-4)
+        assert [layer.name for layer in errors] == [f"error of {name}" for name in made.map.compared]
+        for layer, name in zip(errors, made.map.compared, strict=True):
+            predicted = deflections(made.cell.vjm, named[name], data)
+            np.testing.assert_allclose(layer.to - layer.at, arrows * (predicted - data.deflection), atol=1e-9)
+            np.testing.assert_array_equal(layer.at, dots.at)
+
+
+def test_titles_of_the_recording_say_the_magnifications_that_are_drawn(file, chunks, heavy):
+    """Each by its property; over the maps stands the RMS of the errors, not the worst of them."""
+    kept = columns(chunks, "/__properties/study")
+    names = ("deflection_magnification", "error_magnification", "residual_magnification")
+    moved, place, run = (kept[name][0][0] for name in names)
+    titles = [name for *_, name in views(file)] + [name for name, *_ in views(file)]
+    assert f"Arm (m): deflection x {moved:g}; arrows of errors x {place:g}, of runs x {run:g}" in titles
+    found = heavy[0].map
+    for name in found.compared:
+        errors = np.array(found.error_mm[name])
+        rms = np.sqrt(np.mean(errors**2))
+        assert abs(rms / errors.max() - 1) > 0.05
+        assert f"{name}: RMS {show(float(rms))} mm, axes (m)" in titles

@@ -1,6 +1,8 @@
 """A program in, a corrected one out: MuJoCo executes what the files say; wrong files change nothing."""
 
+import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -258,3 +260,25 @@ def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
     words = said(check_page(open_page, folder / "report.html", told))
     assert words.startswith(f"Point {report['worst']['label']}, line {report['worst']['line']}.")
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words
+
+
+def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected):
+    """As many times as its title says, to the side that the file says."""
+    out, _ = corrected
+    with (out / "right.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
+    text = (out / "right_report" / "report.html").read_text()
+    drawn = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
+        "scene"
+    ]
+    times = float(re.search(r"x (\S+)\.$", drawn["title"])[1])
+    layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
+    asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
+    np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
+
+
+def path(layer):
+    """Points of a line that is cut into pieces [m]."""
+    at, to = (np.array(layer[key][0]).reshape(-1, 3) / 1e4 for key in ("at", "to"))
+    return np.vstack([at, to[-1:]])

@@ -8,6 +8,7 @@ import pytest
 from testbench.bench.error_places import Places, error_places
 from testbench.views.map_figure import error_map
 from testbench.views.scale import scale_for
+from testbench.views.worst import worst_rows
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")
@@ -119,3 +120,23 @@ def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(at, er
     assert figure.get_figheight() < 2 * figure.get_figwidth()
     for axes in figure.axes[: 2 * len(NAMES)]:
         assert min(axes.get_position().size) > 0.01
+
+
+def test_rows_titles_and_the_scale_of_colours_are_of_the_errors_in_millimetres(at, errors):
+    """Typical is the RMS, greatest the largest; the key ends where the errors of the compared models do."""
+    found = error_places(at, errors, NAMES)
+    rows = {row.model: row for row in worst_rows(found)}
+    for name, own in errors.items():
+        own = np.array(own)
+        assert rows[name].typical_mm == pytest.approx(np.sqrt(np.mean(own**2)))
+        assert rows[name].worst_mm == own.max()
+        assert abs(rows[name].typical_mm / own.max() - 1) > 0.02
+    figure = error_map(found, "an arm")
+    titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    assert titles == [f"{name}: RMS {rows[name].typical_mm:.3f} mm" for name in NAMES]
+    bar = figure.axes[-1]
+    assert bar.get_ylabel().endswith("[mm]") or "[mm," in bar.get_ylabel()
+    drawn = np.concatenate([errors[name] for name in NAMES])
+    low, high = bar.get_ylim()
+    assert low <= drawn.min() * 1.001
+    assert drawn.max() * 0.999 <= high < 3 * drawn.max()

@@ -16,6 +16,7 @@ TIPS = (
 """How files call the place of the tool, the best first; a prefix such as `panda_` may stand before."""
 FLANGES = "tool0", "flange"  #: Those that no finger of a gripper is called.
 FINGER_JOINTS = 4  #: A branch of so few joints behind an arm is a finger.
+DRIVEN_JOINTS = 2  #: So few beside others that only follow them, too.
 ARM_JOINTS = 3  #: Fewest joints of an arm.
 
 
@@ -133,10 +134,13 @@ def _last_moving(tree: Tree) -> int:
     """The last moving body of the arm: the deepest, before the fingers of a gripper."""
     carriers = [_carrier(tree, k) for k in range(len(tree.bodies))]
     branches: dict[int, list[int]] = {k: [] for k in range(len(tree.bodies))}
+    rods = [False] * len(tree.bodies)  # whether some branches only follow other joints
     height = [0] * len(tree.bodies)  # moving joints behind a body, the longest way
     for k in reversed(range(len(tree.bodies))):
         body = tree.bodies[k]
-        branches[k] = [b for b in branches[k] if not tree.bodies[b].odd] or branches[k]  # rods follow others
+        plain = [b for b in branches[k] if not tree.bodies[b].odd]
+        rods[k] = bool(plain) and len(plain) < len(branches[k])
+        branches[k] = plain or branches[k]  # rods follow others
         height[k] = max((height[b] + 1 for b in branches[k]), default=0)
         if body.moves and body.parent >= 0:
             branches[carriers[body.parent]].append(k)
@@ -145,6 +149,7 @@ def _last_moving(tree: Tree) -> int:
     joints = 0
     while height[here]:
         fingers = len(branches[here]) > 1 and height[here] <= FINGER_JOINTS
+        fingers |= rods[here] and height[here] <= DRIVEN_JOINTS
         if fingers and joints >= ARM_JOINTS:
             break
         here = max(branches[here], key=lambda k: (height[k], -k))
