@@ -22,6 +22,10 @@ BLOCKS = 16  #: Blocks of joint space over all series.
 LEAST = 6  #: Poses below which a block would be too small, or tell too little of a frame.
 PAYS = 0.1  #: Share of the mean square by which an error must foretell better to be kept: 5 % of the error.
 HURTS = 0.01  #: The same by which it may foretell the others worse.
+OPENED = 100.0
+"""Times the variance of a frame or mount by all readings beyond which those left tell it no more: a fold that
+opens it so far is fitted to it anew."""
+LEFT = 0.2  #: Share of all equations below which what is left of them is too little to foretell a series.
 LOAD = 2.0
 """Distance of the largest load from none, where sine and cosine of a joint are at most 2 apart: loads that
 differ much are blocks of their own."""
@@ -132,12 +136,16 @@ class _Tried:
 def _tried(own: Choice, reduced: Reduced, start: Learnt, unit: Array) -> _Tried:
     S = squares(own, reduced.gram)
     learnt = learn(own, S, reduced.counts, start)
-    held = [_held_out(own, S, part, learnt) for part in _foldable(reduced.parts)]
+    first = np.arange(np.searchsorted(own.columns, own.unknowns.starts["geometry"]))
+    whole = solve(own, S, learnt, LOOSE, columns=first).variance
+    assert whole is not None
+    held = [_held_out(own, S, part, learnt, whole) for part in _foldable(reduced.parts)]
     places = sorted({part.series for part in reduced.parts})
     series = []
     for place in places if len(places) > 1 else []:
         some = [part for part in reduced.parts if part.series == place]
-        series.append(_realigned(own, S, some, learnt))
+        if sum(part.counts.sum() for part in some) <= (1 - LEFT) * reduced.counts.sum():
+            series.append(_realigned(own, S, some, learnt))
     return _Tried(own, learnt, _positions(reduced, held, unit), _positions(reduced, series, unit))
 
 
@@ -158,10 +166,30 @@ def _foldable(parts: Sequence[Part]) -> list[Part]:
     return [part for part in parts if places.count(part.series) > 1]
 
 
-def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt) -> _Sums:
+def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt, whole: Array) -> _Sums:
+    """Of a block: frames and mounts that the other readings hardly tell are fitted to it, as to a series.
+
+    Args:
+        own: The unknowns.
+        S: Squares of all readings.
+        part: The block.
+        learnt: Sizes of errors.
+        whole: Variances of frames and mounts by all readings, (k,).
+    """
     T = squares(own, part.gram)
-    v = np.r_[solve(own, S - T, learnt, LOOSE).x, -1.0]
+    found = solve(own, S - T, learnt, LOOSE, columns=np.arange(len(whole)))
+    assert found.variance is not None
+    v = np.r_[found.x, -1.0]
+    v = _refitted(v, T, learnt, np.flatnonzero(found.variance > OPENED * whole))
     return T @ v @ v, part.counts
+
+
+def _refitted(v: Array, T: Array, learnt: Learnt, open_: Ids) -> Array:
+    """Unknowns, less one for the readings, with some columns fitted to what was held out."""
+    if len(open_):
+        H = np.tensordot(learnt.factor**-2.0, T, 1)
+        v[open_] -= np.linalg.lstsq(H[np.ix_(open_, open_)], H[open_] @ v, rcond=None)[0]
+    return v
 
 
 def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> _Sums:
@@ -175,9 +203,7 @@ def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> 
     x = solve(some, (S - T)[np.ix_(range(len(S)), at, at)], learnt, LOOSE).x
     v = np.zeros(len(own.columns) + 1)
     v[rest], v[-1] = x, -1.0
-    H = np.tensordot(learnt.factor**-2.0, T, 1)
-    if len(alone):
-        v[alone] = -np.linalg.lstsq(H[np.ix_(alone, alone)], H[alone] @ v, rcond=None)[0]
+    v = _refitted(v, T, learnt, alone)
     return T @ v @ v, np.asarray(sum(part.counts for part in parts))
 
 

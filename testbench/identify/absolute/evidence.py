@@ -117,10 +117,19 @@ class Solution:
 
     x: Array  #: Of the choice, compliances in the metric, (c,).
     covariance: Array | None  #: (c, c), where it was asked for.
+    variance: Array | None = None  #: Of those columns for which it was asked, (k,).
 
 
-def solve(own: Choice, S: Array, learnt: Learnt, strength: Strength, *, covariance: bool = False) -> Solution:
-    """Most likely unknowns by `squares` S of the readings."""
+def solve(  # noqa: PLR0913
+    own: Choice,
+    S: Array,
+    learnt: Learnt,
+    strength: Strength,
+    *,
+    covariance: bool = False,
+    columns: Ids | None = None,
+) -> Solution:
+    """Most likely unknowns by `squares` S of the readings; their covariance, or variances of some columns."""
     H = np.tensordot(learnt.factor**-2.0, S, 1)
     P, b = prior(own, learnt, strength)
     P += H[:-1, :-1]
@@ -134,6 +143,9 @@ def solve(own: Choice, S: Array, learnt: Learnt, strength: Strength, *, covarian
             "calibration: the readings leave a frame or target open; expected more poses"
         ) from None
     x = cho_solve(root, (H[:-1, -1] + b) / size) / size
+    if columns is not None:
+        some = np.eye(len(size))[:, columns]
+        return Solution(x, None, (some * cho_solve(root, some)).sum(axis=0) / size[columns] ** 2)
     if not covariance:
         return Solution(x, None)
     inverse = np.triu(dpotri(root[0], lower=0)[0])
