@@ -54,7 +54,7 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
 
 
 def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
-    """Two columns, the first told by the block alone but for a trace: what is left is what no frame explains."""
+    """Two columns, the first told by the block alone but for a trace: left is what no frame explains."""
     block, others = rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
     others[:, 0] *= 1e-4
     T = block.T @ block
