@@ -252,6 +252,9 @@ def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:
     alike = [other.prismatic == joint.prismatic for other in arm.joints]
     most, suspect = SUSPECT[joint.unit]
     hint = f"; are these {suspect}?" if name == joint.unit and np.abs(q[:, alike]).max() > most else ""
+    if not hint and column and np.all((-q[:, k] >= lower[k]) & (-q[:, k] <= upper[k])):
+        other = column.name if column.sign < 0 else f"-{column.name}"
+        hint = f"; with the other sign all rows are within: [columns] of a map reads it so as {other!r}"
     low, high, got = (x / scale for x in (joint.lower, joint.upper, q[i, k]))
     problem = f"expected {low:.4f} to {high:.4f} {name}, got {got:g}{hint}"
     raise columns.table.error(i, column.name if column else joint.name, problem)

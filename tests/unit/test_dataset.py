@@ -359,6 +359,22 @@ def test_degrees_where_radians_belong_are_suspected(tmp_path: Path) -> None:
     )
 
 
+def test_a_joint_of_the_other_sign_is_told_as_such(tmp_path: Path) -> None:
+    """All of its rows are within the limits once it is reversed; one that fits neither way is not."""
+    whole = written(tmp_path)
+    lines = whole.read_text().splitlines()
+    k = lines[0].split(",").index("joint_2_rad")
+    for values, said in (((1.0, 1.0), True), ((1.0, -2.0), False)):
+        rows = [line.split(",") for line in lines[1:]]
+        for i, row in enumerate(rows):
+            row[k] = str(values[i % 2])
+        whole.write_text("\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n")
+        arm = replace(ARM, joints=tuple(replace(j, lower=-1.5, upper=0.5) for j in ARM.joints))
+        with pytest.raises(InputError) as caught:
+            read_csv(whole, arm)
+        assert ("reads it so as '-joint_2_rad'" in str(caught.value)) == said
+
+
 def test_angle_just_outside_its_limits_is_not_taken_for_degrees(tmp_path: Path) -> None:
     message = refusal(edited(tmp_path, in_run(1, "joint_2_rad", "0.5")))
     assert message.endswith("line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got 0.5")
