@@ -64,7 +64,7 @@ def apart(smaller: Array, pose: Array, rows: Array, W: Array | None) -> Seen:
     """What candidates see of a matrix beyond the one with a pose (k, r) more; rows and W as in `look`."""
     I = np.linalg.inv(smaller)  # noqa: E741
     value, V = np.linalg.eigh(pose @ I @ pose.T)
-    U = I @ pose.T @ (V / np.sqrt(1 + value))
+    U = I @ pose.T @ (V / np.sqrt(1 + np.maximum(value, 0.0)))
     k = U.shape[1]
     T = np.empty((len(I), 0)) if W is None else I @ (W @ U) - U @ (U.T @ W @ U) / 2
     P = (rows.reshape(-1, len(I)) @ np.hstack([U, T])).reshape(*rows.shape[:2], -1)

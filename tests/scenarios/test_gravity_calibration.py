@@ -124,7 +124,8 @@ def test_the_map_holds_every_models_error_pose_by_pose_where_they_differ_most_fi
     report = json.loads((quick[0] / "report.json").read_text())
     found, models = report["map"], {m["name"]: m for m in report["models"]}
     assert len(found["compared"]) == 3
-    assert [models[name]["constraint"] for name in found["compared"]] == ["none", "psd", "psd"]
+    assert [models[name]["constraint"] for name in found["compared"]] == ["none", "none", "psd"]
+    assert found["compared"][1:] == ["Joints", report["take"]]
     assert [models[name]["prior"] for name in found["compared"]] == [False, False, True]
     for name, mm in found["error_mm"].items():
         assert len(mm) == len(found["q"]) == len(found["position_m"]) == len(found["deflection_mm"]) == 40
