@@ -198,8 +198,7 @@ def payloads(arm: Looked) -> Iterator[str]:
 
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
-        most, worst = PAYLOAD_OFF
-        off = f"wrong by a factor of more than {most:g} for one arm in ten, {worst:g} at worst"
+        off = f"one such guess in ten is more than {PAYLOAD_OFF:g} times off"
         yield f"its payload of {payload.value:g} kg is a guess, {off}: state the maker's in elastic.toml"
 
 

@@ -20,7 +20,7 @@ MASS_SHARE = 0.12
 
 The geometric mean of 87 arms that makers rate at 0.05 to 700 kg, two thirds of them weighed by their shapes.
 """
-PAYLOAD_OFF = 2.5, 4.4  #: It misses nine of ten of them, and all, by no more than these factors [1].
+PAYLOAD_OFF = 2.5  #: It misses one in ten of them by more than this factor, the worst by 4.4 [1].
 
 HEAVY = 100.0  #: Payload from which an arm is of cast iron [kg].
 HOLLOW = 0.9  #: Inner over outer diameter, as of our KR 500 [1].
