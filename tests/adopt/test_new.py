@@ -48,32 +48,36 @@ def test_an_arm_that_exists_is_not_touched(tmp_path):
     assert not list((tmp_path / "mine").iterdir())
 
 
-def with_rods(folder):
-    """The heavy arm with a rod on link 3 that follows joint 2: its branch is as long as the wrist."""
-    text = heavy_urdf(folder).read_text()
-    rods = ""
-    for k, before in enumerate(("link_3", "rod_1", "rod_2", "rod_3")):
-        rods += f"""<link name="rod_{k + 1}"><collision><geometry><box size="3 3 0.02"/></geometry>
-            </collision></link><joint name="rod_joint_{k + 1}" type="revolute"><parent link="{before}"/>
-            <child link="rod_{k + 1}"/>
+def with_rods(folder, flange):
+    """The heavy arm with rods on link 3 that follow joint 2: their branch is longer than the wrist."""
+    text = heavy_urdf(folder).read_text().replace("tool0", flange)
+    box = '<geometry><box size="3 3 0.02"/></geometry>'
+    for k, before in enumerate(("link_3", "rod_1", "rod_2", "rod_3"), start=1):
+        rod = f"""<link name="rod_{k}"><visual>{box}</visual><collision>{box}</collision></link>
+            <joint name="rod_joint_{k}" type="revolute"><parent link="{before}"/><child link="rod_{k}"/>
             <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
-            <mimic joint="joint_a2"/></joint>"""
+            <mimic joint="joint_a2"/></joint></robot>"""
+        text = text.replace("</robot>", rod)
     file = folder / "rods.urdf"
-    file.write_text(text.replace("</robot>", f"{rods}</robot>"))
+    file.write_text(text)
     return file
 
 
-def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp_path):
-    """The chain to tool0 wins; what is drawn where it is not hinders no pose."""
-    done = new(tmp_path / "mine", "--from", with_rods(tmp_path))
+@pytest.mark.parametrize("flange", ["tool0", "mount"])
+def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp_path, flange):
+    """What is drawn where it is not hinders no pose and thickens no tube."""
+    done = new(tmp_path / "mine", "--from", with_rods(tmp_path, flange), "--payload-kg", 300)
     assert done.returncode == 0, done.stderr
-    assert "6 joints, tool at 'tool0'" in done.stdout
+    assert f"6 joints, tool at '{flange}'" in done.stdout
     names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
     assert f"off the arm, so held at zero: {names}" in done.stdout
     said = "held at zero they do not follow the arm, so their collisions do not count"
     assert f"{said}: rod_1, rod_2, rod_3, rod_4" in done.stdout
     assert "hulls that touch" not in done.stdout
     assert (load_arm(tmp_path / "mine").limits[:, 2] == (-2, 1.5)).all()
+    assert new(tmp_path / "bare", "--from", tmp_path / "heavy.urdf", "--payload-kg", 300).returncode == 0
+    mine, bare = ((tmp_path / name / "elastic.toml").read_text() for name in ("mine", "bare"))
+    assert mine.replace(f"'{flange}'", "'tool0'") == bare
 
 
 @pytest.mark.parametrize("limits", ['effort="0" velocity="2"', 'effort="0" velocity="0"', ""])

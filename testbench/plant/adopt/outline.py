@@ -15,7 +15,8 @@ FEWEST = 6  #: Cuts that must meet the surface: a third of the link is drawn at 
 
 def triangles(shapes: Sequence[Shape]) -> Array:
     """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
-    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in seen(shapes))])
+    bearing = seen([s for s in shapes if s.bears])
+    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in bearing)])
 
 
 def extent(surface: Array, axis: Array) -> tuple[float, float]:
