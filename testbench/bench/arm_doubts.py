@@ -9,7 +9,6 @@ import numpy as np
 
 from testbench.arm.elastic import Elastic
 from testbench.bench.campaign import Cell
-from testbench.bench.confirm import UNSURE
 from testbench.bench.sag import Sag
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
@@ -24,6 +23,7 @@ NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
 SAG = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
 COVERED = 1 / 3  #: Share of a tube's length that its drawn shape covers at least [1].
 BEHIND = 0.02  #: Distance of a point behind the flange over the reach [1].
+INSIDE = 0.05  #: The same of a tool behind the end of the last link; one between fingers lies there [1].
 FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
 MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
@@ -132,16 +132,20 @@ def diameters(arm: Looked) -> Iterator[str]:
 
 
 def fragments(arm: Looked) -> Iterator[str]:
-    """A tube of a thickness that a guess gave it: its link is drawn in part."""
-    for k, corners in _drawn(arm.cell).items():
-        link, tube = arm.cell.arm.links[k], arm.elastic.link[k].tube
-        if tube is None or tube.outer_diameter.origin not in UNSURE:
+    """A tube of a thickness that its drawn link tells."""
+    guess, drawn = "the diameter of its tube is a guess", _drawn(arm.cell)
+    links = zip(arm.cell.arm.links, arm.elastic.link, strict=True)
+    for k, (link, entry) in enumerate(links):
+        if entry.tube is None or entry.tube.outer_diameter.origin != "estimated":
             continue
-        along, length = corners @ link.frame[:, 0], tube.length.value
-        covered = float(max(0.0, min(along.max(), length) - max(along.min(), 0.0)))
+        if not drawn:
+            yield f"{link.name}: {guess}, as that of all links that are not drawn"
+            return
+        along, length = drawn.get(k, np.zeros((1, 3))) @ link.frame[:, 0], entry.tube.length.value
+        covered = max(0.0, float(min(along.max(), length) - max(along.min(), 0.0)))
         if length > CLOSE * arm.vjm.reach and covered < COVERED * length:
-            drawn = f"its drawn shape covers {1e3 * covered:.0f} of {1e3 * length:.0f} mm"
-            yield f"{link.name}: {drawn}: the diameter of its tube is a guess"
+            part = f"its shape is drawn on {1e3 * covered:.0f} of {1e3 * length:.0f} mm"
+            yield f"{link.name}: {part}, so {guess}"
 
 
 def _widths(cell: Cell) -> dict[int, float]:
@@ -190,23 +194,34 @@ def sags(arm: Looked) -> Iterator[str]:
 
 def payloads(arm: Looked) -> Iterator[str]:
     """A payload that somebody has stated."""
+    from testbench.plant.adopt.classes import PAYLOAD_OFF
+
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
-        guess = f"its payload of {payload.value:g} kg is a guess that may be six times off"
-        yield f"{guess}: state the maker's in elastic.toml"
+        off = f"one such guess in ten is more than {PAYLOAD_OFF:g} times off"
+        yield f"its payload of {payload.value:g} kg is a guess, {off}: state the maker's in elastic.toml"
 
 
 def behind(arm: Looked) -> Iterator[str]:
-    """Load point and markers at the flange or beyond it."""
-    (_, R), (place, turn) = arm.bodies[-2], arm.bodies[-1]
-    outward = R[0] @ arm.cell.arm.links[-1].frame[:, 0]
-    joint = arm.bodies[-2][0][0]
-    flange = float((place[0] - joint) @ outward)
+    """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
+    from testbench.plant.adopt.beam import COINCIDE, flange_axis
+
+    vjm, links = arm.vjm, arm.cell.arm.links
+    if len(links) == 1:
+        return
+    com = arm.cell.room.model.body(links[-1].name).ipos
+    way = flange_axis(vjm.axes[-1], vjm.placements[-1], vjm.tool, com, COINCIDE * vjm.reach)
+    tool, end = float(vjm.steps[-1] @ way), 0.0
+    if (drawn := _drawn(arm.cell).get(len(links) - 1)) is not None:
+        end = float((drawn @ way).max())
+    if end - tool > INSIDE * vjm.reach:
+        inside = f"{1e3 * (end - tool):.0f} mm behind the end of {links[-1].name} as drawn"
+        yield f"{arm.cell.arm.tool} is {inside}: is it where the tool is?"
     names = arm.cell.arm.load, *arm.cell.arm.markers
-    for name, local in zip(names, (arm.vjm.load, *arm.vjm.markers), strict=True):
-        ahead = float((place[0] + turn[0] @ local - joint) @ outward) - flange
-        if ahead < -BEHIND * arm.vjm.reach:
-            yield f"{name} is {-1e3 * ahead:.0f} mm behind the flange: is it where the tool carries it?"
+    for name, place in zip(names, (vjm.load, *vjm.markers), strict=True):
+        hidden = min(tool, end) - tool - float(way @ vjm.tool[:3, :3] @ place)
+        if hidden > BEHIND * vjm.reach:
+            yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is it where the tool carries it?"
 
 
 def points(arm: Looked) -> Iterator[str]:

@@ -48,7 +48,8 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
     if frame in words:
         choice = next(word for word in words if word == frame)
     elif files := frame_files(frame):
-        choice = read_frames(files[0])
+        to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
+        choice = tuple(one.of(to_world) for one in read_frames(files[0]))
     else:
         raise BenchError(f"--frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
     found = registered(cell.vjm, data, choice)
@@ -61,7 +62,7 @@ def frame_files(frame: str) -> list[Path]:
 
 
 def read_frames(path: Path) -> tuple[Frame, ...]:
-    """Frames of stations as a user gives them.
+    """Bases in the frames of stations, as a user gives them.
 
     Raises:
         InputError: Names the key and what was expected.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.bench.rows import MM
+from testbench.errors import Array
 from testbench.identify.registered import Registered
 from testbench.identify.registration import Registration, spread
 
@@ -53,7 +54,7 @@ def registration_row(registered: Registered) -> RegistrationRow | None:
         return None
     return RegistrationRow(
         frame=registered.frame,
-        frames=_frames(found),
+        frames=_frames(found, registered.vjm.base),
         targets=_targets(found),
         rms_mm=MM * found.rms,
         noise_mm=MM * found.noise,
@@ -62,7 +63,7 @@ def registration_row(registered: Registered) -> RegistrationRow | None:
     )
 
 
-def _frames(found: Registration) -> tuple[FrameRow, ...]:
+def _frames(found: Registration, base: Array) -> tuple[FrameRow, ...]:
     return tuple(
         FrameRow(
             station=frame.station,
@@ -71,7 +72,7 @@ def _frames(found: Registration) -> tuple[FrameRow, ...]:
             position_sd_mm=MM * spread(frame.covariance[3:, 3:]),
             rotation_sd_deg=math.degrees(frame.deviation),
         )
-        for frame in found.frames
+        for frame in (one.of(base) for one in found.frames)
     )
 
 

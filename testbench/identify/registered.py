@@ -119,7 +119,7 @@ def _in_tracker(vjm: Vjm, data: Dataset, found: Registration) -> Registered:
                 "or the frame itself"
             )
     every = np.ones(len(found.markers), dtype=bool)
-    notes = (*frame_notes(found, _sag(vjm, data)), *target_notes(found, every))
+    notes = (*frame_notes(found, vjm.base, _sag(vjm, data)), *target_notes(found, every))
     return Registered(with_targets(vjm, found, every), in_base(found, data), found, "tracker", notes)
 
 

@@ -13,7 +13,7 @@ from testbench.errors import Array, BenchError
 from testbench.identify.frames import LEAST_POINTS, Found, points, starts, unloaded
 from testbench.identify.refinement import Solved, refine
 from testbench.identify.weighed import check_runs
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, skew
 
 TURNED = 1e-3  #: A joint that moves less stands still [rad, m].
 POSES = 6  #: That fix one station and one target without a nominal position.
@@ -21,14 +21,26 @@ POSES = 6  #: That fix one station and one target without a nominal position.
 
 @dataclass(frozen=True)
 class Frame:
-    """The base in the frame of one station: a reading is rotation @ x + translation, x in base axes."""
+    """The arm's world in the frame of one station: a reading is rotation @ x + translation of x in it."""
 
     station: int  #: Identifier of the station.
-    rotation: Array  #: Station from base, (3, 3).
-    translation: Array  #: Base in the station's frame, (3,) [m].
-    #: Covariance of a small rotation about the base's axes, R exp(phi), and of the translation, (6, 6)
+    rotation: Array  #: Station from world, (3, 3).
+    translation: Array  #: Origin of the world in the station's frame, (3,) [m].
+    #: Covariance of a small rotation about the world's axes, R exp(phi), and of the translation, (6, 6)
     #: [rad, m]; zero for a frame that was given.
     covariance: Array
+
+    def of(self, pose: Array) -> "Frame":
+        """What has this pose in the world, (4, 4) [m], as the arm's base, in the frame of the station."""
+        turn, place = pose[:3, :3], pose[:3, 3]
+        J = np.eye(6)
+        J[:3, :3], J[3:, :3] = turn.T, -self.rotation @ skew(place)
+        return Frame(
+            station=self.station,
+            rotation=self.rotation @ turn,
+            translation=self.rotation @ place + self.translation,
+            covariance=J @ self.covariance @ J.T,
+        )
 
     @property
     def angle(self) -> float:

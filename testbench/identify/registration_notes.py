@@ -6,14 +6,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbench.data.dataset import Mask
+from testbench.errors import Array
 from testbench.identify.registration import Registration, spread
 
 SMALL = 1e-9  #: Rotation that has no axis [rad].
 
 
-def frame_notes(found: Registration, sag: float | None) -> Iterator[str]:
-    """Where the base is in every station's frame, how well that is known, and how well all readings fit."""
-    for frame in found.frames:
+def frame_notes(found: Registration, base: Array, sag: float | None) -> Iterator[str]:
+    """Where the base is in every station's frame, how well that is known, and how well all readings fit.
+
+    Of a base with this pose in the arm's world, (4, 4) [m].
+    """
+    for frame in (one.of(base) for one in found.frames):
         axis = (frame.rotation_vector / max(frame.angle, SMALL)).round(3) + 0.0  # no -0.000
         at = ", ".join(f"{1e3 * x:.1f}" for x in frame.translation)
         about = ", ".join(f"{x:.3f}" for x in axis)

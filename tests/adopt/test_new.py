@@ -48,82 +48,111 @@ def test_an_arm_that_exists_is_not_touched(tmp_path):
     assert not list((tmp_path / "mine").iterdir())
 
 
-def with_rods(folder):
-    """The heavy arm with a rod on link 3 that follows joint 2: its branch is as long as the wrist."""
-    text = heavy_urdf(folder).read_text()
-    rods = ""
-    for k, before in enumerate(("link_3", "rod_1", "rod_2", "rod_3")):
-        rods += f"""<link name="rod_{k + 1}"><collision><geometry><box size="3 3 3"/></geometry>
-            </collision></link><joint name="rod_joint_{k + 1}" type="revolute"><parent link="{before}"/>
-            <child link="rod_{k + 1}"/>
+def with_rods(folder, flange):
+    """The heavy arm with rods on link 3 that follow joint 2: their branch is longer than the wrist."""
+    text = heavy_urdf(folder).read_text().replace("tool0", flange)
+    box = '<geometry><box size="3 3 0.02"/></geometry>'
+    for k, before in enumerate(("link_3", "rod_1", "rod_2", "rod_3"), start=1):
+        rod = f"""<link name="rod_{k}"><visual>{box}</visual><collision>{box}</collision></link>
+            <joint name="rod_joint_{k}" type="revolute"><parent link="{before}"/><child link="rod_{k}"/>
             <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
-            <mimic joint="joint_a2"/></joint>"""
+            <mimic joint="joint_a2"/></joint></robot>"""
+        text = text.replace("</robot>", rod)
     file = folder / "rods.urdf"
-    file.write_text(text.replace("</robot>", f"{rods}</robot>"))
+    file.write_text(text)
     return file
 
 
-def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp_path):
-    """The chain to tool0 wins; what is drawn where it is not hinders no pose."""
-    done = new(tmp_path / "mine", "--from", with_rods(tmp_path))
+@pytest.mark.parametrize("flange", ["tool0", "mount"])
+def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp_path, flange):
+    """What is drawn where it is not hinders no pose and thickens no tube."""
+    done = new(tmp_path / "mine", "--from", with_rods(tmp_path, flange), "--payload-kg", 300)
     assert done.returncode == 0, done.stderr
-    assert "6 joints, tool at 'tool0'" in done.stdout
+    assert f"6 joints, tool at '{flange}'" in done.stdout
     names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
     assert f"off the arm, so held at zero: {names}" in done.stdout
-    assert (
-        "held where they are not, so their collisions do not count: rod_1, rod_2, rod_3, rod_4" in done.stdout
-    )
+    said = "held at zero they do not follow the arm, so their collisions do not count"
+    assert f"{said}: rod_1, rod_2, rod_3, rod_4" in done.stdout
     assert "hulls that touch" not in done.stdout
     assert (load_arm(tmp_path / "mine").limits[:, 2] == (-2, 1.5)).all()
+    assert new(tmp_path / "bare", "--from", tmp_path / "heavy.urdf", "--payload-kg", 300).returncode == 0
+    mine, bare = ((tmp_path / name / "elastic.toml").read_text() for name in ("mine", "bare"))
+    assert mine.replace(f"'{flange}'", "'tool0'") == bare
 
 
-def test_a_joint_that_is_locked_at_zero_is_no_joint_of_the_arm(tmp_path):
-    """An exporter that knows no limits writes zeros everywhere: then ours stand in."""
-    text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text())
-    limits = '<axis xyz="{}"/> <limit lower="{}" upper="{}" effort="0" velocity="{}"/>'
-    axis = re.search(r'<child link="link_4"/><axis xyz="([^"]*)"/>', text)[1]
-    third = f'<child link="link_4"/>{limits.format(axis, -2, 1.5, 2)}'
-    assert third in text
-    for velocity, said in ((2, "5 joints"), (0, "6 joints")):
-        file = tmp_path / f"locked_{velocity}.urdf"
-        file.write_text(text.replace(third, f'<child link="link_4"/>{limits.format(axis, 0, 0, velocity)}'))
-        done = new(tmp_path / f"arm_{velocity}", "--from", file)
+@pytest.mark.parametrize("limits", ['effort="0" velocity="2"', 'effort="0" velocity="0"', ""])
+def test_a_joint_that_is_locked_at_zero_is_no_joint_of_the_arm(tmp_path, limits):
+    """Zeros everywhere are of an exporter that knows no limits: then ours stand in."""
+    text, free = heavy_urdf(tmp_path).read_text(), 'lower="-2" upper="1.5" effort="0" velocity="2"'
+    begins = text.index('name="joint_a4"')
+    locked = f'lower="0" upper="0" {limits}'
+    for changed, said in (
+        (text[:begins] + text[begins:].replace(free, locked, 1), "5 joints"),
+        (text.replace(free, locked), "6 joints"),
+    ):
+        file = tmp_path / f"{said[0]}.urdf"
+        file.write_text(changed)
+        done = new(tmp_path / said[0], "--from", file)
         assert done.returncode == 0, done.stderr
         assert said in done.stdout
-        assert ("limits of 0 to 0, so held at zero: joint_a4" in done.stdout) == bool(velocity)
+        assert ("limits of 0 to 0, so held at zero: joint_a4\n" in done.stdout) == (said[0] == "5")
+        assert ("-360 to 360 deg stands in" in done.stdout) == (said[0] == "6")
 
 
-@pytest.mark.parametrize("rpy", ["0 0 0", "0 1.5708 0", "3.14159 0 0", "0.3 1.5708 0.2", "0.4 0.5 0.6"])
-def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy):
-    """tool0 in joint 6, its shape sideways: the axis of the joint decides, on the side where the link is."""
-    text = heavy_urdf(tmp_path).read_text()
-    spot = re.search(r'<joint name="t" type="fixed"><origin xyz="0.1 0 0" rpy="0 1.57 0"/>', text)
+def test_a_gripper_whose_fingers_follow_one_of_them_is_no_part_of_the_arm(tmp_path):
+    """No flange by name: the fingers that follow show that the last branch is a gripper."""
+    file = light_urdf(tmp_path)
+    file.write_text(file.read_text().replace("tool0", "mount"))
+    done = new(tmp_path / "mine", "--from", file)
+    assert "7 joints, tool at 'hand'" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("rpy", "axis"),
+    [("0 0 0", "-1 0 0"), ("0 -1.5708 0", "-1 0 0"), ("0 0 3.14159", "1 0 0"), ("0.4 0.5 0.6", "1 0 0")],
+)
+def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, axis):
+    """tool0 in joint 6, its shape sideways: outward is away from joint 5, however frames and axis point."""
+    text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text())
+    last = text.index('<child link="link_6"/>')
+    text = text[:last] + text[last:].replace('<axis xyz="-1 0 0"/>', f'<axis xyz="{axis}"/>', 1)
+    spot = '<joint name="t" type="fixed"><origin xyz="{}" rpy="{}"/>'
+    assert spot.format("0.1 0 0", "0 1.57 0") in text
     file = tmp_path / "wrist.urdf"
-    file.write_text(text.replace(spot[0], f'<joint name="t" type="fixed"><origin xyz="0 0 0" rpy="{rpy}"/>'))
+    file.write_text(text.replace(spot.format("0.1 0 0", "0 1.57 0"), spot.format("0 0 0", rpy)))
     assert new(tmp_path / "mine", "--from", file, "--payload-kg", 100).returncode == 0
     found = check(tmp_path / "mine")
     vjm = found.cell.vjm
-    (joint, R), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-2:]
-    axis = R[0] @ vjm.axes[-1]
-    ahead = [abs(float((tool[0] + turn[0] @ p - joint[0]) @ axis)) for p in (vjm.load, *vjm.markers)]
-    assert ahead[0] > 0.04 * vjm.reach
-    np.testing.assert_allclose(ahead[1:], ahead[0] - 0.05 * vjm.reach, atol=2e-3)
-    assert not [doubt for doubt in found.doubts if doubt.name == "flange"]
+    (wrist, _), (joint, _), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-3:]
+    out = (joint[0] - wrist[0]) / np.linalg.norm(joint[0] - wrist[0])
+    load, *markers = [(tool[0] + turn[0] @ p - joint[0]) @ out for p in (vjm.load, *vjm.markers)]
+    drawn = 0.1 + 0.02  # the end of the box of link 6
+    np.testing.assert_allclose(markers, drawn, atol=2e-3)
+    assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
+    assert [doubt.sentence for doubt in found.doubts if doubt.name == "flange"] == []
 
 
 def test_guesses_are_doubted(tmp_path):
-    """A payload that nobody states; a tube whose link is drawn in part; markers behind the flange."""
-    file = light_urdf(tmp_path)
+    """A payload that nobody states; a tube drawn in part; a tool in its link, markers behind the flange."""
+    file = heavy_urdf(tmp_path)
+    file.write_text(file.read_text().replace('size="0.9 0.2 0.2"', 'size="0.1 0.2 0.2"'))
     markers = [
         flag for k in range(3) for flag in ("--marker", f"P{k}={0.1 * (k == 0)},{0.1 * (k == 1)},-0.3")
     ]
-    done = new(tmp_path / "mine", "--from", file, *markers)
+    done = new(tmp_path / "mine", "--from", file, *markers, "--tool", "0,0,-0.2")
     assert done.returncode == 0, done.stderr
-    found = {doubt.name: doubt.sentence for doubt in check(tmp_path / "mine").doubts}
-    assert "is a guess that may be six times off" in found["payload"]
-    assert re.fullmatch(r"P\d is \d+ mm behind the flange: .*", found["flange"])
-    assert new(tmp_path / "stated", "--from", file, "--payload-kg", 3).returncode == 0
-    assert not {"payload", "flange"} & {doubt.name for doubt in check(tmp_path / "stated").doubts}
+    found = [doubt.sentence for doubt in check(tmp_path / "mine").doubts]
+    for said in (
+        r"its payload of \d+ kg is a guess, .*",
+        r"link_4: its shape is drawn on 100 of 900 mm, so the diameter of its tube is a guess",
+        r"tool is 2\d\d mm behind the end of link_6 as drawn: .*",
+        r"P0 is \d+ mm behind the flange: .*",
+    ):
+        assert any(re.fullmatch(said, sentence) for sentence in found), (said, found)
+    text = (tmp_path / "mine/elastic.toml").read_text()
+    assert text.count("its shape is but a part of it: from payload and reach") == 1
+    assert new(tmp_path / "stated", "--from", heavy_urdf(tmp_path), "--payload-kg", 300).returncode == 0
+    assert not {"payload", "flange", "tube shape"} & {d.name for d in check(tmp_path / "stated").doubts}
 
 
 def test_the_payload_names_the_links_that_have_no_mass(tmp_path):

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from run_here import here
+from scipy.spatial.transform import Rotation
 
 from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.frame_choice import read_frames
+from testbench.bench.frame_choice import read_frames, to_base
+from testbench.bench.frame_rows import registration_row
 from testbench.bench.tracker_runs import by_trackers
 from testbench.cli.program import program
 from testbench.errors import InputError
@@ -104,6 +106,32 @@ def test_noise_of_a_tracker_is_what_its_covariance_says(kr500):
     found = [by_trackers(clean, [PLACE], seed) for seed in range(500, 520)]
     squares = [np.einsum("rmx,rmxy,rmy->rm", d.deflection, d.precision, d.deflection) for d in found]
     assert np.mean(squares) == pytest.approx(3, abs=5 * np.sqrt(6 / np.size(squares)))
+
+
+def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
+    """A cell that is moved as a whole, arm and trackers, reads the same and has its base where it was."""
+    clean = simulate(kr500, Scenario(arm="kr500_l480", noise=False, workspace_poses=1), 500).measured
+    data = by_trackers(clean, [PLACE, (-3.0, 3.0, 2.0)], 500)
+    moved = np.eye(4)
+    moved[:3, :3] = Rotation.from_euler("xyz", [0.2, -0.3, 0.7]).as_matrix()
+    moved[:3, 3] = 0.5, -2.0, 0.7
+    cells = kr500, replace(kr500, vjm=replace(kr500.vjm, base=moved @ kr500.vjm.base))
+    notes, rows = zip(
+        *((f.notes, registration_row(f)) for _, f in (to_base(c, data) for c in cells)), strict=True
+    )
+    for one, other in zip(*(row.frames for row in rows), strict=True):
+        for key in ("position_mm", "rotation_deg", "position_sd_mm", "rotation_sd_deg"):
+            np.testing.assert_allclose(getattr(other, key), getattr(one, key), rtol=1e-4, atol=1e-3)
+    assert [note.split(" By")[0] for note in notes[1][:2]] == [note.split(" By")[0] for note in notes[0][:2]]
+    given = ""
+    for frame in rows[0].frames:
+        turn = Rotation.from_rotvec(frame.rotation_deg, degrees=True).as_euler("xyz", degrees=True).tolist()
+        place = [x / 1e3 for x in frame.position_mm]
+        given += f"[[frame]]\nstation = {frame.station}\nposition_m = {place}\nrotation_xyz_deg = {turn}\n"
+    (tmp_path / "frame.toml").write_text(given)
+    same = [registration_row(to_base(cell, data, str(tmp_path / "frame.toml"))[1]) for cell in cells]
+    assert same[1].rms_mm == pytest.approx(same[0].rms_mm, rel=1e-3)
+    assert same[1].frames[1].position_mm == pytest.approx(rows[0].frames[1].position_mm)
 
 
 @pytest.mark.parametrize("text", ["1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""])

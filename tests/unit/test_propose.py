@@ -119,10 +119,9 @@ def test_a_payload_that_nobody_stated_is_the_first_thing_to_confirm():
     arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
     proposal = propose(arm, Wishes())
     made = tomllib.loads(proposal.elastic)
-    # 20 kg: 4 kg by mass; reach 1.1 m: 2.9 kg; the geometric mean of both
-    assert (made["payload"]["value"], made["payload"]["origin"]) == (3.4, "estimated")
+    assert (made["payload"]["value"], made["payload"]["origin"]) == (2.4, "estimated")
     first = next(line for line in proposal.elastic.splitlines() if line.startswith("#  1."))
-    assert "payload 3.4 kg, by 20 kg of mass and 1.10 m of reach" in first
+    assert "payload 2.4 kg, 0.12 of its 20 kg" in first
     assert "payload" not in propose(arm, Wishes(payload=4.0)).elastic.split("format = 1")[0]
 
 

@@ -52,19 +52,37 @@ def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
     elif following is not None:
         x, runs = _outward(chain, k, following), "along the next joint's axis: both joints in one point"
     else:
-        x, runs = _flange_axis(chain, k, end), "along the flange's axis: joint and tool in one point"
+        part = chain.parts[k]
+        assert own is not None  # the last part has a joint
+        x = flange_axis(own.axis, part.pose, end, part.com, COINCIDE * long)
+        runs = "along the flange's axis: joint and tool in one point"
     axes = [following, None if own is None else own.axis]
     return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
 
 
-def _flange_axis(chain: Chain, k: int, tool: Array) -> Array:
-    """The axis of the last joint, outward: as the tool's frame points along it, else where the part lies."""
-    joint = chain.parts[k].joint
-    assert joint is not None  # the last part has one
-    along = tool[:3, :3].T @ joint.axis
-    if joint.prismatic or np.abs(along).max() < 1 - PARALLEL:
-        return _outward(chain, k, joint.axis)
-    return np.asarray(joint.axis * np.sign(along[np.abs(along).argmax()]))
+def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
+    """Where the flange faces, (3,) [1]: along the last joint's axis, away from the joint before.
+
+    Where the joints meet in one point, to the tool; where that lies there too, as an axis of its frame points
+    along the joint's, else where the part lies.
+
+    Args:
+        axis: Of the last joint, in its part, (3,) [1].
+        pose: Of the part in the one before, (4, 4) [m].
+        tool: Pose of the tool in the part, (4, 4) [m].
+        com: Centre of mass of the part, (3,) [m].
+        least: Distances below it are none [m].
+    """
+    way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
+    sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
+    side = next((s for s in sides if abs(s) > least), 0.0)
+    if not side and distance > least:  # the last joint turns across
+        return np.asarray(way / distance)
+    if not side:
+        along = tool[:3, :3].T @ axis
+        side = float(along[np.abs(along).argmax()])
+        side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
+    return axis if side >= 0 else -axis
 
 
 def _outward(chain: Chain, k: int, axis: Array) -> Array:

@@ -29,6 +29,7 @@ class Shape:
     visual: bool  #: It is drawn.
     collides: bool  #: It keeps others out.
     solid: Solid | None = None  #: The primitive that the surface stands for, where it is one.
+    bears: bool = True  #: It is of the link, not of a rod beside it.
     outer: Array | None = None  #: Those of its corners that its hull needs, (h, 3) [m]; None for all.
 
     @property

@@ -65,9 +65,9 @@ def held(bodies: tuple[Body, ...], path: list[int], last: int, placed: dict[int,
 def part_of(
     bodies: tuple[Body, ...], placed: dict[int, Placed], index: int, carrier: int, rods: Collection[int]
 ) -> Part:
-    """All bodies of a part as one; what rods touch does not count."""
+    """All bodies of a part as one; rods neither touch nor bear."""
     own = [
-        (_without_touch(bodies[k]) if k in rods else bodies[k], placed[k].pose)
+        (_as_rod(bodies[k]) if k in rods else bodies[k], placed[k].pose)
         for k in placed
         if placed[k].part == index
     ]
@@ -89,8 +89,8 @@ def part_of(
     )
 
 
-def _without_touch(body: Body) -> Body:
-    return replace(body, shapes=tuple(replace(shape, collides=False) for shape in body.shapes))
+def _as_rod(body: Body) -> Body:
+    return replace(body, shapes=tuple(replace(s, collides=False, bears=False) for s in body.shapes))
 
 
 def _joined(own: list[tuple[Body, Array]]) -> tuple[float, Array, Array]:

@@ -29,7 +29,8 @@ def what_became(
     if frozen:
         notes.append(f"off the arm, so held at zero: {', '.join(frozen)}")
     if touching := [bodies[k].name for k in sorted(rods) if bodies[k].shapes]:
-        notes.append(f"held where they are not, so their collisions do not count: {', '.join(touching)}")
+        names = ", ".join(touching)
+        notes.append(f"held at zero they do not follow the arm, so their collisions do not count: {names}")
     if outside := [body.name for k, body in enumerate(bodies) if k not in placed]:
         notes.append(f"not of this arm, so left out: {', '.join(outside)}")
     for part in parts:

@@ -10,12 +10,13 @@ from testbench.plant.adopt.chain import Shape, seen
 
 CUTS = 17  #: Cuts across a link.
 INNER = 0.1, 0.9  #: They stand at this share of its length, clear of the flanges [1].
-FEWEST = 3  #: Cuts that must meet the surface.
+FEWEST = 6  #: Cuts that must meet the surface: a third of the link is drawn at least.
 
 
 def triangles(shapes: Sequence[Shape]) -> Array:
     """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
-    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in seen(shapes))])
+    bearing = seen([s for s in shapes if s.bears])
+    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in bearing)])
 
 
 def extent(surface: Array, axis: Array) -> tuple[float, float]:
@@ -30,14 +31,12 @@ def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> f
     Args:
         surface: Triangles in the part's frame, (f, 3, 3) [m].
         frame: Beam axes as columns, (3, 3).
-        span: From where to where along the beam axis, as far as the surface goes there [m].
+        span: From where to where along the beam axis [m].
 
     Returns:
         None where too few cuts meet the surface.
     """
-    first, last = extent(surface, frame[:, 0])
-    start, end = max(span[0], first), min(span[1], last)
-    low, high = (start + share * (end - start) for share in INNER)
+    low, high = (span[0] + share * (span[1] - span[0]) for share in INNER)
     turned = surface @ frame
     least, most = turned[:, :, 0].min(axis=1), turned[:, :, 0].max(axis=1)
     found = [_diameter(turned[(least < x) & (x <= most)], x) for x in np.linspace(low, high, CUTS)]

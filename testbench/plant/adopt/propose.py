@@ -5,11 +5,13 @@ Every rule is plain and every number says "estimated" and how: docs/own_arm.md h
 
 from dataclasses import dataclass
 
+from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import COMPLIANCE_UNIT
 from testbench.errors import Array, BenchError
 from testbench.plant.adopt.beam import Beam, beams, reach
 from testbench.plant.adopt.chain import Chain, Part
 from testbench.plant.adopt.classes import (
+    MASS_SHARE,
     Class,
     estimated_payload,
     in_wrist,
@@ -50,7 +52,7 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
     """
     tool = tool_pose(chain, wishes)
     lines, long = beams(chain, tool), reach(chain, tool)
-    payload, payload_note = _payload(chain, wishes, long)
+    payload, payload_note = _payload(chain, wishes)
     of = Class(payload, long)
     placed = points(chain, wishes, lines[-1], long)
     taken = [part.name for part in chain.parts]
@@ -75,18 +77,19 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
     return Proposal(tool, tool_name, placed.load, load_name, tuple(markers), elastic_text(rows))
 
 
-def _payload(chain: Chain, wishes: Wishes, long: float) -> tuple[float, str]:
+def _payload(chain: Chain, wishes: Wishes) -> tuple[float, str]:
     """Payload [kg] and how it is known."""
     if wishes.payload is not None:
         return wishes.payload, "as stated by --payload-kg"
-    if all(part.inertia_from == "file" for part in chain.parts[1:]):
-        return estimated_payload(
-            chain.mass, long
-        ), f"by {chain.mass:.0f} kg of mass and {long:.2f} m of reach"
-    bare = ", ".join(part.name for part in chain.parts[1:] if part.inertia_from != "file")
-    every = all(part.inertia_from != "file" for part in chain.parts[1:])
-    lacks = "the file has no masses" if every else f"the file has no mass of {bare}"
-    return estimated_payload(None, long), f"by {long:.2f} m of reach, {lacks}"
+    bare = [part.name for part in chain.parts[1:] if part.inertia_from != "file"]
+    note = f"{MASS_SHARE:g} of its {chain.mass:.4g} kg"
+    if bare:
+        no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
+        note += f", the file has no {no}"
+    payload, (low, high) = estimated_payload(chain.mass), PAYLOAD_RANGE
+    if not low <= payload <= high:
+        raise BenchError(f"payload: expected {low:g} to {high:g} kg, got {note}; state it by --payload-kg")
+    return payload, note
 
 
 def _link(part: Part, line: Beam, of: Class) -> LinkRow:
@@ -97,7 +100,8 @@ def _link(part: Part, line: Beam, of: Class) -> LinkRow:
         if line.distance < SHORT * of.reach:
             span = extent(surface, line.frame[:, 0])
         outer = outer_diameter(surface, line.frame, span)
-    note = "its shape, median of the cuts" if outer else "no shape: from payload and reach"
+    lacks = "its shape is but a part of it" if len(surface) else "no shape"
+    note = "its shape, median of the cuts" if outer else f"{lacks}: from payload and reach"
     outer = outer or of.outer_diameter
     length, runs = line.distance, line.runs
     if length < STUB * outer:

@@ -11,12 +11,11 @@ from testbench.plant.adopt.pose import pose_of
 
 TIPS = (
     *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef", "ee_link"),
-    *("end_effector", "grip_site", "pinch_site", "hand"),
+    *("ee_gripper_link", "ee_arm_link", "end_effector", "grip_site", "pinch_site", "hand"),
 )
 """How files call the place of the tool, the best first; a prefix such as `panda_` may stand before."""
 FLANGES = "tool0", "flange"  #: Those that no finger of a gripper is called.
 FINGER_JOINTS = 4  #: A branch of so few joints behind an arm is a finger.
-DRIVEN_JOINTS = 2  #: So few beside others that only follow them, too.
 ARM_JOINTS = 3  #: Fewest joints of an arm.
 
 
@@ -29,6 +28,7 @@ class Body:
     pose: Array  #: In the parent at q = 0, (4, 4) [m]; in the world for the first.
     joint: JointOf | None = None  #: What moves it.
     odd: str = ""  #: Why its joint cannot be one of the arm: "is a free joint".
+    follows: str = ""  #: Name of the joint that its joint mimics.
     mass: float = 0.0  #: [kg]
     com: Array = field(default_factory=lambda: np.zeros(3))  #: Centre of mass in the body's frame, (3,) [m].
     #: About the centre of mass in the body's axes, (3, 3) [kg m^2].
@@ -97,18 +97,15 @@ def usual_tip(tree: Tree) -> Tip:
 
 def _flange(tree: Tree) -> int | None:
     """The moving body of an arm that carries what its file calls a flange, the best name first."""
+    joints: list[int] = []  # that lead to a body
+    for body in tree.bodies:
+        joints.append((joints[body.parent] if body.parent >= 0 else 0) + (body.joint is not None))
     found = [
-        (rank, carrier)
+        (rank, _carrier(tree, tip.body))
         for tip in named_tips(tree)
-        if (rank := _rank(tip.name)) is not None and TIPS[rank] in FLANGES
-        if _joints_before(tree, carrier := _carrier(tree, tip.body)) >= ARM_JOINTS
+        if (rank := _rank(tip.name)) is not None and TIPS[rank] in FLANGES and joints[tip.body] >= ARM_JOINTS
     ]
     return min(found, default=(0, None), key=lambda own: own[0])[1]
-
-
-def _joints_before(tree: Tree, body: int) -> int:
-    """Joints that lead to a body."""
-    return sum(tree.bodies[k].joint is not None for k in path_to(tree, body))
 
 
 def _rank(name: str) -> int | None:
@@ -130,17 +127,24 @@ def _carrier(tree: Tree, body: int) -> int:
     return body
 
 
+def _is_rod(tree: Tree, k: int) -> bool:
+    """Whether a body follows a joint that leads to it: a rod beside the arm, no finger of a gripper."""
+    name, before = tree.bodies[k].follows, tree.bodies[k].parent
+    while name and before >= 0:
+        joint, before = tree.bodies[before].joint, tree.bodies[before].parent
+        if joint is not None and joint.name == name:
+            return True
+    return False
+
+
 def _last_moving(tree: Tree) -> int:
     """The last moving body of the arm: the deepest, before the fingers of a gripper."""
     carriers = [_carrier(tree, k) for k in range(len(tree.bodies))]
     branches: dict[int, list[int]] = {k: [] for k in range(len(tree.bodies))}
-    rods = [False] * len(tree.bodies)  # whether some branches only follow other joints
     height = [0] * len(tree.bodies)  # moving joints behind a body, the longest way
     for k in reversed(range(len(tree.bodies))):
         body = tree.bodies[k]
-        plain = [b for b in branches[k] if not tree.bodies[b].odd]
-        rods[k] = bool(plain) and len(plain) < len(branches[k])
-        branches[k] = plain or branches[k]  # rods follow others
+        branches[k] = [b for b in branches[k] if not _is_rod(tree, b)] or branches[k]
         height[k] = max((height[b] + 1 for b in branches[k]), default=0)
         if body.moves and body.parent >= 0:
             branches[carriers[body.parent]].append(k)
@@ -149,9 +153,8 @@ def _last_moving(tree: Tree) -> int:
     joints = 0
     while height[here]:
         fingers = len(branches[here]) > 1 and height[here] <= FINGER_JOINTS
-        fingers |= rods[here] and height[here] <= DRIVEN_JOINTS
         if fingers and joints >= ARM_JOINTS:
             break
-        here = max(branches[here], key=lambda k: (height[k], -k))
+        here = max(branches[here], key=lambda k: (not tree.bodies[k].follows, height[k], -k))
         joints += 1
     return here

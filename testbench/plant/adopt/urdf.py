@@ -11,7 +11,7 @@ from testbench.errors import Array, InputError
 from testbench.plant.adopt.chain import JointOf
 from testbench.plant.adopt.meshes import Meshes
 from testbench.plant.adopt.source import check_shapes, need, read_number, read_numbers, read_origin, where
-from testbench.plant.adopt.tree import Body, Tree
+from testbench.plant.adopt.tree import ARM_JOINTS, Body, Tree
 from testbench.plant.adopt.urdf_shapes import link_shapes
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -41,15 +41,14 @@ def read_urdf(file: Path, root: ET.Element) -> Tree:
     colours = _colours(file, root)
     index: dict[str, int] = {}
     bodies: list[Body] = []
-    locked: list[str] = []
+    locked = _locked(file, joints)
     for name in _from_the_root(file, links, parents):
         e, joint = links[name], parents.get(name)
         body = replace(_link(file, e, name), shapes=link_shapes(file, e, colours, meshes))
         index[name] = len(bodies)
         if joint is not None:
-            body = _jointed(file, joint, replace(body, parent=index[_end(file, joint, "parent")]))
-            if _is_locked(file, joint):
-                locked.append(joint.get("name", ""))
+            body = replace(body, parent=index[_end(file, joint, "parent")], pose=read_origin(file, joint))
+            body = body if joint.get("name") in locked else _jointed(file, joint, body)
         bodies.append(body)
     notes = [f"limits of 0 to 0, so held at zero: {', '.join(locked)}"] if locked else []
     return Tree(root.get("name") or file.stem, tuple(bodies), (*notes, *meshes.notes()))
@@ -126,9 +125,8 @@ def _link(file: Path, e: ET.Element, name: str) -> Body:
 
 def _jointed(file: Path, e: ET.Element, body: Body) -> Body:
     """The link behind its joint."""
-    body = replace(body, pose=read_origin(file, e))
     kind, name = e.get("type", ""), e.get("name", "")
-    if kind == "fixed" or _is_locked(file, e):
+    if kind == "fixed":
         return body
     if kind in ODD:
         return replace(body, odd=ODD[kind])
@@ -141,30 +139,33 @@ def _jointed(file: Path, e: ET.Element, body: Body) -> Body:
         raise InputError(file, where(e), "axis: expected a direction, got zero")
     lower, upper, stated = _limits(file, e, kind)
     joint = JointOf(name, axis / length, kind == "prismatic", lower, upper, "file" if stated else "none")
-    mimic = e.find("mimic")
-    odd = "" if mimic is None else f"follows {mimic.get('joint')!r} (mimic)"
-    return replace(body, joint=joint, odd=odd)
+    if (mimic := e.find("mimic")) is None:
+        return replace(body, joint=joint)
+    follows = mimic.get("joint", "")
+    return replace(body, joint=joint, odd=f"follows {follows!r} (mimic)", follows=follows)
 
 
-def _is_locked(file: Path, e: ET.Element) -> bool:
-    """Whether limits of 0 to 0 are meant: an exporter that knows none writes zeros everywhere."""
+def _locked(file: Path, joints: list[ET.Element]) -> list[str]:
+    """Joints that limits of 0 to 0 lock; none where no arm would be left: its exporter knew no limits."""
+    moving = [e for e in joints if e.get("type") in MOVING]
+    zero = [e for e in moving if e.get("type") != "continuous" and _stated(file, e) == (0, 0)]
+    return [e.get("name", "") for e in zero] if len(moving) - len(zero) >= ARM_JOINTS else []
+
+
+def _stated(file: Path, e: ET.Element) -> tuple[float, float] | None:
+    """The limits that a joint states [rad, m]; None where it states none."""
     limit = e.find("limit")
-    if e.get("type") not in ("revolute", "prismatic") or limit is None:
-        return False
-    if not {"lower", "upper"} <= limit.attrib.keys():
-        return False
-    lower, upper, effort, velocity = (
-        read_number(file, limit, key, 0.0) for key in ("lower", "upper", "effort", "velocity")
-    )
-    return lower == upper == 0 and (effort != 0 or velocity != 0)
+    if limit is None or not {"lower", "upper"} & set(limit.attrib):
+        return None
+    return read_number(file, limit, "lower", 0.0), read_number(file, limit, "upper", 0.0)
 
 
 def _limits(file: Path, e: ET.Element, kind: str) -> tuple[float, float, bool]:
     """Lower and upper limit [rad, m], and whether the file states them."""
-    limit, ours = e.find("limit"), SLIDE if kind == "prismatic" else UNLIMITED
-    if kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
+    ours, stated = SLIDE if kind == "prismatic" else UNLIMITED, _stated(file, e)
+    if kind == "continuous" or stated is None:
         return -ours, ours, False
-    lower, upper = (read_number(file, limit, key, 0.0) for key in ("lower", "upper"))
+    lower, upper = stated
     if lower == upper == 0 or max(abs(lower), abs(upper)) > ENDLESS:
         return -ours, ours, False
     if not lower < upper:
