@@ -1,18 +1,18 @@
 """What a study's models are compared with, and the comparison: seed by seed, by true errors."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from testbench.bench.campaign import Cell
 from testbench.bench.models import Model
-from testbench.bench.rows import FitRow, JudgedRow
+from testbench.bench.rows import JudgedRow
 from testbench.identify import Constraint, completed_least_squares
 from testbench.model.structure import template56
 from testbench.trials.duel import Duel
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import middle, spread, wins
 
-R = TypeVar("R", bound=FitRow)
+T = TypeVar("T")
 
 JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incumbent to beat.
 EQUAL_FIT = "MLS56, PSD of equal fit"
@@ -28,9 +28,10 @@ def is_least_squares(structure: str, constraint: Constraint, *, prior: bool) -> 
     return structure != JOINTS and constraint == "none" and not prior
 
 
-def distinct(rows: Sequence[R]) -> list[R]:
+def distinct(rows: Sequence[T]) -> list[T]:
     """The models without a completion that exists in no seed: that is least squares once more."""
-    return [row for row in rows if row.constraint != "free" or row.conservative is not False]
+    every: Sequence[Any] = rows
+    return [row for row in every if row.constraint != "free" or row.conservative is not False]
 
 
 def gain(by_name: Mapping[str, Sequence[JudgedRow]], ours: str, theirs: str) -> Gain | None:

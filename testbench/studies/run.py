@@ -18,10 +18,12 @@ from testbench import files
 from testbench.bench.model_folder import digests
 from testbench.errors import BenchError, InputError
 from testbench.output.run import claim_folder, whole_folder
+from testbench.report.report import Report
+from testbench.report.table import Trials
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
-from testbench.studies.study import Everywhere, O, P, R, Run, S, Study, W
+from testbench.studies.study import AnyStudy, Everywhere, P, Rows, Run, Study
 from testbench.trials.chunk import Backend
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
@@ -29,28 +31,29 @@ from testbench.trials.groups import Whole
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.page.page import Seen, write_page
+from testbench.views.schema import Table
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 
 
-def app(study: Study[O, S, W, R]) -> typer.Typer:
+def app(study: AnyStudy) -> typer.Typer:
     """The study as a program with its flags."""
     found = typer.Typer(add_completion=False)
     found.command(help=study.about)(as_command(study))
     return found
 
 
-def as_command(study: Study[O, S, W, R]) -> Any:
+def as_command(study: AnyStudy) -> Any:
     """The study as a command with its flags."""
 
     @takes(Common, study.options)
-    def body(common: Common, options: O) -> None:
+    def body(common: Common, options: Any) -> None:
         run(study, common, options, terminal.plain_console())
 
     return body
 
 
-def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) -> None:
+def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None:
     """Do the trials, write the folder, print the answer.
 
     Raises:
@@ -78,15 +81,14 @@ def run(study: Study[O, S, W, R], common: Common, options: O, console: Console) 
             run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials", console
         )
         whole = Whole(store, write_parquet(store, folder))
-        report = study.summary(settings, seeds, whole)
-        found = Run(settings, seeds, report, study.words(report), study.tables(report), folder, text)
-        _write(study, found)
+        found = Run(study.name, settings, seeds, *found_by(study, settings, seeds, whole), folder, text)
+        figures = _write(study, found)
         seconds = time.perf_counter() - start
         files.write_manifest(
             folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds
         )
     terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])
-    terminal.print_places(console, out, figures=[*study.figures, *study.extra], data=study.data)
+    terminal.print_places(console, out, figures=figures, data=study.data)
 
 
 @contextlib.contextmanager
@@ -104,16 +106,41 @@ def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
         raise InputError(out, "", f"{problem}; choose another folder to start afresh") from err
 
 
-def _write(study: Study[O, S, W, R], found: Run[S, R]) -> None:
-    """Numbers, words, figures, and what else the study leaves."""
-    files.write_json(to_json(found.report), found.folder / "report.json")
+def found_by(
+    study: AnyStudy, settings: Any, seeds: range, trials: Rows[Any]
+) -> tuple[Any, Any, Mapping[str, Table]]:
+    """What all trials say: the report, its words, its tables.
+
+    Args:
+        study: The study.
+        settings: What it was asked for.
+        seeds: Of the trials.
+        trials: Of a run that is `Whole`, or any.
+    """
+    if isinstance(study, Study):
+        table = Trials.read(trials.path) if isinstance(trials, Whole) else Trials.of(list(trials))
+        report = study.report(settings, seeds, table)
+        return report, report, report.tables
+    own = study.summary(settings, seeds, trials)
+    return own, study.words(own), study.tables(own)
+
+
+def _write(study: AnyStudy, found: Run[Any, Any]) -> list[str]:
+    """Numbers, words, figures, and what else the study leaves; names of the figures."""
+    report = found.report
+    files.write_json(to_json(report), found.folder / "report.json")
     (found.folder / "report.md").write_text(found.words.whole(), encoding="utf-8")
-    for name, figure in study.figures.items():
-        figure(found.report).savefig(found.folder / name)
+    if isinstance(study, Study):
+        figures = study.figures(report)
+    else:
+        figures = {name: make(report) for name, make in study.figures.items()}
+    for name, figure in figures.items():
+        figure.savefig(found.folder / name)
     seen = study.write(found) or Seen()
     tables = [found.tables[name] for name in study.printed]
     name = study.name.replace("_", " ").capitalize()
     write_page(found.folder, name, found.words, replace(seen, tables=tables))
+    return [*figures, *study.extra]
 
 
 def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:
@@ -138,7 +165,7 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
     return everywhere
 
 
-def _seeds(study: Study[O, S, W, R], common: Common) -> range:
+def _seeds(study: AnyStudy, common: Common) -> range:
     count = common.seeds or study.seeds[0]
     return range(common.seed, common.seed + (min(count, study.seeds[1]) if common.quick else count))
 
@@ -149,7 +176,7 @@ def to_json(report: Any) -> Any:
     Raises:
         BenchError: When a number is not finite.
     """
-    plain = _plain(report)
+    plain = report.json() if isinstance(report, Report) else _plain(report)
     try:
         json.dumps(plain, allow_nan=False)
     except ValueError as err:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Generic, TypeVar, get_type_hints
+from typing import Any, Generic, TypeVar, get_type_hints
 
 from pydantic import JsonValue, TypeAdapter, ValidationError
 
@@ -16,7 +16,9 @@ from testbench.bench.compensate_report import CompensationReport
 from testbench.bench.prediction_report import PredictionReport
 from testbench.errors import InputError
 from testbench.output.finished import Finished, read_plain, told_as
-from testbench.studies.study import O, R, S, Study, W
+from testbench.report.report import Report, read
+from testbench.report.table import rows
+from testbench.studies.study import AnyStudy, Study, TypedStudy
 from testbench.views.absolute import words as absolute
 from testbench.views.compensate import words as compensate
 from testbench.views.markdown import Words
@@ -25,6 +27,7 @@ from testbench.views.schema import Table
 
 HERE = Path(__file__).parent
 C = TypeVar("C")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Stored:
 
     report: object
     tables: Mapping[str, Table]
-    words: Words
+    words: Words | Report
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,8 @@ def stored(run: Finished) -> Stored | None:
         InputError: When the report is not one of this version.
     """
     script, plain = run.manifest.command, dict(run.report)
+    if "said" in plain:
+        return of_report(run.file, plain)
     for study in sorted(HERE.glob("*/study.py")):
         if script == f"scenarios/{study.parent.name}.py":
             found = import_module(f"testbench.studies.{study.parent.name}.study").STUDY
@@ -73,7 +78,7 @@ def stored(run: Finished) -> Stored | None:
     return COMMANDS[script](run.file, plain) if script in COMMANDS else None
 
 
-def read_report(folder: Path, study: Study[O, S, W, R]) -> Stored:
+def read_report(folder: Path, study: AnyStudy) -> Stored:
     """What a run of a study found, from the report.json in its folder.
 
     Raises:
@@ -83,14 +88,28 @@ def read_report(folder: Path, study: Study[O, S, W, R]) -> Stored:
     return of_study(study, file, read_plain(file))
 
 
-def of_study(study: Study[O, S, W, R], file: Path, plain: JsonValue) -> Stored:
+def of_report(file: Path, plain: JsonValue) -> Stored:
+    """A report that holds its words and tables; InputError where it is none."""
+    try:
+        report = read(plain)  # type: ignore[arg-type]  # what is no table of keys raises
+    except KeyError as err:
+        raise InputError(file, str(err).strip("'"), "not a report of this version: expected it") from err
+    except (TypeError, ValueError, AttributeError, LookupError) as err:
+        raise InputError(file, "", f"not a report of this version: {err}") from err
+    with numbers_of(file):
+        return Stored(rows(report.numbers), report.tables, report)
+
+
+def of_study(study: AnyStudy, file: Path, plain: JsonValue) -> Stored:
     """What is in the report of a study; InputError where it is none."""
+    if isinstance(study, Study):
+        return of_report(file, plain)
     report = report_of(study, file, plain)
     with numbers_of(file):
         return Stored(report, study.tables(report), study.words(report))
 
 
-def report_of(study: Study[O, S, W, R], file: Path, plain: JsonValue) -> R:
+def report_of(study: TypedStudy[Any, Any, Any, R], file: Path, plain: JsonValue) -> R:
     """The report of a study of these data; InputError where they are none."""
     names = _renamed(sys.modules[study.summary.__module__])
     kind: type[R] = get_type_hints(study.summary)["return"]

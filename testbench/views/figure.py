@@ -20,7 +20,7 @@ from matplotlib.text import Text
 from testbench.bench.baselines import JOINTS
 from testbench.trials.spread import Number, ends, middle
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
-from testbench.views.schema import Column, best_of
+from testbench.views.schema import Column, Table, best_of, looks
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
@@ -206,3 +206,28 @@ def tick_words(number: float) -> str:
 def quiet(axes: Axes) -> None:
     """Without the frame above and on the right."""
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def forest(table: Table, panes: Mapping[str, str], answer: str, reading: str, mark: str = "") -> Figure:
+    """Dots of a table's rows side by side, a pane a column, on logarithmic axes.
+
+    Args:
+        table: Rows that are of models, see `schema.looks`.
+        panes: Titles by the keys of the columns that are drawn.
+        answer: See `say`.
+        reading: The same.
+        mark: Name of the row to beat: a dotted line.
+    """
+    figure, columns = page(1.9 + 0.3 * len(table.rows)), {column.key: column for column in table.columns}
+    name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
+    shades = [known[name.cell(row)] for row in table.rows]
+    sides = figure.subplots(1, len(panes), squeeze=False)[0]
+    for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
+        dots(axes, table.rows, None if k else name, columns[key], shades)
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
+        for row, shade in zip(table.rows, shades, strict=True):
+            if name.cell(row) == mark:
+                axes.axvline(middle(columns[key].value(row)), color=shade.hex, linewidth=0.8, linestyle=":")
+        axes.set_title(title, fontsize="medium")
+    say(figure, answer, reading)
+    return figure

@@ -9,6 +9,7 @@ import functools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
 
@@ -82,6 +83,26 @@ def lines(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[bo
     return Markdown("\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *rows]))
 
 
+class Told(Protocol):
+    """The words of a report, whatever makes them."""
+
+    def block(self, name: str) -> Markdown:
+        """One part, such as question, title, answer, worst, statements, more, body."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a part."""
+        ...
+
+    def worst_lines(self) -> list[str]:
+        """Where it is worst, if that is said."""
+        ...
+
+    def rest(self) -> str:
+        """What stands below the first sentences."""
+        ...
+
+
 class Words:
     """The words of one report; macros of the template serve all of its blocks.
 
@@ -115,10 +136,10 @@ class Words:
             then: Names of the blocks at the end.
         """
         texts = [part if isinstance(part, str) else _titled(part) for part in parts]
-        head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**", *self.worst()]
+        head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**", *self.worst_lines()]
         return "\n\n".join([*head, *texts, *map(self.block, then)])
 
-    def worst(self) -> list[str]:
+    def worst_lines(self) -> list[str]:
         """Where it is worst and by how much; nothing where that is not said."""
         return [*filter(None, [self.block("worst")])] if self.has("worst") else []
 

@@ -51,13 +51,18 @@ class Column:
         value = self.value(row)
         return self.text(_median(value) if self.exact else value)
 
-    def known(self, row: object) -> str:
-        """The paper's number for a row, empty where it gives none."""
+    def known_value(self, row: object) -> Any:
+        """The paper's number for a row, in its unit; None where it gives none."""
         cells = _at(row, "paper") if self.paper and hasattr(row, "paper") else None
         value = None if cells is None else _at(cells, self.paper)
+        return value if value is None or self.form == "yes" else _times(self.scale, value)
+
+    def known(self, row: object) -> str:
+        """The same for people, empty where there is none."""
+        value = self.known_value(row)
         if value is None or self.form == "yes":
             return "" if value is None else show_truth(value)
-        return plain(f"{_times(self.scale, value):.3g}")
+        return plain(f"{value:.3g}")
 
 
 def _at(row: object, key: str) -> Any:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from testbench.errors import shown, word
 from testbench.trials.spread import Spread
-from testbench.views.markdown import Words, as_plain
+from testbench.views.markdown import Told, as_plain
 from testbench.views.schema import Column, Table
 
 MORE = "under More in report.md"
@@ -65,7 +65,7 @@ def _end(column: Column, row: object, end: str) -> str:
     return column.text(getattr(value, end) if isinstance(value, Spread) else value)
 
 
-def print_words(console: Console, words: Words, tables: list[Table], where: str = MORE) -> None:
+def print_words(console: Console, words: Told, tables: list[Table], where: str = MORE) -> None:
     """Title, tables, the answer, what else is to be said.
 
     Args:
@@ -81,14 +81,14 @@ def print_words(console: Console, words: Words, tables: list[Table], where: str 
     print_statements(console, words, where)
 
 
-def print_answer(console: Console, words: Words) -> None:
+def print_answer(console: Console, words: Told) -> None:
     """The answer, and where it is worst."""
     console.print(as_plain(words.block("answer")), style="bold")
-    for text in words.worst():
+    for text in words.worst_lines():
         console.print(as_plain(text))
 
 
-def print_statements(console: Console, words: Words, where: str = MORE) -> None:
+def print_statements(console: Console, words: Told, where: str = MORE) -> None:
     """What else is to be said, a list; there are more where it says."""
     if words.has("statements"):
         console.print(Markdown(words.block("statements")))

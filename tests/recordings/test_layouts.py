@@ -34,7 +34,7 @@ from testbench.studies.gravity_calibration import trial as gravity
 from testbench.studies.gravity_calibration.study import STUDY as GRAVITY
 from testbench.studies.loaded_stiffness import trial as loaded
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED
-from testbench.studies.run import to_json
+from testbench.studies.run import found_by, to_json
 from testbench.studies.single_link import trial as single_link
 from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm import trial as six_dof
@@ -105,8 +105,8 @@ def made(tmp_path_factory):
         study, settings, count = KINDS[kind]
         seeds = range(1, 1 + count)
         rows = study.trials(settings, seeds)
-        found = study.summary(settings, seeds, list(zip(seeds, rows, strict=True)))
-        run = Run(settings, seeds, found, study.words(found), study.tables(found), Path(), "{}")
+        found, *told = found_by(study, settings, seeds, list(zip(seeds, rows, strict=True)))
+        run = Run(study.name, settings, seeds, found, *told, Path(), "{}")
 
         def write(folder):
             study.write(replace(run, folder=folder))

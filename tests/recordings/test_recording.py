@@ -5,7 +5,6 @@ import shutil
 import time
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from read_back import chunks_of, columns, document, layout, on, picture, rerun, 
 from rerun.chunk import RrdReader
 
 from testbench.bench.campaign import Scenario, build_cell, settle_both, simulate
+from testbench.bench.campaign_row import campaign_rows
 from testbench.bench.judged import identify
 from testbench.bench.models import SECTION_6, named_models
 from testbench.data.dataset import in_order
@@ -21,9 +21,10 @@ from testbench.identify.evaluate import deflections
 from testbench.model.poses import WorkArea
 from testbench.plant import settle
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
-from testbench.studies.gravity_calibration import recording, summary, trial
-from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.study import Run
+from testbench.report import campaigns
+from testbench.report.table import Trials
+from testbench.studies.gravity_calibration import report as gravity
+from testbench.studies.gravity_calibration import trial
 from testbench.views.page.calibration import Calibrated, calibration_seen
 from testbench.views.recording import calibration
 from testbench.views.recording.arm import reach
@@ -31,6 +32,7 @@ from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.compliance import colours, compress, scaled
 from testbench.views.recording.drawing import build_drawing
 from testbench.views.recording.error_map import shades
+from testbench.views.recording.stream import Header
 from testbench.views.scale import scale_of
 from testbench.views.schema import show
 
@@ -56,14 +58,14 @@ def study(cell, names=SECTION_6, seeds=1, **changes):
     """What write_calibration takes, of several seeds the words of all and the drawing of the first."""
     made = [campaign_of(cell, names, seed, changes) for seed in range(1, 1 + seeds)]
     trials = [
-        (k, trial.rows(cell, c, results, "tubes", mapped=k == 0)) for k, (c, results) in enumerate(made)
+        (k, campaign_rows(cell, c, results, "tubes", placed=k == 0)) for k, (c, results) in enumerate(made)
     ]
     campaign, results = made[0]
     asked = trial.Settings(cell.arm.name, campaign.scenario, 50.0, "tubes")
-    report = summary.summary(asked, range(1, 1 + seeds), trials)
+    report = gravity.report(asked, range(1, 1 + seeds), Trials.of(trials))
     text = campaign.scenario.model_dump_json()
-    run = Run(asked, range(1, 2), report, STUDY.words(report), STUDY.tables(report), Path(), text)
-    return recording.about(run), cell, campaign, results
+    header = Header(report.scenario, text, 1)
+    return campaigns.calibration(report, header, 50.0), cell, campaign, results
 
 
 def rests(made):

@@ -15,16 +15,17 @@ from run_here import here
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Scenario
+from testbench.bench.campaign_row import CampaignRow, Measured
 from testbench.bench.compare_numbers import differ, differ_paired
 from testbench.bench.error_places import Places
 from testbench.bench.model_folder import digests
 from testbench.bench.rows import ErrorRow
 from testbench.cli.program import program
 from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.gravity_calibration.trial import Measured, ModelRow, Settings
+from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED
 from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
-from testbench.studies.run import to_json
+from testbench.studies.run import found_by, to_json
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
@@ -56,12 +57,11 @@ def row(name, mm, seed, first):
         "rank": 30,
         "status": "solved",
         "true_arm": "cast",
-        "template_is_true": False,
         "measured": measured,
     }
     workspace = of_one_trial(ErrorRow, rng, rms_mm=mm)
     return of_one_trial(
-        ModelRow, rng, name=name, structure=structure, workspace=workspace, **own, **fixed, **kept
+        CampaignRow, rng, name=name, structure=structure, workspace=workspace, **own, **fixed, **kept
     )
 
 
@@ -78,9 +78,9 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     wide = {seed: scale * np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
     trials = [(s, [row(n, mm * wide[s], s, seeds[0]) for n, mm in SIZES.items()]) for s in seeds]
     out.mkdir()
-    files.write_json(to_json(STUDY.summary(asked, seeds, trials)), out / "report.json")
+    files.write_json(to_json(found_by(STUDY, asked, seeds, trials)[0]), out / "report.json")
     flat = [(seed, tabled(rows)) for seed, rows in trials]
-    write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
+    write_trials(out / "trials.parquet", {}, columns(CampaignRow), len(seeds), flat)
     plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
     arms = [find_arm("kr500_l480")]
     script = "scenarios/gravity_calibration.py"
@@ -322,10 +322,10 @@ HOSTILE = {
     "no table": (broken("[]"), "report.json: expected a table of keys, got list"),
     "long": (broken(json.dumps({"a": "x" * 50_000})), "report.json: a: expected a text of at most"),
     "empty": (broken(""), "report.json: not JSON"),
-    "no numbers": (broken('{"scenario": "gravity_calibration"}'), "report.json: seed: not a report of this"),
+    "no numbers": (broken('{"scenario": "gravity_calibration"}'), "report.json: said: not a report of this"),
     "words": (
         broken('{"models": [{"name": "a", "check": {"rms_mm": "x"}}]}'),
-        "report.json: scenario: not a",
+        "report.json: said: not a report of",
     ),
     "size": (
         broken('{"models": [{"name": "a", "check": {"rms_mm": 1e300}}]}'),

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.absolute_calibration import figure, recording, rows, settings, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=settings.NAME,
     about="Calibrate simulated arms by absolute readings: what hides, how many poses, what loaded pairs add.",
     folder=Path(__file__).parent,

@@ -31,7 +31,7 @@ from testbench.studies.absolute_calibration.settings import (
     TRUE_ARMS,
     Settings,
 )
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, spread
 
@@ -39,7 +39,7 @@ UM = 1e6
 K = TypeVar("K")
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> AbsoluteCalibrationReport:
+def summary(asked: Settings, seeds: range, trials: Rows[Row]) -> AbsoluteCalibrationReport:
     """By arm, true arm, campaign, number of poses and model."""
     every = [row for _, rows in trials for row in rows]
     own = [row for row in every if (row.true_arm, row.campaign) == (REAL, ABSOLUTE)]

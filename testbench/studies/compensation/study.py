@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.compensation import figure, plans, recording, rows, settings, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=settings.NAME,
     about="Correct a drilling pattern and a milling path by identified models; judge them on the true arm.",
     folder=Path(__file__).parent,

@@ -40,7 +40,7 @@ from testbench.studies.compensation.settings import (
     Settings,
     Way,
 )
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.studies.which_model.words import TRUTH_WORDS
 from testbench.trials.gain import gained
 from testbench.trials.spread import grouped, spread
@@ -52,7 +52,7 @@ PART, OFTEN = 0.9, 0.95  #: Share removed, and the share of cases in which a tri
 COUNTS = ("inside", "of")  #: Of a row.
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[Row]) -> CompensationReport:
+def summary(asked: Settings, seeds: range, trials: Rows[Row]) -> CompensationReport:
     """Over all truths, and truth by truth for the campaign that is advised."""
     every = [(seed, row) for seed, rows in trials for row in rows]
     groups = gathered(asked, every)

@@ -1,4 +1,4 @@
-"""Errors of every model, and the distributions of their residuals (Fig. 5 of the paper)."""
+"""Distributions of residuals (Fig. 5 of the paper)."""
 
 from collections.abc import Sequence
 
@@ -6,58 +6,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.bench.baselines import JOINTS, distinct
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Campaign
+from testbench.bench.campaign_row import normalities
 from testbench.bench.judged import Result
 from testbench.bench.rows import UM
 from testbench.data.dataset import Mask
 from testbench.identify.evaluate import Normality, normal_density
-from testbench.studies.gravity_calibration.summary import COLUMNS, GravityReport
-from testbench.studies.gravity_calibration.trial import normalities
-from testbench.trials.spread import middle
 from testbench.views.colours import MEASURED, hexadecimal, look
-from testbench.views.figure import SMALL, SOFT, dots, least, log_ticks, of_seeds, page, quiet, say
-from testbench.views.gains import beside
-from testbench.views.map_figure import error_map
+from testbench.views.figure import SMALL, SOFT, page, quiet, say
 
-SIDES = {
-    "workspace.rms_mm": "whole workspace, against the truth",
-    "check_true.rms_mm": "check poses, against the truth",
-    "check.rms_mm": "check poses, against readings",
-}
-"""Columns that are drawn, where it matters first."""
 BINS = 24  #: Of a histogram.
 PAPERS = ("MGCO68", "MLS32")  #: The models of Fig. 5.
-
-
-def models(report: GravityReport) -> Figure:
-    """Errors of every model over the workspace and at check poses, the paper's beside."""
-    name, rows = COLUMNS[0], distinct(report.models)
-    figure = page(1.9 + 0.3 * len(rows))
-    looks = [look(m.structure, m.constraint, m.prior) for m in rows]
-    panes = figure.subplots(1, len(SIDES))
-    for k, (axes, (key, words)) in enumerate(zip(panes, SIDES.items(), strict=True)):
-        [column] = [c for c in COLUMNS if c.key == key]
-        dots(axes, rows, None if k else name, column, looks)
-        log_ticks(axes, "x", *axes.dataLim.intervalx)
-        for own, shade in zip(rows, looks, strict=True):
-            if own.name == JOINTS:  # what there is to beat
-                axes.axvline(middle(column.value(own)), color=shade.hex, linewidth=0.8, linestyle=":")
-        axes.set_title(words, fontsize="medium")
-    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
-    said = beside(gains) or least({m.name: m.workspace.rms_mm for m in rows}, JOINTS)
-    paper = "; grey diamonds: the paper" if any(m.paper for m in rows) else ""
-    say(
-        figure,
-        f"{report.arm} under {report.payload_kg:g} kg, RMS over the workspace: {said}",
-        f"RMS errors. {of_seeds(report.seed)}. Filled: with a prior; dotted line: joints alone{paper}.",
-    )
-    return figure
-
-
-def places(report: GravityReport) -> Figure:
-    """Errors over the workspace of least squares, joints alone and the model to take."""
-    return error_map(report.map, f"{report.arm} under {report.payload_kg:g} kg", report.seed)
 
 
 def residuals(campaign: Campaign, results: Sequence[Result], take: str) -> Figure:

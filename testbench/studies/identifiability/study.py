@@ -4,10 +4,10 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.identifiability import figure, recording, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 from testbench.views.identifiability.figure import shares
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Identify with and without a prior, and judge in 200 poses that were never measured.",
     folder=Path(__file__).parent,

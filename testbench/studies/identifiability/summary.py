@@ -19,7 +19,7 @@ from testbench.studies.identifiability.coverage import CONFIDENCE, Covered, Kind
 from testbench.studies.identifiability.methods import ModelRow
 from testbench.studies.identifiability.trial import NAME, Settings, TrialRow
 from testbench.studies.identifiability.verdict import Gains, Leaders, Worth, gains, leaders, worth
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.duel import Duel
 from testbench.trials.spread import Number, Share, grouped, merge, middle
 from testbench.views.identifiability.report import Seen, seen_report
@@ -165,7 +165,7 @@ class IdentifiabilityReport(Verdict):
     family_coverage: Mapping[str, Coverage]
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> IdentifiabilityReport:
+def summary(asked: Settings, seeds: range, trials: Rows[TrialRow]) -> IdentifiabilityReport:
     """Medians and spreads of all campaigns, shares of all datasets."""
     rows = [row for _, own in trials for row in own]
     part = grouped([row.campaign for row in rows if row.campaign], lambda row: row.part)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.loaded_stiffness import figure, recording, summary, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Hang weights on the arm over its whole workspace; compare Eq. (6) and (7) with the truth.",
     folder=Path(__file__).parent,

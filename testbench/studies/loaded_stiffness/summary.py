@@ -9,7 +9,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.rows import MM
 from testbench.errors import Array
 from testbench.studies.loaded_stiffness.trial import NAME, Method, PoseRow, Settings, Truth
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.spread import grouped, spread
 from testbench.views.schema import Best, Column, Table, best_of, pivot
 
@@ -98,7 +98,7 @@ class LoadedReport:
         return Best(tuple(NAMES[method] for method in self.best[truth]), 0.0).words
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[PoseRow]) -> LoadedReport:
+def summary(asked: Settings, seeds: range, trials: Rows[PoseRow]) -> LoadedReport:
     """Errors over the poses of all seeds."""
     every = [row for _, rows in trials for row in rows]
     cases = grouped(every, lambda row: (row.load_N, row.truth, row.method))

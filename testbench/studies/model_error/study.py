@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.model_error import figure, recording, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Identify an arm that does what the model does not know, with noise and without.",
     folder=Path(__file__).parent,

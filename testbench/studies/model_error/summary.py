@@ -22,7 +22,7 @@ from testbench.studies.noise_sensitivity.by_arm import ByArm, by_arm, true_arms
 from testbench.studies.noise_sensitivity.summary import model_at
 from testbench.studies.noise_sensitivity.verdict import BY_CONE, PAIRS
 from testbench.studies.paper import MOST
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, middle, spread, wins
 from testbench.views.schema import best_of
@@ -33,7 +33,7 @@ CLAIM = 0.048
 Groups = Mapping[tuple[str, str, float], Sequence[CaseRow]]  #: Rows of all trials by case, model and noise.
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[CaseRow]) -> ModelErrorReport:
+def summary(asked: Settings, seeds: range, trials: Rows[CaseRow]) -> ModelErrorReport:
     """Medians and spreads by case, model and noise."""
     rows = [row for _, own in trials for row in own]
     groups = grouped(rows, lambda row: (row.case, row.model, row.noise_um))

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.noise_sensitivity import figure, recording, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Identify from readings of ever more noise, and judge by the true deflections.",
     folder=Path(__file__).parent,

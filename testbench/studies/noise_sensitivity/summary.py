@@ -38,7 +38,7 @@ from testbench.studies.noise_sensitivity.verdict import (
     weighted_by_arm,
     worst,
 )
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.groups import by_group
 from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
 
@@ -50,7 +50,7 @@ METHODS: dict[Constraint, str] = {
 }
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[NoiseRow]) -> NoiseReport:
+def summary(asked: Settings, seeds: range, trials: Rows[NoiseRow]) -> NoiseReport:
     """Medians and spreads by part, model and level."""
     groups = cast(Groups, by_group(trials, ("part", "model", "x"), Fits))
     by_part = grouped([_level(*key, own) for key, own in groups.items()], lambda level: level.part)

@@ -5,9 +5,9 @@ from pathlib import Path
 from testbench.arm.catalogue import find_arm
 from testbench.studies.pose_selection import figure, plans, recording, settings, summary, tables, trial
 from testbench.studies.pose_selection.rows import Row
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=settings.NAME,
     about="Plan 4 to 40 poses by six criteria, measure them, identify, and judge where the robot works.",
     folder=Path(__file__).parent,

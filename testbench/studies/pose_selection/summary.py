@@ -14,7 +14,7 @@ from testbench.studies.pose_selection import report as r
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.rows import Part, PlanRow, Row, Scene, Where
 from testbench.studies.pose_selection.settings import ON_ARMS, PLANNED, RANDOM
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.gain import gained
 from testbench.trials.spread import Number, ends, grouped, merge, middle, wins
 from testbench.views.schema import best_of
@@ -35,7 +35,7 @@ Groups = Mapping[tuple[Part, str, int, str], Sequence[Row]]
 Levels = Mapping[str, list[r.Level]]  #: Errors by plan, then by number of poses.
 
 
-def summary(asked: s.Settings, seeds: range, trials: Trials[Row]) -> r.PoseReport:
+def summary(asked: s.Settings, seeds: range, trials: Rows[Row]) -> r.PoseReport:
     """Medians and spreads over the trials."""
     scope, scene, n = asked.scope, asked.scene, asked.scope.featured
     names = (*scope.criteria, RANDOM)

@@ -6,9 +6,9 @@ from testbench.arm.catalogue import find_arm
 from testbench.studies.real_ur10 import figure, recording, settings, summary, tables, trained, trial
 from testbench.studies.real_ur10.readings import ARM
 from testbench.studies.real_ur10.rows import SubsetRow
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=settings.NAME,
     about="Public readings of a UR10: geometry, springs, links and joint errors, series against series.",
     folder=Path(__file__).parent,

@@ -21,11 +21,11 @@ from testbench.studies.real_ur10.report import (
 )
 from testbench.studies.real_ur10.rows import LadderRow, SubsetRow
 from testbench.studies.real_ur10.settings import NAME, Settings
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.spread import grouped, merge
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[SubsetRow]) -> RealReport:
+def summary(asked: Settings, seeds: range, trials: Rows[SubsetRow]) -> RealReport:
     """The ladder as it is, the numbers of poses over the seeds."""
     readings, ladder = read(asked.thin), asked.ladder
     numbers = by_number([row for _, rows in trials for row in rows])

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.regimes import figure, recording, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Map where GCO beats least squares of the same structure: noise, poses, structure, truth, prior.",
     folder=Path(__file__).parent,

@@ -31,7 +31,7 @@ from testbench.studies.regimes.trial import (
     CellRow,
     Settings,
 )
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.gain import gained
 from testbench.trials.spread import SAME, Spread, grouped, spread
 
@@ -40,7 +40,7 @@ LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, np.inf)
 FREE = "the cone does not bind"
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[CellRow]) -> RegimesReport:
+def summary(asked: Settings, seeds: range, trials: Rows[CellRow]) -> RegimesReport:
     """Medians and spreads by cell, level, truth and prior."""
     rows = [row for _, own in trials for row in own]
     plain = grouped([row for row in rows if row.prior == NONE], lambda row: row.kind)

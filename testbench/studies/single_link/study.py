@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.single_link import figure, recording, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Identify the single link of section 5.1 by least squares and by GCO, over many draws of noise.",
     folder=Path(__file__).parent,

@@ -37,7 +37,7 @@ from testbench.studies.single_link.trial import (
     models,
 )
 from testbench.studies.single_link.verdict import claims
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, merge, middle, wins
 from testbench.views.schema import best_of
@@ -46,7 +46,7 @@ HALF = 3  #: Entries of translation, as many of rotation.
 SHARES = ("conservative", "symmetric", "negative_eigenvalue", "negative_eigenvalue_matrix")
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[LinkRow]) -> LinkReport:
+def summary(asked: Settings, seeds: range, trials: Rows[LinkRow]) -> LinkReport:
     """Medians and spreads of every model and order; truth values as shares of the draws."""
     cell = build_cell(find_arm(NAME))
     draws = [list(rows) for _, rows in trials]

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.six_dof_arm import figure, recording, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Identify the models of Table I and two baselines from 108 runs, and check them on 120 others.",
     folder=Path(__file__).parent,

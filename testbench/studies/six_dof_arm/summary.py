@@ -30,7 +30,7 @@ from testbench.studies.six_dof_arm.trial import (
     SixDofRow,
 )
 from testbench.studies.six_dof_arm.verdict import claims
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import grouped, merge, middle, wins
 from testbench.views.schema import best_of
@@ -42,7 +42,7 @@ EQUAL = 1e-7  #: Share of F_M by which GCO may exceed least squares and still fi
 Everything = Sequence[tuple[int, Sequence[SixDofRow]]]
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[SixDofRow]) -> SixDofReport:
+def summary(asked: Settings, seeds: range, trials: Rows[SixDofRow]) -> SixDofReport:
     """Medians and spreads of every model and order; with one seed its numbers."""
     every = [(seed, list(rows)) for seed, rows in trials]
     linear, nonlinear = (_truth(every, truth) for truth in TRUTHS)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.solver_comparison import figure, recording, rows, summary, tables, trial
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Minimise F_M by several solvers on the data of section 5.2, and certify what each of them found.",
     folder=Path(__file__).parent,

@@ -17,7 +17,7 @@ from testbench.studies.solver_comparison.report import (
 from testbench.studies.solver_comparison.rows import Data, Minima, SolverRow, TrialRow
 from testbench.studies.solver_comparison.theses import theses
 from testbench.studies.solver_comparison.trial import ARM, NAME, ORDERS, Settings
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.trials.spread import Number, merge, middle, spread
 
 SHARP = 1e-6  #: Relative excess of F_M within which local solves end that do not creep along a flat valley.
@@ -28,7 +28,7 @@ NUMBERS = (
 """Numbers of a solver that have a spread, whatever there is of them."""
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[TrialRow]) -> SolverComparisonReport:
+def summary(asked: Settings, seeds: range, trials: Rows[TrialRow]) -> SolverComparisonReport:
     """Medians and spreads of every solver; ways down of the first seed."""
     every = [(seed, list(rows)) for seed, rows in trials]
     data = [row.data for _, rows in every for row in rows if row.data]

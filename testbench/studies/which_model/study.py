@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 from testbench.studies.which_model import figure, recording, rows, summary, tables, trial
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Identify a family of true arms with every method, from few and many poses and with wrong priors.",
     folder=Path(__file__).parent,

@@ -11,7 +11,7 @@ from testbench.bench.baselines import JOINTS
 from testbench.bench.rows import UM
 from testbench.bench.truths import TRUTHS
 from testbench.bench.wrong_prior import PRIORS
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.studies.which_model.coverage import coverage
 from testbench.studies.which_model.doubts import doubt_table
 from testbench.studies.which_model.methods import CHOSEN
@@ -46,7 +46,7 @@ class Judged:
     least: float  #: Of any fixed method.
 
 
-def summary(asked: Settings, seeds: range, trials: Trials[FitRow]) -> WhichModelReport:
+def summary(asked: Settings, seeds: range, trials: Rows[FitRow]) -> WhichModelReport:
     """Medians and spreads over the family, by truth, by prior and by both."""
     by_seed = dict(trials)
     rows = sorted(judged(by_seed), key=lambda own: _places(own.row.case))

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from testbench.arm.catalogue import find_arm
-from testbench.studies.study import Study
+from testbench.studies.study import TypedStudy
 from testbench.studies.wrong_inputs import figure, recording, summary, tables, trial
 from testbench.studies.wrong_inputs.sound import PAYLOAD
 
-STUDY = Study(
+STUDY = TypedStudy(
     name=trial.NAME,
     about="Plant mistakes in readings, loads and folders one by one; see whether the right doubt names each.",
     folder=Path(__file__).parent,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from testbench.bench.truths import TRUTHS
 from testbench.errors import BenchError
-from testbench.studies.study import Trials
+from testbench.studies.study import Rows
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.report import (
     Alarm,
@@ -26,7 +26,7 @@ KINDS = {"hung": "one hung mass", "levels": "three hung masses", "pressed": "for
 """Loads in words."""
 
 
-def summary(_: Settings, seeds: range, trials: Trials[SetRow]) -> WrongInputsReport:
+def summary(_: Settings, seeds: range, trials: Rows[SetRow]) -> WrongInputsReport:
     """Shares over all data sets, by fault and by kind of set.
 
     Raises:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from testbench import files
 from testbench.views.colours import SCALE
-from testbench.views.markdown import Words, as_plain
+from testbench.views.markdown import Told, as_plain
 from testbench.views.page import html
 from testbench.views.page.charts import PlaceMap, RunChart
 from testbench.views.page.scene import Json, Scene
@@ -27,7 +27,7 @@ class Seen:
     tables: Sequence[Table] = ()  #: Those that can be sorted and drawn, the first one first.
 
 
-def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
+def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
     """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder.
 
     Args:
@@ -50,7 +50,7 @@ def write_page(folder: Path, scenario: str, words: Words, seen: Seen) -> None:
     (folder / NAME).write_text(text, encoding="utf-8")
 
 
-def _block(words: Words, name: str) -> str:
+def _block(words: Told, name: str) -> str:
     return words.block(name) if words.has(name) else ""
 
 

@@ -1,0 +1,102 @@
+"""What studies that judge models by campaigns share: the best of a method, pairs, the map, the recording."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from testbench.bench.baselines import JOINTS, distinct
+from testbench.bench.campaign import Campaign, Cell
+from testbench.bench.error_places import ErrorPlaces, Places, error_places
+from testbench.bench.judged import Result
+from testbench.data.csvfile import write_csv
+from testbench.identify import Constraint
+from testbench.report.columns import columns
+from testbench.report.report import Report
+from testbench.report.table import Row, Trials, aligned, nested, paired
+from testbench.trials.spread import middle, wins
+from testbench.views.page.calibration import Calibrated, calibration_seen
+from testbench.views.page.page import Seen
+from testbench.views.recording.calibration import write_calibration
+from testbench.views.recording.drawing import Calibration
+from testbench.views.recording.stream import Header
+from testbench.views.schema import Table, best_of
+
+TRUE = "workspace.rms_mm"  #: What models are judged by.
+DRAWN = columns(f"name {TRUE} check_true.rms_mm")
+RECORDED = columns(f"name conservative {TRUE} times_less")
+
+
+def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
+    """The best of one method over the workspace, empty for none; joint stiffness alone is no method."""
+    own = [m for m in models if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS]
+    return next(iter(best_of({m.name: m.workspace.rms_mm for m in own}).names), "")
+
+
+def recommended(models: Sequence[Row]) -> str:
+    """The conservative model of least error over the workspace; of those alike the one of fewest unknowns.
+
+    Of those again one that is conservative by construction. Empty where none is conservative.
+    """
+    held = {m.name: m for m in models if m.conservative is True}
+    alike = [held[name] for name in best_of({n: m.workspace.rms_mm for n, m in held.items()}).names]
+    return min(alike, key=lambda m: (m.parameters, m.constraint != "psd")).name if alike else ""
+
+
+def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]]) -> Row:
+    """Two models in the same trials, by what the comparison is called; those that are there.
+
+    Each is what `Gain` holds, and `won`, the share of trials in which ours errs less.
+    """
+    found = Row()
+    for name, (ours, theirs) in asked.items():
+        if gain := paired(trials, ours, theirs, TRUE):
+            a, b = aligned(trials, (ours, theirs), TRUE).T
+            found[name] = Row(vars(gain), alike=gain.alike, won=wins(a, b) / len(a))
+    return found
+
+
+def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
+    """Errors of the first seed pose by pose, ordered by those models that are compared."""
+    drawn = trials.where(seed=trials["seed"][0])
+    at = Places(**nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places)
+    mm = dict(zip(drawn["name"], drawn["place_mm"], strict=True))
+    return error_places(at, mm, [name for name in dict.fromkeys(compared) if name in mm])
+
+
+def write(
+    report: Report, header: Header, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]], size: float
+) -> Seen:
+    """dataset.csv and recording.rrd of the first seed; what the page draws.
+
+    Args:
+        report: It has `models`, `take` and `map`.
+        header: Of the recording.
+        folder: Where to.
+        made: The first seed's true arm, campaign, and one result a model that is told.
+        size: Magnification of the drawn deflections [1].
+    """
+    cell, campaign, results = made
+    write_csv(campaign.measured, cell.arm, folder / "dataset.csv")
+    about = calibration(report, header, size)
+    write_calibration(folder / "recording.rrd", about, cell, campaign, results)
+    return calibration_seen(Calibrated(cell, campaign, results, about.models, about.map, size))
+
+
+def calibration(report: Report, header: Header, size: float) -> Calibration:
+    """What a recording is made of: words, and the models that are told; see `write`."""
+    f = Row(report.numbers)
+    models = distinct(f.models)
+    names = [m.name for m in models]
+    best_first = sorted(models, key=lambda m: middle(m.workspace.rms_mm))
+    recorded = tuple(replace(column, exact=True) for column in RECORDED)
+    return Calibration(
+        header=header,
+        summary=report.summary(Table(recorded, best_first, bold=f.take)),
+        notes=report.title,
+        errors=Table(DRAWN, models, bold=f.take),
+        models=models,
+        best=names.index(f.take) if f.take in names else 0,
+        shown=tuple(names.index(name) for name in dict.fromkeys([*f.map.compared, f.take]) if name in names),
+        map=f.map,
+        magnification=size,
+    )

@@ -1,0 +1,185 @@
+"""A report: numbers, sentences and tables, each said once; every view is made of it."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from string import Formatter
+from typing import Any
+
+from testbench.report.table import Row, plain
+from testbench.trials.spread import Spread, middle
+from testbench.views.colours import Look
+from testbench.views.gains import less, more, ratio
+from testbench.views.markdown import MOST, Markdown, as_markdown, grid, listed, place
+from testbench.views.schema import Column, Table, looks, show, show_truth, written_out
+
+FORMS = {"yes": show_truth, "list": listed, "less": less, "more": more, "ratio": ratio, "place": place}
+"""What a sentence may ask for beside a format of numbers."""
+PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
+
+
+class _Sentence(Formatter):
+    """{x:.3f} is a number with its spread, {x:~.3f} its median, {gain:less} a ratio; words are escaped."""
+
+    def format_field(self, value: Any, spec: str) -> str:
+        name, _, rest = spec.partition(" ")
+        if name in FORMS:
+            return as_markdown(FORMS[name](value, *filter(None, [rest])))  # type: ignore[operator]
+        if spec.startswith("~"):
+            return as_markdown(show(middle(value), spec[1:]))
+        return value if isinstance(value, Markdown) else as_markdown(show(value, spec or "g"))
+
+
+def say(sentence: str, numbers: Mapping[str, Any] = {}, /, **more: Any) -> Markdown:
+    """A sentence with its numbers.
+
+    Args:
+        sentence: Of ours, Markdown; in braces names of numbers, with their form (see `FORMS`): {rms_mm:.3f}.
+        numbers: By name; those of others are `{check.rms_mm:.3f}`.
+        more: The same.
+    """
+    return Markdown(written_out(_Sentence().vformat(" ".join(sentence.split()), (), {**numbers, **more})))
+
+
+def lines(sentences: Iterable[str]) -> Markdown:
+    """Sentences one after another on one line."""
+    return Markdown(" ".join(filter(None, sentences)))
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was found."""
+
+    scenario: str
+    question: Markdown
+    title: Markdown  #: What was measured.
+    answer: Markdown
+    numbers: Mapping[str, Any]  #: report.json beside sentences and tables.
+    tables: Mapping[str, Table]
+    body: Sequence[Markdown | str]  #: The rest of report.md: Markdown, and names of tables.
+    claims: Sequence[Markdown] = ()  #: What else there is to say, what matters most first.
+    worst: Markdown = field(default=Markdown())  #: Where it is worst, empty for none.
+
+    def block(self, name: str) -> Markdown:
+        """A part in Markdown: of `PARTS`, statements (the first claims), more (the others), body."""
+        if name in PARTS:
+            return Markdown(getattr(self, name))
+        if name == "body":
+            return self.rest()
+        own = {"statements": self.claims[:MOST], "more": self.claims[MOST:]}[name]
+        return Markdown("\n".join(f"- {claim}" for claim in own))
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a part."""
+        return bool(self.block(name))
+
+    def worst_lines(self) -> list[str]:
+        """Where it is worst, if that is said."""
+        return [*filter(None, [self.worst])]
+
+    def rest(self) -> Markdown:
+        """What stands below the first sentences in report.md."""
+        parts = [part if isinstance(part, Markdown) else self._titled(part) for part in self.body]
+        more = self.block("more")
+        return Markdown("\n\n".join(filter(None, [*parts, "## More" if more else "", more])))
+
+    def _titled(self, name: str) -> Markdown:
+        own = self.tables[name]
+        title = f"## {as_markdown(own.title[:1].upper() + own.title[1:])}" if own.title else ""
+        return Markdown("\n\n".join(filter(None, [title, grid(own)])) if own.rows else "")
+
+    def whole(self) -> str:
+        """report.md."""
+        head = [f"# {self.scenario.replace('_', ' ').capitalize()}", self.title, f"**{self.answer}**"]
+        parts = [*head, self.worst, self.block("statements"), self.rest()]
+        return "\n\n".join(filter(None, parts)) + "\n"
+
+    def summary(self, *parts: Table | str) -> str:
+        """What a recording says first: question, answer in bold, worst place, tables or words, claims."""
+        texts = [part if isinstance(part, str) else grid(part) for part in parts]
+        head = [f"### {self.question}", f"#### **{self.answer}**", *self.worst_lines()]
+        return "\n\n".join([*head, *texts, self.block("statements")])
+
+    def json(self) -> dict[str, Any]:
+        """report.json: all that any view is made of; a number that is not finite is null."""
+        said = {name: getattr(self, name) for name in (*PARTS, "claims")}
+        body = [part if isinstance(part, Markdown) else {"table": part} for part in self.body]
+        tables = {name: _packed(own) for name, own in self.tables.items()}
+        found = {"scenario": self.scenario, **self.numbers, "said": {**said, "body": body}, "tables": tables}
+        data: dict[str, Any] = plain(found)
+        return data
+
+
+def read(found: Mapping[str, Any]) -> Report:
+    """A report of what is in report.json; KeyError, TypeError or ValueError where that is none."""
+    said = found["said"]
+    return Report(
+        scenario=str(found["scenario"]),
+        **{name: Markdown(said[name]) for name in PARTS},
+        claims=[Markdown(claim) for claim in said["claims"]],
+        body=[Markdown(part) if isinstance(part, str) else str(part["table"]) for part in said["body"]],
+        numbers={key: own for key, own in found.items() if key not in ("scenario", "said", "tables")},
+        tables={name: _unpacked(own) for name, own in found["tables"].items()},
+    )
+
+
+FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.
+SPREAD = {f.name for f in fields(Spread)}
+DEFAULTS = {f.name: f.default for f in fields(Column) if f.name != "called"}
+LEFT = ("key", "paper", "scale")  #: Of a column, where its cells are data by place and in its unit.
+
+
+def _packed(table: Table) -> dict[str, Any]:
+    """A table as data: its columns, and of each row the cells and the paper's numbers."""
+    columns = [
+        {
+            name: own
+            for name, own in asdict(column).items()
+            if name not in LEFT and own != DEFAULTS.get(name, {})
+        }
+        for column in table.columns
+    ]
+    shown = table.looks or looks(table.rows, table.columns[0])
+    return {
+        **{name: own for name in ("title", "bold", "headline", "across") if (own := getattr(table, name))},
+        "keys": [column.key for column in table.columns],
+        "columns": columns,
+        "rows": [[column.value(row) for column in table.columns] for row in table.rows],
+        "paper": [[column.known_value(row) for column in table.columns] for row in table.rows],
+        "looks": {name: asdict(own) for name, own in shown.items()},
+    }
+
+
+def _unpacked(found: Mapping[str, Any]) -> Table:
+    """A table of such data."""
+    columns = [_column(k, own) for k, own in enumerate(found["columns"])]
+    rows = [
+        Row(cells=[_number(cell) for cell in cells], paper={f"{k}": own for k, own in enumerate(paper)})
+        for cells, paper in zip(found["rows"], found["paper"], strict=True)
+    ]
+    headline = found.get("headline", "")
+    return Table(
+        tuple(columns),
+        rows,
+        title=str(found.get("title", "")),
+        bold=str(found.get("bold", "")),
+        headline=f"cells.{found['keys'].index(headline)}" if headline in found["keys"] else "",
+        across=str(found.get("across", "")),
+        looks={
+            name: Look(tuple(own["colour"]), own["place"], own["prior"])
+            for name, own in found["looks"].items()
+        },
+    )
+
+
+def _column(k: int, found: Mapping[str, Any]) -> Column:
+    """A column of cells by place; ValueError where its format is none of ours."""
+    form = found.get("form", DEFAULTS["form"])
+    if not FORM.fullmatch(form):
+        raise ValueError(f"no format of a number: {form!r:.40}")
+    return Column(**found, key=f"cells.{k}", paper=f"{k}")
+
+
+def _number(cell: Any) -> Any:
+    """A median with its percentiles as such."""
+    return Spread(**cell) if isinstance(cell, Mapping) and cell.keys() == SPREAD else cell

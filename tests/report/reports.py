@@ -1,0 +1,46 @@
+"""What every report must hold, whatever it is of."""
+
+import io
+import json
+
+from checks import check_words
+from rich.console import Console
+
+from testbench.report.report import read
+from testbench.report.table import Trials
+from testbench.views import terminal
+from testbench.views.page import html
+
+WIDTH = 80  #: Of a terminal.
+
+
+def table_of(seeds, rows):
+    """Trials as a study's report gets them: `rows` makes those of a seed."""
+    return Trials.of([(seed, rows(seed)) for seed in seeds])
+
+
+def check(report, printed):
+    """Words are short, tables fit a terminal, and report.json says all of it again.
+
+    Args:
+        report: Of a study or command.
+        printed: Names of the tables that the terminal shows.
+
+    Returns:
+        report.md.
+    """
+    check_words(report)
+    again = read(json.loads(json.dumps(report.json(), allow_nan=False)))
+    assert again.whole() == report.whole()
+    for name, table in report.tables.items():
+        assert json.dumps(html.grid(again.tables[name])) == json.dumps(html.grid(table)), name
+    console = Console(width=WIDTH, record=True, file=io.StringIO())
+    terminal.print_words(console, report, [report.tables[name] for name in printed])
+    shown = console.export_text()
+    assert "…" not in shown
+    assert max(map(len, shown.splitlines())) <= WIDTH
+    for name in printed:
+        assert console.measure(terminal.grid(report.tables[name])).minimum <= WIDTH, name
+    unused = set(report.tables) - set(report.body) - set(printed)
+    assert not unused, f"tables that nothing shows: {unused}"
+    return report.whole()

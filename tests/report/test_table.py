@@ -1,0 +1,160 @@
+"""Trials as a table: merged rows against numpy, pairs trial by trial, columns of one unit."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from checks import UNITS, unit_of
+from reports import table_of
+
+from testbench.report.columns import EVERY, KNOWN, columns
+from testbench.report.report import Report, read, say
+from testbench.report.table import Row, Trials, aligned, merged, paired, plain
+from testbench.trials.parquet import write_trials
+from testbench.trials.rows import columns as row_columns
+from testbench.trials.rows import tabled
+from testbench.trials.spread import Spread
+from testbench.views.markdown import Markdown
+from testbench.views.schema import Table
+
+
+@dataclass(frozen=True)
+class Errors:
+    rms_mm: float
+    max_mm: float | None
+
+
+@dataclass(frozen=True)
+class ModelRow:
+    name: str
+    kind: str
+    holds: bool
+    unknowns: int
+    advice: tuple[str, ...]
+    sizes: tuple[float, ...]
+    check: Errors
+
+
+def rows(seed):
+    rng = np.random.default_rng(seed)
+    return [
+        ModelRow(
+            name,
+            "ab"[seed % 2],
+            bool(rng.integers(2)),
+            6,
+            (name, f"seed {seed % 3}"),
+            tuple(rng.uniform(1, 2, 3).tolist()),
+            Errors(float(rng.uniform(1, 9)), None if name == "one" else float(rng.uniform(1, 9))),
+        )
+        for name in ("two", "one")
+    ]
+
+
+SEEDS = range(5, 46)
+
+
+@pytest.fixture
+def trials():
+    return table_of(SEEDS, rows)
+
+
+def test_a_merged_row_holds_quantiles_shares_and_what_is_the_same(trials):
+    found = {row.name: row for row in merged(trials.drop("seed"), "name")}
+    assert list(found) == ["two", "one"]  # as they first appear
+    own = [row for seed in SEEDS for row in rows(seed) if row.name == "two"]
+    low, middle, high = np.quantile([row.check.rms_mm for row in own], [0.05, 0.5, 0.95])
+    shown = found["two"].check.rms_mm
+    assert (shown.p05, shown.median, shown.p95) == pytest.approx((low, middle, high))
+    assert found["two"].holds == pytest.approx(np.mean([row.holds for row in own]))
+    assert found["two"].unknowns == 6
+    assert found["one"].check.max_mm is None  # where one is missing nothing is said of all
+    assert found["two"].kind == "a | b"
+    assert found["two"].advice == ["two", "seed 2", "seed 0", "seed 1"]
+    second = np.median([row.sizes[1] for row in own])
+    assert found["two"].sizes[1].median == pytest.approx(second)
+    with pytest.raises(AttributeError, match="no column 'rms'; columns are rms_mm, max_mm"):
+        _ = found["two"].check.rms
+
+
+def test_what_was_written_is_read_as_what_was_made(tmp_path, trials):
+    flat = [(seed, tabled(rows(seed))) for seed in SEEDS]
+    write_trials(tmp_path / "trials.parquet", {}, row_columns(ModelRow), len(SEEDS), flat)
+    found = Trials.read(tmp_path / "trials.parquet")
+    assert list(found.columns) == list(trials.columns)
+    assert plain(merged(found, "name", "kind")) == plain(merged(trials, "name", "kind"))
+
+
+def test_a_pair_is_compared_trial_by_trial_whatever_the_order_of_the_rows(trials):
+    a, b = ([next(r for r in rows(s) if r.name == n).check.rms_mm for s in SEEDS] for n in ("one", "two"))
+    shuffled = trials.pick(np.random.default_rng(0).permutation(len(trials)))
+    for own in (trials, shuffled):
+        gain = paired(own, "one", "two", "check.rms_mm")
+        assert gain.times.median == pytest.approx(np.median(np.divide(b, a)))
+        assert gain.trials == len(SEEDS)
+    assert paired(trials, "one", "none", "check.rms_mm") is None
+    assert paired(trials, "one", "one", "check.rms_mm") is None
+    missing = trials.pick(~((trials["name"] == "one") & (trials["seed"] == 7)))
+    assert paired(missing, "one", "two", "check.rms_mm").trials == len(SEEDS) - 1
+    assert aligned(trials, ("one", "two"), "check.rms_mm") == pytest.approx(np.column_stack([a, b]))
+
+
+def test_rows_are_picked_by_value_and_columns_by_name(trials):
+    assert set(trials.where(name="one", kind="a")["seed"]) == {s for s in SEEDS if s % 2 == 0}
+    assert len(trials.where(seed=(5, 6, 7))) == 6
+    assert list(trials.keep("check.").columns) == ["check.rms_mm", "check.max_mm"]
+    assert "check.rms_mm" not in trials.drop("check.", "seed")
+    with pytest.raises(KeyError, match="no column 'x'; columns are seed, name"):
+        _ = trials["x"]
+
+
+@pytest.mark.parametrize("column", EVERY, ids=lambda column: column.key)
+def test_a_column_shows_its_quantity_in_the_unit_of_its_heading(column):
+    """What a field's name promises, times the scale, is what the heading says; a key stands once."""
+    assert KNOWN[column.key] is column
+    assert column.form == "yes" or f"{2.0 if column.form != 'd' else 2:{column.form}}"
+    own = unit_of(column.key)
+    if own:
+        assert column.unit in UNITS, column
+        assert column.scale == pytest.approx(UNITS[own] / UNITS[column.unit])
+    else:
+        assert column.scale == 1
+    if column.short and column.unit:
+        assert column.short.endswith(column.unit)
+
+
+def report(**more):
+    models = [Row(name="a`b", workspace=Row(rms_mm=Spread(1.5, 1.0, 2.0)), paper=None)]
+    return Report(
+        scenario="made_up",
+        question=Markdown("Which?"),
+        title=Markdown("Made up."),
+        answer=say("{name} errs {workspace.rms_mm:~.2f} mm.", models[0]),
+        numbers={"models": models, "none": float("nan")},
+        tables={"models": Table(columns("name workspace.rms_mm"), models, bold="a`b")},
+        body=["models"],
+        **more,
+    )
+
+
+def test_names_of_strangers_are_escaped_in_sentences_and_numbers_keep_their_form():
+    assert report().answer == r"a\`b errs 1.50 mm."
+    assert say("{x:.1e} {names:list}", x=1.2e-8, names=["p|q", "r"]) == r"1.2 x 10^-8 p\|q and r"
+    assert say("{x:.3f}", x=Spread(1.0, 0.5, 2.0)) == "1.000 (0.500 to 2.000)"
+
+
+def test_a_report_is_read_back_from_its_json_with_words_and_tables():
+    found = json.loads(json.dumps(report(claims=[Markdown("One.")]).json(), allow_nan=False))
+    assert found["none"] is None
+    assert found["models"][0]["workspace"]["rms_mm"] == {"median": 1.5, "p05": 1.0, "p95": 2.0}
+    again = read(found)
+    assert again.whole() == report(claims=[Markdown("One.")]).whole()
+    assert "| **a\\`b** | 1.500 (1.000 to 2.000) |" in again.whole()
+
+
+def test_a_strangers_format_that_would_fill_memory_is_refused():
+    found = json.loads(json.dumps(report().json()))
+    found["tables"]["models"]["columns"][1]["form"] = ".999999999f"
+    with pytest.raises(ValueError, match="no format of a number"):
+        read(found)
