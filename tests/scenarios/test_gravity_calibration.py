@@ -262,9 +262,7 @@ def test_seeds_differ_and_several_become_median_and_spread(quick, several):
         margin = 0.06 * (f_m["p95"] - f_m["p05"])
         assert f_m["p05"] - margin <= single["f_m"] <= f_m["p95"] + margin
         assert several["paper"] == single["paper"]
-        assert cells[several["name"], "off_40"] == pytest.approx(
-            single["workspace"]["rms_mm"], rel=0.02
-        )
+        assert cells[several["name"], "off_40"] == pytest.approx(single["workspace"]["rms_mm"], rel=0.02)
 
 
 def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
