@@ -31,6 +31,7 @@ from testbench.trials.groups import Whole
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.page.page import Seen, write_page
+from testbench.views.recording.run import write_run
 from testbench.views.schema import Table
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
@@ -137,10 +138,18 @@ def _write(study: AnyStudy, found: Run[Any, Any]) -> list[str]:
     for name, figure in figures.items():
         figure.savefig(found.folder / name)
     seen = study.write(found) or Seen()
+    recorded = found.folder / "recording.rrd"
+    if not recorded.exists():
+        pictures = {_title(name): found.folder / name for name in (*figures, *study.extra)}
+        write_run(recorded, found.header, found.words, seen, pictures)
     tables = [found.tables[name] for name in study.printed]
-    name = study.name.replace("_", " ").capitalize()
-    write_page(found.folder, name, found.words, replace(seen, tables=tables))
+    write_page(found.folder, _title(study.name), found.words, replace(seen, tables=tables))
     return [*figures, *study.extra]
+
+
+def _title(name: str) -> str:
+    """A name of a study or figure for people."""
+    return name.removesuffix(".png").replace("_", " ").capitalize()
 
 
 def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:

@@ -1,5 +1,6 @@
 """How the tests read a recording back: from its file, by the viewer's own tools."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -32,9 +33,10 @@ def on(chunks, timeline):
 
 
 def series(chunks, path, timeline="worst_first"):
-    """Scalars of an entity, sorted by a timeline."""
+    """Scalars of an entity, sorted by a timeline; NaN where there is none."""
     data = columns(on(chunks, timeline), path)
-    return [v[0] for _, v in sorted(zip(data[timeline], data["Scalars:scalars"], strict=True))]
+    rows = sorted(zip(data[timeline], data["Scalars:scalars"], strict=True))
+    return [v[0] if v else np.nan for _, v in rows]
 
 
 def plotted(chunks, path):
@@ -100,3 +102,24 @@ def rerun(*args):
     command = [str(Path(sys.executable).with_name("rerun")), "rrd", *map(str, args)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     return done.returncode, done.stdout + done.stderr
+
+
+BUDGET = 2 * 2**20
+
+
+def sound(file, answer):
+    """A whole recording of modest size that says its answer, units in its titles, data in every view.
+
+    Returns:
+        Its chunks.
+    """
+    assert "1 file verified without error" in rerun("verify", file)[1]
+    assert file.stat().st_size < BUDGET
+    chunks = chunks_of(file)
+    landed = on(chunks, "worst_first")
+    for origin, kind, name in views(file):
+        assert [c for c in landed if f"{c.entity_path}/".startswith(f"/{origin}/")], (origin, name)
+        assert kind not in ("3D", "TimeSeries") or re.search(r"\((m|mm|um|urad|deg)[,)]", name), name
+    assert max(panes(file)) <= 8
+    assert answer in document(chunks, "/summary")
+    return chunks

@@ -1,7 +1,6 @@
 """What `testbench identify` leaves beside its model: numbers that are those of the model, words, views."""
 
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 from checks import check_markdown
 from page_checks import check_page, said
-from read_back import chunks_of, columns, document, on, panes, rerun, series, views
+from read_back import columns, series, sound, views
 from run_here import here
 
 import testbench as tb
@@ -130,20 +129,6 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
         np.testing.assert_allclose(report["map"]["apart_mm"][name], apart, rtol=0.1, atol=0.02)
 
 
-def test_the_error_map_of_the_recording_goes_to_its_places(made, report):
-    chunks, errors = chunks_of(made[0] / "recording.rrd"), report["map"]["errors"]
-    moving = {c.entity_path for c in chunks if "place" in c.timeline_names}
-    assert {"/world/arm/link_1", "/this_pose", "/world/error_map/here"} <= moving
-    for name in errors["compared"]:
-        worst, path = errors["worst"][name], f"/world/error_map/{snake(name)}"
-        label = columns(chunks, f"{path}/worst")["Points3D:labels"]
-        assert label == [[f"worst {worst['error_mm']:.3f} mm, place {worst['place'] + 1}"]]
-        assert len(columns(chunks, f"{path}/field")["Points3D:positions"][0]) == 200
-    said = columns(on(chunks, "place"), "/this_pose")
-    k = errors["worst"][report["recommended"]]["place"] + 1
-    assert said["TextDocument:text"][said["place"].index(k)][0].startswith(f"**Place {k} of 200, where ")
-
-
 def test_the_page_answers_first(made, report):
     page = (made[0] / "report.md").read_text()
     check_markdown(page)
@@ -158,31 +143,22 @@ def test_the_page_answers_first(made, report):
     assert rows == [f"| {where} | {worst['pose']} | {worst['deflection_mm']:.3f} | {worst['taken_mm']:.3f} |"]
 
 
-def test_the_recording_has_residuals_map_and_data_in_every_view(made, report):
-    file = made[0] / "recording.rrd"
-    assert "1 file verified without error" in rerun("verify", file)[1]
-    chunks = chunks_of(file)
-    for origin, _, _ in views(file):
-        assert [c for c in chunks if f"{c.entity_path}/".startswith(f"/{origin}/")], origin
-    assert max(panes(file)) <= 8
-    left = series(chunks, "/error_mm/residual")
+def test_the_recording_has_what_is_left_in_each_run_worst_first_and_the_map(made, report):
+    chunks = sound(made[0] / "recording.rrd", f"Take {report['recommended']}")
+    chart = "/charts/runs_against_their_readings/what_is_left_in_each_run_at_the_target_where_it_is_worst_mm"
+    left = series(chunks, f"{chart}/{snake(report['recommended'])}")
     assert left == sorted(left, reverse=True)
     assert left[0] == pytest.approx(max(row["taken_mm"] for row in report["residuals"]), rel=1e-6)
-    said = document(chunks, "/summary")
-    scales = [float(x) for x in re.findall(r"x ([\d.]+)\. ", said)]
-    moved = columns(chunks, "/world/errors/deflection")["Arrows3D:vectors"][0]
-    most = max(row["deflection_mm"] for row in report["residuals"])
-    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(scales[0] * most / 1e3, rel=1e-5)
-    assert {"worst_first", "run"} <= set(columns(chunks, "/world/pose_errors/residual"))
-    rows = columns(chunks, "/world/pose_errors/residual")
-    assert sorted(rows["run"]) == [row["run"] for row in report["residuals"]]
+    assert len(left) == len(report["residuals"])
+    balls = columns(chunks, f"/world/map/{snake(report['recommended'])}")["Points3D:positions"][0]
+    assert len(balls) == 200
 
 
 def test_without_intervals_there_is_no_map(made, tmp_path):
     run("identify", "kr500_l480", made[0].parent / "data.csv", *MODELS, "--no-intervals", "--out", tmp_path)
     assert json.loads((tmp_path / "report.json").read_text())["map"] is None
     assert "No map: intervals were not asked for." in (tmp_path / "report.md").read_text()
-    assert "error_map" not in str(views(tmp_path / "recording.rrd"))
+    assert "map" not in str(views(tmp_path / "recording.rrd"))
 
 
 def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tmp_path):

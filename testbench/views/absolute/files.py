@@ -39,8 +39,7 @@ def write(
     """
     from testbench.views.absolute.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.absolute.page import seen  # thirds of a second
-    from testbench.views.absolute.scene import scene
-    from testbench.views.recording.absolute import write_absolute
+    from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
 
     report = reported.report
@@ -52,8 +51,9 @@ def write(
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(reported).savefig(folder / "calibration.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
-        write_absolute(folder / "recording.rrd", header, scene(cell, reported))
-        write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, reported))
+        drawn = seen(cell, reported)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "calibration.png"})
+        write_page(folder, f"{COMMAND}: {report.arm}", text, drawn)
         files.write_manifest(
             folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests([cell.arm.rigid.parent])
         )

@@ -1,5 +1,6 @@
 """The folder of a check: picture, recording and page, all of it or nothing."""
 
+import json
 from pathlib import Path
 
 from testbench import files
@@ -16,10 +17,13 @@ def write(checked: Checked, arm: Path, out: Path) -> None:
     """arm.png, recording.rrd, report.html and manifest.json; InputError when they cannot be written."""
     from testbench.views.checked.figure import picture  # importing matplotlib and rerun takes two thirds
     from testbench.views.checked.page import seen  # of a second
-    from testbench.views.recording.arm_check import write_arm
+    from testbench.views.recording.run import write_run
+    from testbench.views.recording.stream import Header
 
     with whole_folder(out) as folder:
         picture(checked).savefig(folder / "arm.png")
-        write_arm(folder / "recording.rrd", checked)
-        write_page(folder, f"{COMMAND}: {checked.cell.arm.name}", words(checked), seen(checked))
+        text, drawn, name = words(checked), seen(checked), checked.cell.arm.name
+        header = Header(COMMAND, json.dumps({"arm": name}), 0)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Picture": folder / "arm.png"})
+        write_page(folder, f"{COMMAND}: {name}", text, drawn)
         files.write_manifest(folder, command=COMMAND, scenario={}, seeds=range(0), models=digests([arm]))

@@ -61,8 +61,7 @@ def write(
     """
     from testbench.views.compensate.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.compensate.page import seen  # thirds of a second
-    from testbench.views.compensate.scene import scene
-    from testbench.views.recording.compensated import write_compensated
+    from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
 
     with whole_file(to.program) as program, whole_folder(to.report) as folder:
@@ -71,8 +70,9 @@ def write(
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(found, report).savefig(folder / "compensation.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
-        write_compensated(folder / "recording.rrd", header, scene(cell, found, report))
-        write_page(folder, f"{COMMAND}: {report.program}", text, seen(cell, found, report))
+        drawn = seen(cell, found, report)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "compensation.png"})
+        write_page(folder, f"{COMMAND}: {report.program}", text, drawn)
         write_corrected(found, replace(to, program=program))
         files.write_manifest(
             folder,

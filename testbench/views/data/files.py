@@ -1,5 +1,6 @@
 """The folder of a check of data: picture, recording and page, all of it or nothing."""
 
+import json
 from pathlib import Path
 
 from testbench import files
@@ -16,12 +17,15 @@ def write(cell: Cell, runs: CheckedRuns, out: Path) -> None:
     """data.png, recording.rrd, report.html and manifest.json; InputError when they cannot be written."""
     from testbench.views.data.figure import picture  # importing matplotlib and rerun takes two thirds
     from testbench.views.data.page import seen  # of a second
-    from testbench.views.recording.data import write_data
+    from testbench.views.recording.run import write_run
+    from testbench.views.recording.stream import Header
 
     with whole_folder(out) as folder:
         picture(cell, runs.name, runs.found, runs.registered.data).savefig(folder / "data.png")
-        write_data(folder / "recording.rrd", cell, runs)
-        write_page(folder, f"{COMMAND}: {runs.name}", words(runs), seen(cell, runs))
+        text, drawn = words(runs), seen(cell, runs)
+        header = Header(COMMAND, json.dumps({"arm": cell.arm.name, "data": runs.name}), 0)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "data.png"})
+        write_page(folder, f"{COMMAND}: {runs.name}", text, drawn)
         arms = [cell.arm.rigid.parent]
         files.write_manifest(
             folder, command=COMMAND, scenario={"data": runs.name}, seeds=range(0), models=digests(arms)

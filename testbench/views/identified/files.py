@@ -45,9 +45,8 @@ def write(source: Source, made: Explained, out: Path) -> Words:
     """
     from testbench.views.identified.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.identified.page import seen  # thirds of a second
-    from testbench.views.identified.scene import scene
     from testbench.views.map_figure import error_map
-    from testbench.views.recording.absolute import write_absolute
+    from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
 
     cell, fits, asked = source.cell, made.found.fits, dict(source.asked)
@@ -64,8 +63,9 @@ def write(source: Source, made: Explained, out: Path) -> Words:
                 folder / "error_map.png"
             )
         header = Header(COMMAND, json.dumps({"arm": fits.arm, **asked}, sort_keys=True), 0)
-        write_absolute(folder / "recording.rrd", header, scene(source.filed, made, report))
-        write_page(folder, f"{COMMAND}: {fits.arm}", text, seen(source.filed, made, report))
+        drawn = seen(source.filed, made, report)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "identify.png"})
+        write_page(folder, f"{COMMAND}: {fits.arm}", text, drawn)
         arms = [cell.arm.rigid.parent]
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests(arms))
     return text

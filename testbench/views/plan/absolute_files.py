@@ -27,8 +27,7 @@ EXPECTED = [f"expected_{what}_mm" for what in ("sag", "error", "error_p05", "err
 def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
     """All files of a plan and its manifest.json; InputError when they cannot be written."""
     from testbench.views.plan.absolute_page import seen
-    from testbench.views.plan.absolute_scene import scene  # here: importing rerun takes a third of a second
-    from testbench.views.recording.plan import write_plan
+    from testbench.views.recording.run import write_run  # here: importing rerun takes a third of a second
     from testbench.views.recording.stream import Header
 
     report = planned.report
@@ -43,8 +42,9 @@ def write(cell: Cell, planned: AbsolutePlanned, arm: Path, out: Path) -> None:
         overview(report, tools).savefig(folder / "plan.png")
         error_map(report.map, f"{report.arm}, {report.poses} poses").savefig(folder / "error_map.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), report.seed)
-        write_plan(folder / "recording.rrd", header, scene(cell, planned, tools))
-        write_page(folder, f"{COMMAND}: {report.arm}", text, seen(cell, planned, tools))
+        drawn = seen(cell, planned, tools)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "plan.png"})
+        write_page(folder, f"{COMMAND}: {report.arm}", text, drawn)
         seeds = range(report.seed, report.seed + 1)
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=seeds, models=digests([arm]))
 

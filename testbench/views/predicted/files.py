@@ -31,8 +31,7 @@ def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object]
     """
     from testbench.views.predicted.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.predicted.page import seen  # thirds of a second
-    from testbench.views.predicted.scene import scene
-    from testbench.views.recording.prediction import write_prediction
+    from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
 
     with whole_folder(out) as folder:
@@ -42,7 +41,8 @@ def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object]
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         overview(made).savefig(folder / "predict.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
-        write_prediction(folder / "recording.rrd", header, scene(made, report))
-        write_page(folder, f"{COMMAND}: {report.file}", text, seen(made, report))
+        drawn = seen(made, report)
+        write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "predict.png"})
+        write_page(folder, f"{COMMAND}: {report.file}", text, drawn)
         model = [made.model.arm.rigid.parent]
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), models=digests(model))

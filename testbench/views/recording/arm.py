@@ -20,19 +20,21 @@ STEEL = 7850.0  #: Density [kg/m^3] of the drawn weight, a cube.
 LABEL = "world/load/label"
 
 
-def write_shapes(pen: Pen, cell: Cell, moving: Sequence[int], colour: Colour | None = None) -> None:
+def write_shapes(
+    pen: Pen, cell: Cell, moving: Sequence[int], colour: Colour | None = None, root: str = "arm"
+) -> None:
     """The shapes of every body of the arm, and once more those of the bodies that deflect visibly.
 
     `moving` are those with a ghost: one that stays where it is would flicker through the body's surface.
-    Without a colour the arm is grey, each shape of its own brightness.
+    Without a colour the arm is grey, each shape of its own brightness. `root` is its entity in the world.
     """
     pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     shapes = visual_shapes(cell.room)
     for body, name in drawn_bodies(cell):
         own = [shape for shape in shapes if shape.body == body]
-        pen.still(_path("arm", name), *_solids(own, colour))
+        pen.still(_path(root, name), *_solids(own, colour))
         if body in moving:
-            pen.still(_path("arm_deflected", name), *_solids(own, GHOST))
+            pen.still(_path(f"{root}_deflected", name), *_solids(own, GHOST))
 
 
 def write_places(
@@ -47,12 +49,19 @@ def write_places(
         ghost: Under load, magnified; None where no body has a ghost.
         moving: Bodies with a ghost.
     """
+    every = [body for body, _ in drawn_bodies(cell)]
+    write_frames(pen, cell, rigid, "arm", every)
+    if ghost is not None:
+        write_frames(pen, cell, ghost, "arm_deflected", moving)
+
+
+def write_frames(pen: Pen, cell: Cell, frames: Frames, root: str, bodies: Sequence[int]) -> None:
+    """Transforms of some bodies of the arm that is at `root` in the world."""
     for body, name in drawn_bodies(cell):
-        for entity, frames in (("arm", rigid), ("arm_deflected", ghost)):
-            if frames is not None and (entity == "arm" or body in moving):
-                turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
-                at = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
-                pen.rows(_path(entity, name), at)
+        if body in bodies:
+            turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
+            at = rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns)
+            pen.rows(_path(root, name), at)
 
 
 def write_weight(pen: Pen, hook: Array, carried: Array, size: float) -> None:

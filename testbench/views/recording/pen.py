@@ -90,8 +90,9 @@ class Pen:
             self.still(line.path, dots)
 
     def values(self, line: Line, values: Array, sizes: Array | None = None) -> None:
-        """A value a time, (times,), and where it is not everywhere the same a size."""
-        columns = [*rr.Scalars.columns(scalars=values)]
+        """A value a time, (times,), NaN for none, and where it is not everywhere the same a size."""
+        known = np.isfinite(values)
+        columns = [*rr.Scalars.columns(scalars=values[known]).partition(known.astype(int))]
         if sizes is not None:  # in one chunk: of two the viewer pairs rows wrongly on an unsorted timeline
             columns += rr.SeriesPoints.columns(marker_sizes=sizes)
         self.rows(line.path, columns)

@@ -1,0 +1,187 @@
+"""Any run is recorded as its page draws it: places, ends, numbers, orders and words are the same."""
+
+import numpy as np
+import pytest
+from PIL import Image
+from read_back import chunks_of, columns, document, on, rerun, series, views
+
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.columns import columns as quantities
+from testbench.report.report import Report
+from testbench.report.table import Row
+from testbench.views.colours import GCO, MEASURED, SCALE, Look
+from testbench.views.markdown import Markdown
+from testbench.views.page.charts import Line, PlaceMap, RunChart
+from testbench.views.page.page import Seen
+from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.recording.run import write_run
+from testbench.views.recording.stream import Header
+from testbench.views.schema import Table
+
+POSES, PLACES = 5, 7
+LOOK = Look(GCO, 0, prior=True)
+REPORT = Report(
+    scenario="made_up",
+    question=Markdown("How far is it off?"),
+    title=Markdown("Made up."),
+    answer=Markdown("It is 3.000 mm off."),
+    worst=Markdown("Worst in pose d."),
+    claims=[Markdown("Nothing else.")],
+    numbers={},
+    tables={"models": Table(quantities("name"), [Row(name="one")])},
+    body=["models"],
+)
+
+
+@pytest.fixture(scope="module")
+def seen(arm_6r):
+    rng = np.random.default_rng(7)
+    q = rng.uniform(-1, 1, (POSES, 6))
+    theta = 0.05 * rng.uniform(-1, 1, (POSES, 48))
+    at = rng.uniform(-1, 1, (POSES, 3, 3))
+    at[2, 1] = np.nan  # a target that was lost
+    layers = [
+        Layer("target as read", MEASURED, "dots", at, labels=("P1", "", "P3")),
+        Layer("error of one", GCO, "arrows", at, at + 0.1),
+        Layer("path asked", GCO, "lines", at[:1, :2], at[:1, 1:]),
+        Layer("hidden", GCO, "specks", at[:1], shown=False),
+    ]
+    rigid = rigid_frames(arm_6r.room, q)
+    runs = Poses(
+        "Runs", list("abcde"), [f"{k} mm off" for k in range(POSES)], rigid,
+        elastic_frames(arm_6r.plant, q, theta), layers, first=3,
+    )  # fmt: skip
+    whole = rigid_frames(arm_6r.room, rng.uniform(-1, 1, (PLACES, 6)))
+    places = Poses("Places", list("ABCDEFG"), ["here"] * PLACES, whole, None, ())
+    size = np.array([1.0, 0.5, np.nan, 3.0, 2.0])
+    lines = [
+        Line("other", Look(MEASURED, 1, prior=False), size[::-1]),
+        Line("one", LOOK, size, (size - 0.1, size + 0.1)),
+    ]
+    mm = np.array([1.0, 2.0, 3.0, np.nan, 5.0, 4.0, 0.5])
+    field = PlaceMap("Error (mm)", 1, rng.uniform(-1, 1, (PLACES, 3)), [Line("one", LOOK, mm)])
+    return Seen(
+        Scene(arm_6r, "Errors x 10.", [runs, places]), field, [RunChart("Left (mm)", 0, list("abcde"), lines)]
+    )
+
+
+@pytest.fixture(scope="module")
+def file(seen, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    Image.new("RGB", (40, 20)).save(folder / "chart.png")
+    write_run(
+        folder / "recording.rrd", Header("made_up", "{}", 1), REPORT, seen, {"Chart": folder / "chart.png"}
+    )
+    return folder / "recording.rrd"
+
+
+@pytest.fixture(scope="module")
+def chunks(file):
+    return chunks_of(file)
+
+
+#: Pose 3 is worst, then 4, 0, 1; the pose without a number is last.
+ORDER = [3, 4, 0, 1, 2]
+
+
+def test_the_file_is_one_whole_recording_and_equal_runs_are_equal(file, seen, tmp_path):
+    assert "1 file verified without error" in rerun("verify", file)[1]
+    write_run(
+        tmp_path / "again.rrd",
+        Header("made_up", "{}", 1),
+        REPORT,
+        seen,
+        {"Chart": file.with_name("chart.png")},
+    )
+    assert rerun("compare", "--unordered", file, tmp_path / "again.rrd")[0] == 0
+
+
+def test_every_view_has_data_where_the_reader_lands(file, chunks):
+    names = [name for _, _, name in views(file)]
+    assert "Runs (m): Errors x 10." in names
+    assert "Left (mm), worst first" in names
+    for origin, kind, name in views(file):
+        under = [c for c in on(chunks, "worst_first") if f"{c.entity_path}/".startswith(f"/{origin}/")]
+        assert under, (origin, kind, name)
+
+
+def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):
+    own = seen.scene.groups[0]
+    for root, frames in (("arm", own.rigid), ("arm_deflected", own.bent)):
+        moved = [
+            c.entity_path for c in chunks if c.entity_path.startswith(f"/world/{root}/") and not c.is_static
+        ]
+        data = columns(on(chunks, "worst_first"), sorted(set(moved))[-1])
+        rows = sorted(zip(data["worst_first"], data["Transform3D:translation"], strict=True))
+        found = np.array([at[0] for _, at in rows])
+        distance = np.abs(found[:, None] - frames.positions[ORDER]).max(axis=2).min(axis=1)
+        assert distance == pytest.approx(0, abs=1e-6)
+        assert [c.entity_path for c in chunks if c.entity_path.startswith("/world/arm_1/")]  # of the places
+
+
+def test_layers_are_where_the_page_has_them_and_what_was_lost_is_left_out(chunks, seen):
+    dots, arrows, lines, _ = seen.scene.groups[0].layers
+    data = columns(chunks, "/world/runs/target_as_read")
+    for rank, at in zip(data["worst_first"], data["Points3D:positions"], strict=True):
+        own = dots.at[ORDER[rank]]
+        assert np.array(at) == pytest.approx(own[np.isfinite(own).all(axis=1)], abs=1e-6)
+    data = columns(chunks, "/world/runs/error_of_one")
+    for rank, start, way in zip(
+        data["worst_first"], data["Arrows3D:origins"], data["Arrows3D:vectors"], strict=True
+    ):
+        known = np.isfinite(arrows.at[ORDER[rank]]).all(axis=1)
+        assert np.array(start) == pytest.approx(arrows.at[ORDER[rank]][known], abs=1e-6)
+        assert np.array(start) + np.array(way) == pytest.approx(arrows.to[ORDER[rank]][known], abs=1e-6)
+    [strips] = columns(chunks, "/world/runs/path_asked")["LineStrips3D:strips"]
+    assert np.array(strips) == pytest.approx(np.stack([lines.at[0], lines.to[0]], axis=1), abs=1e-6)
+    names = columns(chunks, "/world/runs/target_as_read_names")
+    assert names["Points3D:labels"][0] == ["P1", "P3"]
+
+
+def test_charts_hold_the_numbers_largest_first_with_their_intervals(chunks, seen):
+    other, one = seen.runs[0].lines
+    for path, values in (
+        ("one", one.values),
+        ("other", other.values),
+        ("one_lower", one.ends[0]),
+        ("one_upper", one.ends[1]),
+    ):
+        found = series(chunks, f"/charts/runs/left_mm/{path}")
+        assert np.array(found, float) == pytest.approx(values[ORDER], nan_ok=True), path
+
+
+def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
+    data = columns(on(chunks, "worst_first"), "/here/runs")
+    texts = [t[0] for _, t in sorted(zip(data["worst_first"], data["TextDocument:text"], strict=True))]
+    assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}** {k} mm off" for k in ORDER]
+    assert "vermillion dots: target as read; green arrows: error of one; green lines: path asked" in texts[0]
+    assert "hidden" not in texts[0]
+    text = document(chunks, "/summary")
+    assert (
+        text.index("How far is it off?")
+        < text.index("**It is 3.000 mm off.**")
+        < text.index("Worst in pose d.")
+    )
+    assert "| one |" in document(chunks, "/tables")
+
+
+def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen):
+    mm, known = seen.map.lines[0].values, np.isfinite(seen.map.lines[0].values)
+    data = columns(chunks, "/world/map/one")
+    assert np.array(data["Points3D:positions"][0]) == pytest.approx(seen.map.at[known], abs=1e-6)
+    radii = np.array(data["Points3D:radii"][0])
+    assert (np.argsort(radii) == np.argsort(mm[known])).all()
+    colours = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in data["Points3D:colors"][0]]
+    assert colours[int(np.argmax(mm[known]))] == SCALE[-1]
+    assert colours[int(np.argmin(mm[known]))] == SCALE[0]
+    labels = [text for row in columns(chunks, "/map_key_mm/number")["Points2D:labels"] for text in row]
+    assert (labels[0], labels[-1]) == ("0.500 mm", "5.000 mm")
+
+
+def test_a_run_without_a_scene_has_its_figures_and_tables(tmp_path):
+    Image.new("RGB", (40, 20)).save(tmp_path / "chart.png")
+    write_run(
+        tmp_path / "a.rrd", Header("made_up", "{}", 1), REPORT, Seen(), {"Chart": tmp_path / "chart.png"}
+    )
+    kinds = {kind for _, kind, _ in views(tmp_path / "a.rrd")}
+    assert kinds == {"2D", "TextDocument"}
