@@ -53,7 +53,7 @@ def test_beams_stand_at_their_frames_and_have_their_true_diameter(folder):
         np.testing.assert_allclose((start + way)[:3], start[1:4], atol=1e-5)
         ends = strips.reshape(-1, 3)
         ring = ends[np.abs((ends - at) @ along) < 1e-6]
-        near = ring[np.linalg.norm(ring - at, axis=1) < 0.3]
+        near = ring[np.linalg.norm(ring - at, axis=1) < 0.2]
         np.testing.assert_allclose(np.linalg.norm(near - at, axis=1), 0.17, atol=1e-6)
         assert len(near) > 8
     names = columns(on(chunks, "worst_first"), "/world/poses/joints_names")["Points3D:labels"][0]

@@ -16,7 +16,7 @@ from testbench.bench.campaign import Cell
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames
-from testbench.views.markdown import Told, as_markdown
+from testbench.views.markdown import Told, as_markdown, grid
 from testbench.views.page.charts import Line, PlaceMap, RunChart
 from testbench.views.page.page import Seen
 from testbench.views.page.scene import Layer, Poses, Scene
@@ -74,11 +74,11 @@ class _Group:
 
     @property
     def rank(self) -> Ids:
-        """Place of every pose in worst_first, (poses,): by the line whose largest is the pose shown first."""
+        """Place of every pose in worst_first, (poses,): by the last line that is largest in the first pose."""
         count, first = len(self.poses.names), self.poses.first
         sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in self.charts for line in chart.lines]
         leads = [own for own in sizes if len(own) == count and own[first] == own.max()]
-        order = np.argsort(-leads[0], kind="stable") if leads else np.roll(np.arange(count), -first)
+        order = np.argsort(-leads[-1], kind="stable") if leads else np.roll(np.arange(count), -first)
         found = np.empty(count, dtype=int)
         found[order] = np.arange(count)
         return found
@@ -111,7 +111,7 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
     views = [*tabs, *where, *pictures, text_view("tables", "Tables")]
     places = len(groups[0].poses.names) if groups else 1
     with recording(path, "run", header, layout(*views, timeline=WORST, places=places)) as pen:
-        pen.documents({"summary": summary(words), "tables": words.rest()})
+        pen.documents({"summary": summary(words), "tables": _tables(words, seen)})
         if seen.scene:
             _write_scene(pen, seen.scene.cell, groups)
         if seen.map:
@@ -124,6 +124,14 @@ def summary(words: Told) -> str:
     """What a recording says first."""
     head = [f"### {words.block('question')}", f"#### **{words.block('answer')}**", *words.worst_lines()]
     return "\n\n".join([*head, words.block("statements")])
+
+
+def _tables(words: Told, seen: Seen) -> str:
+    """What stands below the first sentences, and tables of the page that are not among it."""
+    rest = words.rest()
+    others = [(table.title, grid(table)) for table in seen.tables if table.rows]
+    parts = [f"### {as_markdown(title)}\n\n{text}" for title, text in others if text not in rest]
+    return "\n\n".join([rest, *parts])
 
 
 def _groups(seen: Seen) -> list[_Group]:
