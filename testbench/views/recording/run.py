@@ -74,7 +74,7 @@ class _Group:
 
     @property
     def rank(self) -> Ids:
-        """Place of every pose in worst_first, (poses,): by the last line that is largest in the first pose."""
+        """Place of every pose in worst_first, (poses,): by the last line that is largest at the first."""
         count, first = len(self.poses.names), self.poses.first
         sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in self.charts for line in chart.lines]
         leads = [own for own in sizes if len(own) == count and own[first] == own.max()]
