@@ -11,7 +11,7 @@ from testbench.errors import Array, BenchError
 from testbench.plant.adopt.beam import Beam, beams, reach
 from testbench.plant.adopt.chain import Chain, Part
 from testbench.plant.adopt.classes import (
-    MASS_SHARE,
+    GUESSED,
     Class,
     estimated_payload,
     in_wrist,
@@ -82,11 +82,12 @@ def _payload(chain: Chain, wishes: Wishes) -> tuple[float, str]:
     if wishes.payload is not None:
         return wishes.payload, "as stated by --payload-kg"
     bare = [part.name for part in chain.parts[1:] if part.inertia_from != "file"]
-    note = f"{MASS_SHARE:g} of its {chain.mass:.4g} kg"
+    long = reach(chain, chain.tip)
+    note = f"root of its {chain.mass:.4g} kg, times {long:.2f} m of reach"
     if bare:
         no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
         note += f", the file has no {no}"
-    payload, (low, high) = estimated_payload(chain.mass), PAYLOAD_RANGE
+    payload, (low, high) = estimated_payload(chain.mass, long), PAYLOAD_RANGE
     if not low <= payload <= high:
         raise BenchError(f"payload: expected {low:g} to {high:g} kg, got {note}; state it by --payload-kg")
     return payload, note
@@ -94,14 +95,15 @@ def _payload(chain: Chain, wishes: Wishes) -> tuple[float, str]:
 
 def _link(part: Part, line: Beam, of: Class) -> LinkRow:
     """The tube of a link."""
-    surface, outer = triangles(part.shapes), None
+    surface, outer, note = triangles(part.shapes), None, f"no shape, {GUESSED}"
     if len(surface):
-        span = (0.0, line.distance)
-        if line.distance < SHORT * of.reach:
-            span = extent(surface, line.frame[:, 0])
+        low, high = extent(surface, line.frame[:, 0])
+        span = (low, high) if line.distance < SHORT * of.reach else (0.0, line.distance)
         outer = outer_diameter(surface, line.frame, span)
-    lacks = "its shape is but a part of it" if len(surface) else "no shape"
-    note = "its shape, median of the cuts" if outer else f"{lacks}: from payload and reach"
+        drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
+        note = f"its shape is on {1000 * drawn:.0f} of {1000 * line.distance:.0f} mm, {GUESSED}"
+    if outer:
+        note = "its shape, median of the cuts"
     outer = outer or of.outer_diameter
     length, runs = line.distance, line.runs
     if length < STUB * outer:
