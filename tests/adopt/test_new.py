@@ -176,7 +176,11 @@ def test_guesses_are_doubted(tmp_path):
     ]
     done = new(tmp_path / "mine", "--from", file, *markers, "--tool", "0,0,-0.2")
     assert done.returncode == 0, done.stderr
-    found = [doubt.sentence for doubt in check(tmp_path / "mine").doubts]
+    checked = check(tmp_path / "mine")
+    links = [link.name for link in checked.cell.arm.links if checked.doubted(link.name)]
+    assert links == ["link_2", "link_3", "link_4"]
+    assert [name for name in checked.cell.arm.markers if checked.doubted(name)] == ["P0", "P1", "P2"]
+    found = [doubt.sentence for doubt in checked.doubts]
     for said in (
         r"its payload of \d+ kg is a guess, .*",
         r"link_4: its shape is on 100 of 900 mm, so the diameter of the tube is a guess",
