@@ -93,18 +93,26 @@ def _payload(chain: Chain, wishes: Wishes) -> tuple[float, str]:
     return payload, note
 
 
+def _outer(part: Part, line: Beam, of: Class) -> tuple[float, str]:
+    """Outer diameter of a link's tube [m], and how it is known."""
+    surface = triangles(part.shapes)
+    if not len(surface):
+        return of.outer_diameter, f"no shape, {GUESSED}"
+    low, high = extent(surface, line.frame[:, 0])
+    where = "in pieces"
+    if line.distance >= SHORT * of.reach:
+        drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
+        where = f"on {1000 * drawn:.0f} of {1000 * line.distance:.0f} mm"
+        low, high = 0.0, line.distance
+    outer = outer_diameter(surface, line.frame, (low, high))
+    if outer is None:
+        return of.outer_diameter, f"its shape is {where}, {GUESSED}"
+    return outer, "its shape, median of the cuts"
+
+
 def _link(part: Part, line: Beam, of: Class) -> LinkRow:
     """The tube of a link."""
-    surface, outer, note = triangles(part.shapes), None, f"no shape, {GUESSED}"
-    if len(surface):
-        low, high = extent(surface, line.frame[:, 0])
-        span = (low, high) if line.distance < SHORT * of.reach else (0.0, line.distance)
-        outer = outer_diameter(surface, line.frame, span)
-        drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
-        note = f"its shape is on {1000 * drawn:.0f} of {1000 * line.distance:.0f} mm, {GUESSED}"
-    if outer:
-        note = "its shape, median of the cuts"
-    outer = outer or of.outer_diameter
+    outer, note = _outer(part, line, of)
     length, runs = line.distance, line.runs
     if length < STUB * outer:
         length, runs = STUB * outer, f"half the diameter: {1000 * length:.0f} mm {line.runs}"
