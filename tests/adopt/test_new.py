@@ -139,16 +139,23 @@ def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rpy", "axis"),
-    [("0 0 0", "-1 0 0"), ("0 -1.5708 0", "-1 0 0"), ("0 0 3.14159", "1 0 0"), ("0.4 0.5 0.6", "1 0 0")],
+    ("rpy", "axis", "long"),
+    [
+        ("0 0 0", "-1 0 0", 0.04),
+        ("0 -1.5708 0", "-1 0 0", 0.04),
+        ("0 0 3.14159", "1 0 0", 1.2),  # a gripper
+        ("0.4 0.5 0.6", "1 0 0", 0.04),
+    ],
 )
-def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, axis):
+def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, axis, long):
     """tool0 in joint 6, its shape sideways: outward is away from joint 5, however frames and axis point."""
     text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text())
     last = text.index('<child link="link_6"/>')
     text = text[:last] + text[last:].replace('<axis xyz="-1 0 0"/>', f'<axis xyz="{axis}"/>', 1)
     spot = '<joint name="t" type="fixed"><origin xyz="{}" rpy="{}"/>'
     assert spot.format("0.1 0 0", "0 1.57 0") in text
+    assert 'size="0.04 0.2 0.2"' in text
+    text = text.replace('size="0.04 0.2 0.2"', f'size="{long} 0.2 0.2"')
     file = tmp_path / "wrist.urdf"
     file.write_text(text.replace(spot.format("0.1 0 0", "0 1.57 0"), spot.format("0 0 0", rpy)))
     assert new(tmp_path / "mine", "--from", file, "--payload-kg", 100).returncode == 0
@@ -157,10 +164,12 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     (wrist, _), (joint, _), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-3:]
     out = (joint[0] - wrist[0]) / np.linalg.norm(joint[0] - wrist[0])
     load, *markers = [(tool[0] + turn[0] @ p - joint[0]) @ out for p in (vjm.load, *vjm.markers)]
-    drawn = 0.1 + 0.02  # the end of the box of link 6
+    drawn = 0.1 + long / 2  # the end of the box of link 6
     np.testing.assert_allclose(markers, drawn, atol=2e-3)
     assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
-    assert [doubt.sentence for doubt in found.doubts if doubt.name == "flange"] == []
+    doubted = [doubt.sentence for doubt in found.doubts if doubt.name == "flange"]
+    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is it where the tool is?"]
+    assert doubted == (inside if long > 1 else [])
 
 
 def test_guesses_are_doubted(tmp_path):
