@@ -21,7 +21,6 @@ THICK = 3.0  #: Diameter over length of a tube [1].
 DRAWN = 2.0  #: Diameter of a tube over the width of the drawn link [1].
 NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
 SAG = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
-COVERED = 1 / 3  #: Share of a tube's length that its drawn shape covers at least [1].
 BEHIND = 0.02  #: Distance of a point behind the flange over the reach [1].
 INSIDE = 0.05  #: The same of a tool behind the end of the last link; one between fingers lies there [1].
 FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
@@ -132,20 +131,17 @@ def diameters(arm: Looked) -> Iterator[str]:
 
 
 def fragments(arm: Looked) -> Iterator[str]:
-    """A tube of a thickness that its drawn link tells."""
-    guess, drawn = "the diameter of its tube is a guess", _drawn(arm.cell)
-    links = zip(arm.cell.arm.links, arm.elastic.link, strict=True)
-    for k, (link, entry) in enumerate(links):
-        if entry.tube is None or entry.tube.outer_diameter.origin != "estimated":
-            continue
-        if not drawn:
-            yield f"{link.name}: {guess}, as that of all links that are not drawn"
-            return
-        along, length = drawn.get(k, np.zeros((1, 3))) @ link.frame[:, 0], entry.tube.length.value
-        covered = max(0.0, float(min(along.max(), length) - max(along.min(), 0.0)))
-        if length > CLOSE * arm.vjm.reach and covered < COVERED * length:
-            part = f"its shape is drawn on {1e3 * covered:.0f} of {1e3 * length:.0f} mm"
-            yield f"{link.name}: {part}, so {guess}"
+    """Tubes of a thickness that their drawn links tell."""
+    from testbench.plant.adopt.classes import GUESSED
+
+    links: dict[str, list[str]] = {}
+    for link in arm.elastic.link:
+        if link.tube is not None and (outer := link.tube.outer_diameter).origin == "estimated":
+            why, guessed, _ = outer.note.partition(GUESSED)
+            if guessed:
+                links.setdefault(why, []).append(link.name)
+    for why, names in links.items():
+        yield f"{', '.join(names)}: {why}so the diameter of the tube is a guess"
 
 
 def _widths(cell: Cell) -> dict[int, float]:

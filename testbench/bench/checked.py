@@ -82,7 +82,8 @@ class Checked:
 
     def doubted(self, name: str) -> bool:
         """Whether a doubt is about a link, joint or point of that name."""
-        return any(doubt.sentence.startswith((f"{name}:", f"{name} ")) for doubt in self.doubts)
+        said = [doubt.sentence for doubt in self.doubts]
+        return any(s.startswith(f"{name} ") or name in s.partition(":")[0].split(", ") for s in said)
 
 
 def check(folder: str | Path) -> Checked:

@@ -20,7 +20,7 @@ def command(  # noqa: PLR0913
     tip: Annotated[
         str | None, typer.Option(help="Link, body or site where the tool is; else the end of the arm.")
     ] = None,
-    payload_kg: Annotated[float | None, typer.Option(help="Rated payload; else by the arm's size.")] = None,
+    payload_kg: Annotated[float | None, typer.Option(help="Rated payload; else by the arm's mass.")] = None,
     tool: Annotated[
         str | None, typer.Option(help="x,y,z[,rx,ry,rz] of the tool from the tip, m, deg.")
     ] = None,

@@ -10,6 +10,7 @@ from testbench.arm.folder import load_arm
 from testbench.bench.campaign import build_cell
 from testbench.plant.adopt.folder import write_arm
 from testbench.plant.adopt.read import read_chain
+from testbench.plant.adopt.surface import surfaces
 from testbench.plant.adopt.weigh import DENSITY
 from testbench.plant.adopt.wishes import Wishes
 
@@ -108,6 +109,20 @@ def test_an_arm_without_masses_is_weighed_by_the_volume_of_its_boxes(arms):
     assert any(note.startswith("no mass in the file: 1200 kg/m^3") for note in chain.notes)
 
 
+def test_hulls_that_keep_others_away_weigh_nothing(tmp_path):
+    """A fixed link that only collides, around one that is drawn, as FR3 arms have it; a drawn one weighs."""
+    file, mass = heavy_urdf(tmp_path), {}
+    text = file.read_text()
+    for kind in ("", "collision", "visual"):
+        ball = kind and f'<{kind}><geometry><sphere radius="0.3"/></geometry></{kind}>'
+        link = f"""<link name="around">{ball}</link><joint name="s" type="fixed"><parent link="link_2"/>
+            <child link="around"/></joint></robot>"""
+        file.write_text(text.replace("</robot>", link))
+        mass[kind] = read_chain(file).mass
+    assert mass["collision"] == pytest.approx(mass[""])
+    assert mass["visual"] == pytest.approx(mass[""] + DENSITY * 4 / 3 * np.pi * 0.3**3, rel=0.05)
+
+
 def test_fixed_links_of_the_file_and_its_free_things_are_no_links_of_the_arm(arms):
     _, chain, folder = arms[classes_mjcf]
     assert [link.name for link in load_arm(folder).links] == [f"link{k}" for k in range(8)]
@@ -139,6 +154,19 @@ def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn
     write_arm(chain, Wishes(), tmp_path / "arm")
     assert 'class="visual" rgba' in (tmp_path / "arm/rigid.xml").read_text()
     assert build_cell(tmp_path / "arm").arm.n_joints == 7
+
+
+def test_what_is_fixed_to_a_link_does_not_hide_that_its_mesh_is_gone(tmp_path):
+    file = light_urdf(tmp_path)
+    whole = surfaces(read_chain(file).parts[1]).drawn
+    plate = """<link name="plate"><visual><geometry><box size="0.01 0.01 0.01"/></geometry></visual></link>
+        <joint name="p" type="fixed"><parent link="link_1"/><child link="plate"/></joint></robot>"""
+    file.write_text(
+        file.read_text().replace("meshes/link.stl", "meshes/gone.dae", 1).replace("</robot>", plate)
+    )
+    found = surfaces(read_chain(file).parts[1])
+    assert len(found.drawn_solids) == 1
+    np.testing.assert_allclose(found.drawn[0], whole[0])
 
 
 def test_equal_masses_of_all_links_are_placeholders(tmp_path):

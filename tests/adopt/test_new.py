@@ -108,16 +108,54 @@ def test_a_gripper_whose_fingers_follow_one_of_them_is_no_part_of_the_arm(tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("rpy", "axis"),
-    [("0 0 0", "-1 0 0"), ("0 -1.5708 0", "-1 0 0"), ("0 0 3.14159", "1 0 0"), ("0.4 0.5 0.6", "1 0 0")],
+    "name", ["left/end_effector_link", "tool_frame", "ee_link", "arm_tcp", "flange-link"]
 )
-def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, axis):
+def test_the_frame_of_the_tool_is_known_by_its_name(tmp_path, name):
+    """Beside another bare frame on the last link."""
+    text = heavy_urdf(tmp_path).read_text().replace("tool0", name)
+    camera = """<link name="camera_link"/><joint name="c" type="fixed"><parent link="link_6"/>
+        <child link="camera_link"/></joint></robot>"""
+    (tmp_path / "named.urdf").write_text(text.replace("</robot>", camera))
+    done = new(tmp_path / "mine", "--from", tmp_path / "named.urdf")
+    assert f"6 joints, tool at {name!r}" in done.stdout, done.stderr
+
+
+def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
+    """Nothing but the name of its joint tells the jaw from a seventh axis."""
+    text = heavy_urdf(tmp_path).read_text().replace("tool0", "mount")
+    jaw = """<link name="mover"/><joint name="{}" type="revolute"><origin xyz="0.2 0 0"/>
+        <parent link="link_6"/><child link="mover"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="0" effort="1" velocity="1"/></joint>"""
+    for name, said in (
+        ("jointGripper", "6 joints, tool at 'mount'"),
+        ("joint_a7", "7 joints, tool at 'mover'"),
+    ):
+        file = tmp_path / f"{name}.urdf"
+        file.write_text(text.replace("</robot>", jaw.format(name) + "</robot>"))
+        done = new(tmp_path / name, "--from", file)
+        assert done.returncode == 0, done.stderr
+        assert said in done.stdout
+        assert ("off the arm, so held at zero: jointGripper" in done.stdout) == (said[0] == "6")
+
+
+@pytest.mark.parametrize(
+    ("rpy", "axis", "long"),
+    [
+        ("0 0 0", "-1 0 0", 0.04),
+        ("0 -1.5708 0", "-1 0 0", 0.04),
+        ("0 0 3.14159", "1 0 0", 1.2),  # a gripper
+        ("0.4 0.5 0.6", "1 0 0", 0.04),
+    ],
+)
+def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, axis, long):
     """tool0 in joint 6, its shape sideways: outward is away from joint 5, however frames and axis point."""
     text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text())
     last = text.index('<child link="link_6"/>')
     text = text[:last] + text[last:].replace('<axis xyz="-1 0 0"/>', f'<axis xyz="{axis}"/>', 1)
     spot = '<joint name="t" type="fixed"><origin xyz="{}" rpy="{}"/>'
     assert spot.format("0.1 0 0", "0 1.57 0") in text
+    assert 'size="0.04 0.2 0.2"' in text
+    text = text.replace('size="0.04 0.2 0.2"', f'size="{long} 0.2 0.2"')
     file = tmp_path / "wrist.urdf"
     file.write_text(text.replace(spot.format("0.1 0 0", "0 1.57 0"), spot.format("0 0 0", rpy)))
     assert new(tmp_path / "mine", "--from", file, "--payload-kg", 100).returncode == 0
@@ -126,31 +164,43 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     (wrist, _), (joint, _), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-3:]
     out = (joint[0] - wrist[0]) / np.linalg.norm(joint[0] - wrist[0])
     load, *markers = [(tool[0] + turn[0] @ p - joint[0]) @ out for p in (vjm.load, *vjm.markers)]
-    drawn = 0.1 + 0.02  # the end of the box of link 6
+    drawn = 0.1 + long / 2  # the end of the box of link 6
     np.testing.assert_allclose(markers, drawn, atol=2e-3)
     assert load == pytest.approx(drawn + 0.05 * vjm.reach, abs=2e-3)
-    assert [doubt.sentence for doubt in found.doubts if doubt.name == "flange"] == []
+    doubted = [doubt.sentence for doubt in found.doubts if doubt.name == "flange"]
+    inside = [f"tool is {1e3 * drawn:.0f} mm behind the end of link_6 as drawn: is it where the tool is?"]
+    assert doubted == (inside if long > 1 else [])
 
 
 def test_guesses_are_doubted(tmp_path):
     """A payload that nobody states; a tube drawn in part; a tool in its link, markers behind the flange."""
     file = heavy_urdf(tmp_path)
-    file.write_text(file.read_text().replace('size="0.9 0.2 0.2"', 'size="0.1 0.2 0.2"'))
+    text = file.read_text().replace('size="0.9 0.2 0.2"', 'size="0.1 0.2 0.2"')
+    for size in ("0.4 0.4 1.4", "0.8 0.3 0.3"):
+        assert f'size="{size}"' in text
+        text = text.replace(f'size="{size}"', 'size="0 0 0"')
+    file.write_text(text)
     markers = [
         flag for k in range(3) for flag in ("--marker", f"P{k}={0.1 * (k == 0)},{0.1 * (k == 1)},-0.3")
     ]
     done = new(tmp_path / "mine", "--from", file, *markers, "--tool", "0,0,-0.2")
     assert done.returncode == 0, done.stderr
-    found = [doubt.sentence for doubt in check(tmp_path / "mine").doubts]
+    checked = check(tmp_path / "mine")
+    links = [link.name for link in checked.cell.arm.links if checked.doubted(link.name)]
+    assert links == ["link_2", "link_3", "link_4"]
+    assert [name for name in checked.cell.arm.markers if checked.doubted(name)] == ["P0", "P1", "P2"]
+    found = [doubt.sentence for doubt in checked.doubts]
     for said in (
         r"its payload of \d+ kg is a guess, .*",
-        r"link_4: its shape is drawn on 100 of 900 mm, so the diameter of its tube is a guess",
+        r"link_4: its shape is on 100 of 900 mm, so the diameter of the tube is a guess",
+        r"link_2, link_3: no shape, so the diameter of the tube is a guess",
         r"tool is 2\d\d mm behind the end of link_6 as drawn: .*",
         r"P0 is \d+ mm behind the flange: .*",
     ):
         assert any(re.fullmatch(said, sentence) for sentence in found), (said, found)
     text = (tmp_path / "mine/elastic.toml").read_text()
-    assert text.count("its shape is but a part of it: from payload and reach") == 1
+    assert text.count("its shape is on 100 of 900 mm, so from payload and reach") == 1
+    assert text.count("no shape, so from payload and reach") == 2
     assert new(tmp_path / "stated", "--from", heavy_urdf(tmp_path), "--payload-kg", 300).returncode == 0
     assert not {"payload", "flange", "tube shape"} & {d.name for d in check(tmp_path / "stated").doubts}
 

@@ -81,7 +81,7 @@ class Meshes:
             return []
         told = [f"{name} ({why})" for name, why in list(self.failed.items())[:TOLD]]
         rest = [f"and {len(self.failed) - TOLD} more"] if len(self.failed) > TOLD else []
-        return [f"meshes not read, the link's other shapes stand in: {', '.join(told + rest)}"]
+        return [f"meshes not read, so other shapes of their links stand in, if any: {', '.join(told + rest)}"]
 
 
 def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:

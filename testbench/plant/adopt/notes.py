@@ -37,7 +37,9 @@ def what_became(
         if part.joint is not None and part.joint.limits_from == "none":
             notes.append(f"no limits of {part.joint.name} in the file: {_limits(part.joint)} stands in")
     if specks := [part.name for part in parts if part.mass == SPECK and part.inertia_from == "geometry"]:
-        notes.append(f"no mass and no shape: {SPECK * 1e6:g} mg stands in for {', '.join(specks)}")
+        notes.append(
+            f"no mass in the file, nor any to estimate: {SPECK * 1e6:g} mg stands in for {', '.join(specks)}"
+        )
     return notes
 
 

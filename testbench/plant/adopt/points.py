@@ -87,11 +87,11 @@ def _sites(chain: Chain, tool: Array) -> tuple[tuple[str, Array], ...]:
 
 
 def _ahead(chain: Chain, tool: Array, last: Beam, reach: float) -> float:
-    """How far the drawn flange is ahead of a tool that lies in the last joint [m]."""
+    """How far the drawn end, of a flange or a gripper, is ahead of a tool in the last joint [m]."""
     surface = triangles(chain.parts[-1].shapes).reshape(-1, 3)
     if last.distance > COINCIDE * reach or not len(surface):
         return 0.0
-    return float(np.clip(((surface - tool[:3, 3]) @ last.frame[:, 0]).max(), 0.0, AROUND * reach))
+    return max(0.0, float(((surface - tool[:3, 3]) @ last.frame[:, 0]).max()))
 
 
 def _ring(axes: Array, radius: float, ahead: float) -> tuple[tuple[str, Array], ...]:

@@ -11,7 +11,7 @@ from testbench.errors import Array, BenchError
 from testbench.plant.adopt.beam import Beam, beams, reach
 from testbench.plant.adopt.chain import Chain, Part
 from testbench.plant.adopt.classes import (
-    MASS_SHARE,
+    GUESSED,
     Class,
     estimated_payload,
     in_wrist,
@@ -82,27 +82,37 @@ def _payload(chain: Chain, wishes: Wishes) -> tuple[float, str]:
     if wishes.payload is not None:
         return wishes.payload, "as stated by --payload-kg"
     bare = [part.name for part in chain.parts[1:] if part.inertia_from != "file"]
-    note = f"{MASS_SHARE:g} of its {chain.mass:.4g} kg"
+    long = reach(chain, chain.tip)
+    note = f"root of its {chain.mass:.4g} kg, times {long:.2f} m of reach"
     if bare:
         no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
         note += f", the file has no {no}"
-    payload, (low, high) = estimated_payload(chain.mass), PAYLOAD_RANGE
+    payload, (low, high) = estimated_payload(chain.mass, long), PAYLOAD_RANGE
     if not low <= payload <= high:
         raise BenchError(f"payload: expected {low:g} to {high:g} kg, got {note}; state it by --payload-kg")
     return payload, note
 
 
+def _outer(part: Part, line: Beam, of: Class) -> tuple[float, str]:
+    """Outer diameter of a link's tube [m], and how it is known."""
+    surface = triangles(part.shapes)
+    if not len(surface):
+        return of.outer_diameter, f"no shape, {GUESSED}"
+    low, high = extent(surface, line.frame[:, 0])
+    where = "in pieces"
+    if line.distance >= SHORT * of.reach:
+        drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
+        where = f"on {1000 * drawn:.0f} of {1000 * line.distance:.0f} mm"
+        low, high = 0.0, line.distance
+    outer = outer_diameter(surface, line.frame, (low, high))
+    if outer is None:
+        return of.outer_diameter, f"its shape is {where}, {GUESSED}"
+    return outer, "its shape, median of the cuts"
+
+
 def _link(part: Part, line: Beam, of: Class) -> LinkRow:
     """The tube of a link."""
-    surface, outer = triangles(part.shapes), None
-    if len(surface):
-        span = (0.0, line.distance)
-        if line.distance < SHORT * of.reach:
-            span = extent(surface, line.frame[:, 0])
-        outer = outer_diameter(surface, line.frame, span)
-    lacks = "its shape is but a part of it" if len(surface) else "no shape"
-    note = "its shape, median of the cuts" if outer else f"{lacks}: from payload and reach"
-    outer = outer or of.outer_diameter
+    outer, note = _outer(part, line, of)
     length, runs = line.distance, line.runs
     if length < STUB * outer:
         length, runs = STUB * outer, f"half the diameter: {1000 * length:.0f} mm {line.runs}"

@@ -10,13 +10,15 @@ from testbench.plant.adopt.chain import JointOf, Shape, Site
 from testbench.plant.adopt.pose import pose_of
 
 TIPS = (
-    *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef", "ee_link"),
-    *("ee_gripper_link", "ee_arm_link", "end_effector", "grip_site", "pinch_site", "hand"),
+    *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef"),
+    *("ee_gripper", "ee_arm", "end_effector", "grip_site", "pinch_site", "hand"),
 )
-"""How files call the place of the tool, the best first; a prefix such as `panda_` may stand before."""
+"""How files call the place of the tool, the best first; `panda_` or the like may stand before, `_link` or
+`_frame` behind."""
 FLANGES = "tool0", "flange"  #: Those that no finger of a gripper is called.
 FINGER_JOINTS = 4  #: A branch of so few joints behind an arm is a finger.
 ARM_JOINTS = 3  #: Fewest joints of an arm.
+GRIPS = re.compile("gripper|finger|jaw", re.IGNORECASE)  #: In the name of a joint that closes a gripper.
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,9 @@ def named_tips(tree: Tree) -> list[Tip]:
 def usual_tip(tree: Tree) -> Tip:
     """Where a tool is mounted if nobody says it: at the end of the longest chain of moving joints.
 
-    Fingers of a gripper and rods that follow other joints do not count; a flange by its name wins over a
-    longer chain. At the last moving body, or on what is fixed to it, a usual name decides; else a bare frame
-    that is fixed to it; else the body itself.
+    A gripper and rods that follow other joints do not count; a flange by its name wins over a longer chain.
+    At the last moving body, or on what is fixed to it, a usual name decides; else a bare frame that is fixed
+    to it; else the body itself.
     """
     flange = _flange(tree)
     last = _last_moving(tree) if flange is None else flange
@@ -111,6 +113,7 @@ def _flange(tree: Tree) -> int | None:
 def _rank(name: str) -> int | None:
     """How good a name is for a tool's place, 0 the best; None if it is none."""
     words = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    words = re.sub("_(link|frame)$", "", words)
     found = [k for k, tip in enumerate(TIPS) if words == tip or words.endswith(f"_{tip}")]
     return found[0] if found else None
 
@@ -137,8 +140,13 @@ def _is_rod(tree: Tree, k: int) -> bool:
     return False
 
 
+def _grips(body: Body) -> bool:
+    """Whether the name of a body's joint says that it closes a gripper."""
+    return body.joint is not None and GRIPS.search(body.joint.name) is not None
+
+
 def _last_moving(tree: Tree) -> int:
-    """The last moving body of the arm: the deepest, before the fingers of a gripper."""
+    """The last moving body of the arm: the deepest, before a gripper: branches, or a joint of such a name."""
     carriers = [_carrier(tree, k) for k in range(len(tree.bodies))]
     branches: dict[int, list[int]] = {k: [] for k in range(len(tree.bodies))}
     height = [0] * len(tree.bodies)  # moving joints behind a body, the longest way
@@ -152,9 +160,10 @@ def _last_moving(tree: Tree) -> int:
     here = max(first, key=lambda k: (height[k], -k))
     joints = 0
     while height[here]:
-        fingers = len(branches[here]) > 1 and height[here] <= FINGER_JOINTS
-        if fingers and joints >= ARM_JOINTS:
+        ahead = max(branches[here], key=lambda k: (not tree.bodies[k].follows, height[k], -k))
+        gripper = len(branches[here]) > 1 or _grips(tree.bodies[ahead])
+        if gripper and height[here] <= FINGER_JOINTS and joints >= ARM_JOINTS:
             break
-        here = max(branches[here], key=lambda k: (not tree.bodies[k].follows, height[k], -k))
+        here = ahead
         joints += 1
     return here

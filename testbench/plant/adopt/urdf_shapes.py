@@ -27,6 +27,8 @@ def link_shapes(file: Path, link: ET.Element, colours: dict[str, Array], meshes:
     """
     drawn = [s for e in link.findall("visual") for s in _shapes(file, e, colours, meshes)]
     solid = [s for e in link.findall("collision") for s in _shapes(file, e, colours, meshes)]
+    if not drawn and link.find("visual") is not None:  # none that can be read
+        solid = [replace(s, visual=True) for s in solid]
     return (*drawn, *solid)
 
 

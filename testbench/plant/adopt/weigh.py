@@ -42,7 +42,8 @@ def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple
         for k in own:
             weighed[k] = replace(bodies[k], weighed=False, mass=0.0 if bodies[k].shapes else bodies[k].mass)
     some = any(weighed[k].mass > 0 for k in own)
-    missing = [k for k in own if _is_missing(weighed[k], some)]
+    seen = any(shape.visual for k in own for shape in bodies[k].shapes)
+    missing = [k for k in own if _is_missing(weighed[k], some, seen)]
     if not missing and not some:
         raise InputError(file, "", "expected masses, or shapes to estimate them from; there are neither")
     for k in missing:
@@ -58,14 +59,15 @@ def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple
     return tuple(weighed), notes + _doubt(rest)
 
 
-def _is_missing(body: Body, some: bool) -> bool:
-    """Whether a mass must be estimated; where others have one, a fixed link without one is a mere frame."""
-    return (
-        not body.weighed
-        and body.mass == 0
-        and bool(body.shapes)
-        and (not some or body.moves or body.parent < 0)
-    )
+def _is_missing(body: Body, some: bool, seen: bool) -> bool:
+    """Whether a mass must be estimated.
+
+    A fixed link without one is a mere frame where others have some, and a hull that keeps others away where
+    others are drawn and it is not.
+    """
+    fixed = not body.moves and body.parent >= 0
+    frame = some or (seen and not any(shape.visual for shape in body.shapes))
+    return not body.weighed and body.mass == 0 and bool(body.shapes) and not (fixed and frame)
 
 
 def _doubt(bodies: Sequence[Body]) -> list[str]:
