@@ -25,7 +25,6 @@ from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
-from testbench.views.predicted.figure import overview
 
 ROOT = Path(__file__).resolve().parents[2]
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
@@ -251,19 +250,3 @@ def test_the_page_shows_every_pose_and_the_softest_place(made, open_page):
     assert said(shown).startswith(f"Pose {report['worst'][0]['label']}.")
     shown.page.locator("#map button").click()
     assert f"{report['map']['worst_mm']:.3f} mm" in said(shown)
-
-
-def test_the_figure_draws_deflections_in_millimetres_the_largest_first(kr500, model, q, tmp_path):
-    """Dots and intervals are the numbers of predictions.csv, under an axis of their unit."""
-    own = tb.load_model(model)
-    poses = read_asked(poses_file(tmp_path / "p.csv", q, [f"0,0,0,{MASS}"] * POSES), own, None, lambda: 0.0)
-    found = predicted(own, poses, Wanted(1000.0, None, False))
-    axes = overview(found).axes[0]
-    size = 1e3 * found.found.size[:, 0]
-    [dots] = [line for line in axes.get_lines() if line.get_marker() == "o"]
-    np.testing.assert_allclose(dots.get_ydata(), np.sort(size)[::-1])
-    assert axes.get_ylabel() == "deflection of the tool [mm]"
-    half = 1e3 * found.found.widest[np.argsort(-size), 0]
-    ends = [sorted(segment[:, 1]) for segment in axes.collections[0].get_segments()]
-    lowest = np.maximum(np.sort(size)[::-1] - half, 0)
-    np.testing.assert_allclose(ends, np.column_stack([lowest, np.sort(size)[::-1] + half]))

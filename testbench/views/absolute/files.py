@@ -37,10 +37,10 @@ def write(
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.absolute.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.absolute.page import seen  # thirds of a second
     from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
+    from testbench.views.run_figure import overview  # here: importing matplotlib and rerun takes two
 
     report = reported.report
     said = [f"{doubt.name.capitalize()}: {doubt.sentence}" for doubt in doubts(report)]
@@ -49,9 +49,9 @@ def write(
         files.write_json(asdict(report), folder / "report.json")
         text = words(report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
-        overview(reported).savefig(folder / "calibration.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         drawn = seen(cell, reported)
+        overview(text, drawn).savefig(folder / "calibration.png")
         write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "calibration.png"})
         write_page(folder, f"{COMMAND}: {report.arm}", text, drawn)
         files.write_manifest(

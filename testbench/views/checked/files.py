@@ -15,15 +15,15 @@ COMMAND = "testbench check"  #: As manifest.json names it.
 
 def write(checked: Checked, arm: Path, out: Path) -> None:
     """arm.png, recording.rrd, report.html and manifest.json; InputError when they cannot be written."""
-    from testbench.views.checked.figure import picture  # importing matplotlib and rerun takes two thirds
     from testbench.views.checked.page import seen  # of a second
     from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
+    from testbench.views.run_figure import overview  # importing matplotlib and rerun takes two thirds
 
     with whole_folder(out) as folder:
-        picture(checked).savefig(folder / "arm.png")
         text, drawn, name = words(checked), seen(checked), checked.cell.arm.name
         header = Header(COMMAND, json.dumps({"arm": name}), 0)
+        overview(text, drawn).savefig(folder / "arm.png")
         write_run(folder / "recording.rrd", header, text, drawn, {"Picture": folder / "arm.png"})
         write_page(folder, f"{COMMAND}: {name}", text, drawn)
         files.write_manifest(folder, command=COMMAND, scenario={}, seeds=range(0), models=digests([arm]))

@@ -59,18 +59,18 @@ def write(
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.compensate.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.compensate.page import seen  # thirds of a second
     from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
+    from testbench.views.run_figure import overview  # here: importing matplotlib and rerun takes two
 
     with whole_file(to.program) as program, whole_folder(to.report) as folder:
         files.write_json(asdict(report), folder / "report.json")
         text = words(report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
-        overview(found, report).savefig(folder / "compensation.png")
         header = Header(COMMAND, json.dumps({"arm": report.arm, **asked}, sort_keys=True), 0)
         drawn = seen(cell, found, report)
+        overview(text, drawn).savefig(folder / "compensation.png")
         write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "compensation.png"})
         write_page(folder, f"{COMMAND}: {report.program}", text, drawn)
         write_corrected(found, replace(to, program=program))

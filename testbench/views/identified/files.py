@@ -43,11 +43,11 @@ def write(source: Source, made: Explained, out: Path) -> Words:
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.identified.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.identified.page import seen  # thirds of a second
     from testbench.views.map_figure import error_map
     from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
+    from testbench.views.run_figure import overview  # here: importing matplotlib and rerun takes two
 
     cell, fits, asked = source.cell, made.found.fits, dict(source.asked)
     report = report_of(cell, made)
@@ -57,13 +57,13 @@ def write(source: Source, made: Explained, out: Path) -> Words:
         files.write_json(asdict(report), folder / "report.json")
         text = words(fits, report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
-        overview(made, report).savefig(folder / "identify.png")
         if report.map is not None and report.map.bounded:
             error_map(report.map.errors, f"{report.arm} under {report.map.load}").savefig(
                 folder / "error_map.png"
             )
         header = Header(COMMAND, json.dumps({"arm": fits.arm, **asked}, sort_keys=True), 0)
         drawn = seen(source.filed, made, report)
+        overview(text, drawn).savefig(folder / "identify.png")
         write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "identify.png"})
         write_page(folder, f"{COMMAND}: {fits.arm}", text, drawn)
         arms = [cell.arm.rigid.parent]

@@ -29,19 +29,19 @@ def write(made: Predicted, report: PredictionReport, asked: Mapping[str, object]
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.predicted.figure import overview  # here: importing matplotlib and rerun takes two
     from testbench.views.predicted.page import seen  # thirds of a second
     from testbench.views.recording.run import write_run
     from testbench.views.recording.stream import Header
+    from testbench.views.run_figure import overview  # here: importing matplotlib and rerun takes two
 
     with whole_folder(out) as folder:
         write_predictions(made, folder / "predictions.csv")
         files.write_json(asdict(report), folder / "report.json")
         text = words(report)
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
-        overview(made).savefig(folder / "predict.png")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
         drawn = seen(made, report)
+        overview(text, drawn).savefig(folder / "predict.png")
         write_run(folder / "recording.rrd", header, text, drawn, {"Charts": folder / "predict.png"})
         write_page(folder, f"{COMMAND}: {report.file}", text, drawn)
         model = [made.model.arm.rigid.parent]

@@ -1,0 +1,113 @@
+"""The picture of any run, made of what its page draws: the first poses from aside and above, its charts."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from testbench.views.colours import hexadecimal
+from testbench.views.figure import SMALL, SOFT, Figure, page, quiet, say, short
+from testbench.views.markdown import Told, as_plain
+from testbench.views.page.charts import RunChart
+from testbench.views.page.page import Seen
+from testbench.views.page.scene import Layer, Poses
+
+SIDES = {"from aside": (0, 2), "from above": (0, 1)}
+"""World axes to the right and up."""
+HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.3, 2.3
+"""Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
+KEYS = 4  #: Names on a line of the key.
+SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
+BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
+WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
+
+
+def overview(words: Told, seen: Seen) -> Figure:
+    """The first poses of the scene, and every chart.
+
+    Args:
+        words: Of the report; its answer is the title.
+        seen: What the page draws.
+    """
+    charts = [chart for chart in seen.runs if chart.labels]
+    layers = [own for own in seen.scene.groups[0].layers if own.shown] if seen.scene else []
+    key = KEY * -(-len(layers) // KEYS)
+    rows = [*([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
+    figure = page(HEAD + sum(rows))
+    grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
+    answer, *more = SENTENCE.split(as_plain(words.block("answer")))
+    if seen.scene:
+        own = seen.scene.groups[0]
+        for k, (name, plane) in enumerate(SIDES.items()):
+            axes = figure.add_subplot(grid[0, k])
+            _poses(axes, own, plane)
+            axes.set_title(f"{own.names[own.first]}, {name}", fontsize="medium")
+        _key(figure.add_subplot(grid[1, :]), layers)
+        more.append(f"{own.name}: {seen.scene.title}")
+    for k, chart in enumerate(charts, len(rows) - len(charts)):
+        _chart(figure.add_subplot(grid[k, :]), chart)
+    say(figure, answer, " ".join(more))
+    return figure
+
+
+def _poses(axes: Axes, own: Poses, plane: tuple[int, int]) -> None:
+    """The arm of the pose that is shown first, straight and bent, and what is drawn in it."""
+    k, shown = own.first, list(plane)
+    if own.near is None:
+        for frames, colour, style in ((own.rigid, SOFT, "-"), (own.bent, "0.3", "--")):
+            if frames is not None:
+                axes.plot(*frames.positions[k, 1:, shown], style, color=colour, linewidth=2.5, alpha=0.6)
+    for layer in own.layers:
+        if layer.shown:
+            _layer(axes, layer, k, shown)
+    axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(WIDE)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4))
+    quiet(axes)
+
+
+def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
+    """Dots, or lines and arrows from their beginning to their end, of a pose; what stands still always."""
+    colour, at = hexadecimal(layer.colour), layer.at[k if len(layer.at) > 1 else 0]
+    if layer.to is None:
+        size = 3 if layer.kind == "specks" else 6
+        axes.plot(*at[:, shown].T, "o", color=colour, markersize=size)
+        return
+    to = layer.to[k if len(layer.to) > 1 else 0]
+    axes.plot(*np.stack([at, to])[:, :, shown].transpose(2, 0, 1), color=colour, linewidth=1.4)
+    if layer.kind == "arrows":
+        axes.plot(*to[:, shown].T, "o", color=colour, markersize=3)
+
+
+def _key(axes: Axes, layers: Sequence[Layer]) -> None:
+    """What each colour is."""
+    axes.axis("off")
+    for layer in layers:
+        style = "o" if layer.to is None else "-"
+        axes.plot([], [], style, color=hexadecimal(layer.colour), linewidth=2, label=short(layer.name, 34))
+    axes.legend(frameon=False, fontsize=SMALL, loc="center", ncols=KEYS)
+
+
+def _chart(axes: Axes, chart: RunChart) -> None:
+    """A number a pose and line, with intervals; dashed, what noise alone stays below."""
+    at, few = np.arange(len(chart.labels)), len(chart.labels) <= BARS
+    for line in chart.lines:
+        look, mark = line.look, line.look.mark if few else ""
+        axes.plot(
+            at, line.values, f"{mark}-", color=look.hex, markerfacecolor=look.face, label=line.name,
+            markersize=look.size(4), linewidth=1.2,
+        )  # fmt: skip
+        if line.ends:
+            axes.fill_between(at, *line.ends, color=look.hex, alpha=0.15, linewidth=0)
+    if chart.limit is not None and np.isfinite(chart.limit):
+        axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label="noise alone, 95 %")
+    some = at[:: -(-len(at) // NAMED)]
+    axes.set_xticks(some, [short(chart.labels[k], 8) for k in some], rotation=0 if len(some) < 15 else 45)
+    axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])), fontsize="medium")
+    axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
+    axes.legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    quiet(axes)
