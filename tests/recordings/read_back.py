@@ -116,7 +116,9 @@ def sound(file, answer):
     assert "1 file verified without error" in rerun("verify", file)[1]
     assert file.stat().st_size < BUDGET
     chunks = chunks_of(file)
-    landed = on(chunks, "worst_first")
+    (entry,) = RrdReader(file).recordings()
+    general = entry.application_id.startswith("testbench_run_")
+    landed = on(chunks, "worst_first") if general else chunks
     for origin, kind, name in views(file):
         assert [c for c in landed if f"{c.entity_path}/".startswith(f"/{origin}/")], (origin, name)
         assert kind not in ("3D", "TimeSeries") or re.search(r"\((m|mm|um|urad|deg)[,)]", name), name

@@ -13,6 +13,7 @@ from unittest import mock
 import pytest
 from checks import check_markdown
 from pyarrow import parquet
+from read_back import sound
 
 from testbench import files
 from testbench.shell import command
@@ -102,7 +103,10 @@ def check_files(quick, *figures):
     assert done.stderr == ""
     for name in files - {"manifest.json"}:
         assert str(out / name) in done.stdout
-    check_markdown((out / "report.md").read_text())
+    text = (out / "report.md").read_text()
+    check_markdown(text)
+    answer = next(part for part in text.split("\n\n") if part.startswith("**")).strip("*")
+    sound(out / "recording.rrd", answer)
 
 
 def check_refused(app, out, flags, said):

@@ -17,9 +17,8 @@ from checks import (
     unit_in,
 )
 from made_up import around, fill, filled, single, spread
-from read_back import PLACED, chunks_of, document, plotted
 
-from testbench.studies.identifiability import figure, recording
+from testbench.studies.identifiability import figure
 from testbench.studies.identifiability.study import STUDY
 from testbench.studies.identifiability.summary import (
     Beaten,
@@ -31,8 +30,7 @@ from testbench.studies.identifiability.summary import (
     verdict,
 )
 from testbench.studies.identifiability.verdict import gains
-from testbench.studies.study import Run
-from testbench.trials.spread import ends, middle, triple
+from testbench.trials.spread import ends, middle
 from testbench.views.colours import look
 
 KINDS = {
@@ -283,21 +281,3 @@ def test_the_figure_draws_the_reports_numbers(report):
     assert [t.get_text() for t in right.get_xticklabels()] == ["0.2", "2.5"]
     assert centre.get_xlabel() == "poses"
     assert right.get_xlabel() == "prior softer than the truth, times"
-
-
-def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
-    words = STUDY.words(report)
-    run = Run(None, range(4, 7), report, words, STUDY.tables(report), tmp_path, "{}")
-    recording.write_recording(run)
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    drawn = plotted(chunks, "/rms_error_over_the_workspace_mm")
-    for name in OVER_POSES:
-        expected = [triple(row[name]) for row in report.poses]
-        np.testing.assert_allclose(drawn[name], expected, rtol=PLACED, err_msg=name)
-    summary = document(chunks, "/summary")
-    for block in ("question", "answer", "statements", "seen"):
-        assert words.block(block) in summary
-    [(head, rows)] = tables_of(summary)
-    assert head == ["model", *(str(row["poses"]) for row in report.poses)]
-    for cells, name in zip(rows, OVER_POSES, strict=True):
-        assert cells == [name, *(f"{row[name].median:.3g}" for row in report.poses)]

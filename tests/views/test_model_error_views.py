@@ -18,14 +18,12 @@ from checks import (
     unit_in,
 )
 from made_up import of_one_trial
-from read_back import chunks_of, columns, document
 
 from testbench.bench.truths import CALLED, member
-from testbench.studies.model_error import figure, recording
+from testbench.studies.model_error import figure
 from testbench.studies.model_error.cases import ALL, NONE, STIFF, cases
 from testbench.studies.model_error.study import STUDY
 from testbench.studies.model_error.trial import CaseRow, Settings
-from testbench.studies.study import Run
 from testbench.views.gains import ratio as ratio_of
 from testbench.views.markdown import grid
 
@@ -284,37 +282,3 @@ def test_the_figure_draws_the_reports_numbers_and_joins_no_two_cases(report):
     legend = key_of(drawn)
     assert [t.get_text() for t in legend.get_texts()] == list(MODELS)
     looks_differ(legend)
-
-
-def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
-    words, tables = STUDY.words(report), STUDY.tables(report)
-    run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
-    recording.write_recording(run)
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    ticks = columns(chunks, f"{CHART}/ticks")
-    tens = [float(text) for text in ticks["Points2D:labels"][0]]
-    x = [place[0] for place in ticks["Points2D:positions"][0]]
-    slope, start = np.polyfit(x, np.log10(tens), 1)
-    noisy = [c for case in CASES for c in report.cells if c.case == case and c.noise_um > 0]
-    values = columns(chunks, f"{CHART}/value")["Points2D:positions"][0]
-    np.testing.assert_allclose(
-        [10 ** (slope * x + start) for x, _ in values], [c.rms_um.median for c in noisy], rtol=1e-5
-    )
-    bars = columns(chunks, f"{CHART}/spread")["LineStrips2D:strips"][0]
-    read = [[10 ** (slope * x + start) for x, _ in bar] for bar in bars]
-    np.testing.assert_allclose(read, [(c.rms_um.p05, c.rms_um.p95) for c in noisy], rtol=1e-5)
-    assert columns(chunks, f"{CHART}/name")["Points2D:labels"][0] == NAMES
-    legend = columns(chunks, f"{CHART}/legend")
-    colours = columns(chunks, f"{CHART}/value")["Points2D:colors"][0]
-    meaning = dict(zip(legend["Points2D:labels"][0], legend["Points2D:colors"][0], strict=True))
-    assert list(meaning) == list(MODELS)
-    assert len(set(meaning.values())) == len(MODELS)
-    assert colours == [meaning[c.model] for c in noisy]
-    summary = document(chunks, "/summary")
-    assert all(words.block(name) in summary for name in ("question", "answer", "statements"))
-    (head, rows), *_ = tables_of(summary)
-    assert [row[0] for row in rows] == list(MODELS)
-    assert {"no disturbance", "all together"} < {*head} < {"model", *NAMES}
-    for name, *cells in rows:
-        told = {CALLED_CASES.get(c.case, c.case): f"{c.rms_um.median:.0f}" for c in noisy if c.model == name}
-        assert cells == [told[case] for case in head[1:]]

@@ -9,7 +9,6 @@ from checks import (
     check_pivot,
     check_report,
     check_spread,
-    check_summary,
     check_table,
     check_words,
     curves,
@@ -18,14 +17,11 @@ from checks import (
     unit_in,
 )
 from made_up import of_one_trial
-from read_back import PLACED, chunks_of, plotted
 
 from testbench.bench.truths import CALLED, TRUTHS, member
-from testbench.studies.noise_sensitivity import figure, recording
+from testbench.studies.noise_sensitivity import figure
 from testbench.studies.noise_sensitivity.study import STUDY
 from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
-from testbench.studies.study import Run
-from testbench.trials.spread import triple
 from testbench.views.markdown import grid
 
 SEEDS = range(4, 9)
@@ -365,15 +361,3 @@ def test_the_figure_draws_the_reports_numbers(report):
     [flat] = [r.rms_um.median for r in report.instruments if r.x == 0 and r.truth == "linear"]
     assert any(np.allclose(line.get_ydata(), flat) for line in right.get_lines())
     looks_differ(right.get_legend())
-
-
-def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
-    words, tables = STUDY.words(report), STUDY.tables(report)
-    run = Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}")
-    recording.write_recording(run)
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    drawn = plotted(chunks, "/rms_error_over_the_workspace_um")
-    for name in MODELS:
-        own = sorted((r for r in report.sweeps["gravity"] if r.model == name), key=lambda r: r.sigma_um)
-        np.testing.assert_allclose(drawn[name], [triple(r.rms_um) for r in own], rtol=PLACED)
-    check_summary(chunks, words, tables["gravity_short"])

@@ -19,15 +19,13 @@ from testbench.bench.plan_input import FORCE, read_payload, read_pulls
 from testbench.bench.plan_report import CurveRow, Expected, PlanReport, PoseRow, TaskRow
 from testbench.bench.plan_unshown import Unshown
 from testbench.data.posefile import plan_columns
+from testbench.model.vjm import tool_points
 from testbench.views.plan.figure import overview
 from testbench.views.plan.files import write_poses, write_tasks
-from testbench.views.plan.scene import BEST, RANDOM, scene
+from testbench.views.plan.page import seen
 from testbench.views.plan.tables import tables, words
-from testbench.views.recording.plan import write_plan
-from testbench.views.recording.stream import Header
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
-from read_back import PLACED, chunks_of, columns, document, on, plotted
 
 JOINTS = ["swing", "boom", "arm", "roll", "bend", "turn"]
 POSES, TASKS, MOST = 4, 7, 9
@@ -411,66 +409,34 @@ def places_of(rng):
     return error_places(at, errors, list(errors))
 
 
-@pytest.fixture
-def recorded(report, rng, kr500, tmp_path):
-    """The made-up report recorded."""
-    plan = SimpleNamespace(q=rng.uniform(-1, 1, (POSES, 6)))
-    made = scene(kr500, Planned(None, plan, None, report), rng.uniform(-3, 3, (30, 3)))
-    write_plan(tmp_path / "recording.rrd", Header("testbench plan", "{}", 1), made)
-    return chunks_of(tmp_path / "recording.rrd")
-
-
-def test_the_documents_of_the_recording_are_blocks_of_the_page(recorded, report):
-    text, page = words(report), words(report).whole()
-    summary = document(recorded, "/summary")
-    assert summary.startswith(
-        "### Which poses to measure?\n\n#### **4 poses: expected error at the tasks 0.234"
-    )
-    assert text.block("statements") in summary
-    shown = document(recorded, "/tables")
-    for name in ("poses", "tasks"):
-        assert text.block(name) in shown
-        assert text.block(name) in page
-    assert text.block("curve") in document(recorded, "/sweep_words")
-
-
-def test_every_step_of_the_recording_tells_its_run(recorded, report):
-    steps = columns(on(recorded, "run"), "/this_step")["TextDocument:text"]
-    for [step], row in zip(steps, report.plan, strict=True):
-        angles = ", ".join(f"{j} {a:.2f}" for j, a in zip(JOINTS, row.q_shown, strict=True))
-        error = [row.expected_error_mm, row.expected_error_p05_mm, row.expected_error_p95_mm]
-        assert f"**Run {row.run}**: hang {row.load_kg:g} kg. " in step
-        assert f"deflection {row.expected_deflection_mm:.2f} mm" in step
-        assert "{:.3f} ({:.3f} to {:.3f}) mm".format(*error) in step
-        assert f"{angles} deg; {row.travel_deg:.0f} deg from the run before, straight." in " ".join(
-            step.split()
-        )
-
-
-def test_the_numbers_of_the_recording_are_those_of_the_report(recorded, report):
-    drawn = plotted(recorded, "/expected_mm")
-    for name, path in (("deflection", "expected_deflection_mm"), ("its error", "expected_error_mm")):
-        expected = [getattr(row, path) for row in report.plan]
-        np.testing.assert_allclose(drawn[name][:, 0], expected, rtol=PLACED)
-    [(head, rows)] = tables_of(document(recorded, "/error_words"))
-    assert head[:5] == ["model", "RMS, mm", "greatest, mm", "places without a bound", "place"]
-    assert rows[0][:4] == ["MLS56", f"{np.sqrt(np.mean(np.square([0.4, 0.9, 0.8, 0.7]))):.3f}", "0.900", "1"]
-    assert rows[1][:4] == ["ALL153 + prior", f"{np.sqrt(0.086):.3f}", "0.500", "0"]
-    cubes = columns(recorded, "/world/error_map/all153_prior/tasks")["Boxes3D:centers"][0]
-    np.testing.assert_allclose(cubes, [row.tool_m for row in report.tasks], rtol=1e-6)
-
-
-def test_the_chart_of_the_recording_tells_planned_from_random(recorded, report):
-    drawn, rows = plotted(recorded, "/other_plans_mm"), report.curve
-    np.testing.assert_allclose(drawn[BEST], [(row.greedy_mm,) * 3 for row in rows], rtol=PLACED)
-    random = [(row.random_median_mm, row.random_p10_mm, row.random_p90_mm) for row in rows]
-    np.testing.assert_allclose(drawn[RANDOM], random, rtol=PLACED)
-    names = columns(recorded, "/other_plans_mm/name")
-    colours = dict(zip(names["Points2D:labels"][0], names["Points2D:colors"][0], strict=True))
-    sky_blue, grey = 0x2892C4, 0x7F7F7F
-    assert [colours[name] >> 8 for name in (BEST, RANDOM)] == [sky_blue, grey]
-    ticks = columns(recorded, "/other_plans_mm/ticks_x")["Points2D:labels"][0]
-    assert ticks == [str(row.poses) for row in rows]
+def test_what_is_drawn_of_a_plan_are_its_poses_and_errors(report, rng, kr500):
+    q, tasks = rng.uniform(-1, 1, (POSES, 6)), rng.uniform(-1, 1, (len(report.tasks), 6))
+    plan = SimpleNamespace(q=q, specification=SimpleNamespace(tasks=SimpleNamespace(q=tasks)))
+    drawn = seen(kr500, Planned(None, plan, None, report), rng.uniform(-3, 3, (30, 3)))
+    order, work, _ = drawn.scene.groups
+    layers = {layer.name: layer for layer in order.layers}
+    np.testing.assert_allclose(layers["planned, in order"].at[0], [row.tool_m for row in report.plan])
+    np.testing.assert_allclose(layers["tasks"].at[0], [row.tool_m for row in report.tasks])
+    np.testing.assert_allclose(layers["tracker"].at[0, 0], report.tracker_m)
+    sights = layers["lines of sight"]
+    np.testing.assert_allclose(sights.at, np.broadcast_to(report.tracker_m, sights.at.shape))
+    np.testing.assert_allclose(sights.to, tool_points(kr500.vjm, q, kr500.vjm.markers))
+    load = layers["load"]
+    np.testing.assert_allclose(load.at[:, 0], tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0])
+    assert ((load.to - load.at)[..., 2] < 0).all()
+    for k, row in enumerate(report.plan):
+        assert order.names[k] == f"Run {row.run}"
+        assert f"Expected deflection {row.expected_deflection_mm:.2f} mm" in order.words[k]
+    at_tasks, at_poses = drawn.runs
+    for chart, rows in ((at_tasks, report.tasks), (at_poses, report.plan)):
+        [line] = chart.lines
+        np.testing.assert_allclose(line.values, [row.expected_error_mm for row in rows])
+        np.testing.assert_allclose(line.ends[0], [row.expected_error_p05_mm for row in rows])
+        np.testing.assert_allclose(line.ends[1], [row.expected_error_p95_mm for row in rows])
+    shown = {line.name: line.values for line in drawn.map.lines}
+    for name in report.map.compared:
+        np.testing.assert_allclose(shown[name], report.map.errors(name))
+    assert work.first == int(np.argmax([row.expected_error_mm for row in report.tasks]))
 
 
 def test_a_curve_without_a_bound_says_so_and_is_left_out_of_figure_and_chart(report):

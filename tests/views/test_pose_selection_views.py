@@ -12,17 +12,13 @@ from checks import (
     curves,
     key_of,
     looks_differ,
-    tables_of,
     unit_in,
 )
 from made_up import fill, single
-from read_back import PLACED, chunks_of, columns, document, plotted
 
 from testbench.bench.plan_report import Expected
 from testbench.bench.truths import CALLED
-from testbench.model.vjm import chain
-from testbench.studies.pose_selection import recording, summary
-from testbench.studies.pose_selection.measure import build_bench
+from testbench.studies.pose_selection import summary
 from testbench.studies.pose_selection.report import Level
 from testbench.studies.pose_selection.rows import Certificate, Kept, Model, PlanRow, Row, Scene, Where
 from testbench.studies.pose_selection.settings import (
@@ -38,12 +34,8 @@ from testbench.studies.pose_selection.settings import (
     Settings,
 )
 from testbench.studies.pose_selection.study import STUDY
-from testbench.studies.pose_selection.trial import first_runs
-from testbench.studies.study import Run
-from testbench.trials.spread import Spread, ends, middle, triple
+from testbench.trials.spread import Spread, ends, middle
 from testbench.views import markdown
-from testbench.views.recording.plan import write_plan
-from testbench.views.recording.stream import Header
 
 CRITERIA, NAMES, POSES, SEEDS = ("test", "I", "D"), ("test", "I", "D", "random"), (8, 12), range(4, 7)
 OTHERS = ("12 poses, one weight, three markers", "4 more poses", "a fourth marker")
@@ -500,38 +492,3 @@ def test_dots_of_the_featured_poses_are_the_reports(report):
     for where, (x, y) in zip(("tasks", "workspace"), list(curves(last).values())[:2], strict=True):
         assert x.tolist() == [getattr(row, where).ratio for row in report.grounds]
         assert y.tolist() == list(range(12))
-
-
-def test_the_recording_holds_the_reports_numbers_and_words(report, asked, kr500, tmp_path):
-    words = STUDY.words(report)
-    run = Run(asked, SEEDS, report, words, STUDY.tables(report), tmp_path, "{}")
-    bench = build_bench(kr500, asked)
-    first = first_runs(bench, asked, SEEDS[0])
-    scene = recording.scene(run, bench, first)
-    write_plan(tmp_path / "recording.rrd", Header("pose_selection", "{}", 1), scene)
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    text = document(chunks, "/summary")
-    assert words.block("question") in text
-    assert words.block("answer") in text
-    assert tables_of(text) == tables_of(markdown.grid(run.tables["recorded"]))
-    beside = document(chunks, "/tables")
-    assert words.block("statements") in beside
-    assert markdown.grid(run.tables["variants"]) in beside
-    assert markdown.grid(run.tables["forecasts"]) in beside
-    many = document(chunks, "/sweep_words")
-    assert tables_of(many) == tables_of(markdown.grid(run.tables["medians"]))
-    assert f"**{' '.join(words.block('number').split())}**" in many
-    moved = 1e3 * np.sqrt(np.square(first.deflection).sum(axis=2).mean(axis=1))
-    np.testing.assert_allclose(plotted(chunks, "/expected_mm")["deflection"][:, 0], moved, rtol=PLACED)
-    name, found = PLANNED.name, scene.map.found
-    (places, mm), order = scene.map.tasks[name], np.array(found.run) - 1
-    assert mm.tolist() == [v.median for v in report.where.tasks_mm]
-    assert list(found.error_mm[name]) == [report.where.workspace_mm[k].median for k in order]
-    np.testing.assert_allclose(places, chain(kr500.vjm, np.array(asked.scene.tasks)).position)
-    workspace = chain(kr500.vjm, np.array(asked.scene.workspace)).position
-    np.testing.assert_allclose(found.position_m, workspace[order], atol=1e-4)
-    points = {(p.model, p.x): triple(p.y) for p in scene.sweep.points}
-    for name, own in report.errors[PLANNED.name].items():
-        for level in own:
-            assert points[name, level.poses] == triple(level.tasks_mm)
-    assert columns(chunks, "/other_plans_mm/name")["Points2D:labels"][0] == list(NAMES)

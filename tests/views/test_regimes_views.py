@@ -4,17 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_report, check_spread, check_summary, check_table, check_words, summaries
+from checks import check_pivot, check_report, check_spread, check_table, check_words, summaries
 from made_up import fill, of_one_trial, single
 from matplotlib.colors import to_rgba
-from read_back import PLACED, chunks_of, plotted
 
 from testbench.bench.rows import DatasetRow
-from testbench.studies.regimes import figure, recording
+from testbench.studies.regimes import figure
 from testbench.studies.regimes.study import STUDY
 from testbench.studies.regimes.trial import FULL_POSE, GRAVITY, PRIORS, CellRow, Settings
-from testbench.studies.study import Run
-from testbench.trials.spread import Spread, triple
+from testbench.trials.spread import Spread
 from testbench.views.markdown import grid
 
 SEEDS = range(3, 6)
@@ -229,16 +227,3 @@ def test_the_figure_draws_medians_hatches_what_is_open_and_frames_what_beats_joi
     assert green[1] > green[0]
     assert brown[0] > brown[1]
     assert to_rgba(figure.COLOURS(figure.SCALE(1.0)))[:3] == pytest.approx((0.96, 0.96, 0.96), abs=0.01)
-
-
-def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
-    words, tables = STUDY.words(report), STUDY.tables(report)
-    recording.write_recording(Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}"))
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    drawn = plotted(chunks, "/error_of_gco_over_that_of_least_squares_8_poses_ratio")
-    for structure in STRUCTURES:
-        cells = [c for c in report.cells["gravity"] if (c.structure, c.poses) == (structure, 8)]
-        own = sorted(cells, key=lambda cell: cell.noise_um)
-        np.testing.assert_allclose(drawn[structure], [triple(c.gco_over_ls) for c in own], rtol=PLACED)
-    np.testing.assert_allclose(drawn["least squares"], 1, rtol=PLACED)
-    check_summary(chunks, words, tables["gravity_short"])

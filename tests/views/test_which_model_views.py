@@ -8,24 +8,21 @@ from checks import (
     check_pivot,
     check_report,
     check_spread,
-    check_summary,
     check_table,
     check_words,
     summaries,
     unit_in,
 )
 from made_up import of_one_trial
-from read_back import PLACED, chunks_of, columns, plotted
 
 from testbench.bench.truths import CALLED, TRUTHS
 from testbench.bench.wrong_prior import PRIORS, PRIORS_CALLED
-from testbench.studies.study import Run
-from testbench.studies.which_model import figure, recording, tables
+from testbench.studies.which_model import figure, tables
 from testbench.studies.which_model.methods import COVERED
 from testbench.studies.which_model.rows import Case, Cover, Doubted, FitRow
 from testbench.studies.which_model.study import STUDY
 from testbench.studies.which_model.trial import POSES, Settings, pairs
-from testbench.trials.spread import middle, triple
+from testbench.trials.spread import middle
 from testbench.views.markdown import grid
 
 SEEDS = range(2, 14)
@@ -387,16 +384,3 @@ def test_the_figure_draws_the_reports_numbers(report):
     assert len({tables.look_of(m) for m in report.family}) == len(METHODS)
     shown = tables.tables(report)["family_short"].looks
     assert shown == {m.method: tables.look_of(m) for m in report.family}
-
-
-def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
-    words, tables = STUDY.words(report), STUDY.tables(report)
-    recording.write_recording(Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}"))
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    drawn = plotted(chunks, "/rms_error_over_the_workspace_mm")
-    for name in ("MGCO56", "ALL153 + prior"):
-        own = [triple(m.workspace_mm) for m in report.family if m.method == name]
-        np.testing.assert_allclose(drawn[name], own, rtol=PLACED)
-    texts = columns(chunks, "/rms_error_over_the_workspace_mm/ticks_x")["Points2D:labels"][0]
-    assert texts == [str(n) for n in POSES]
-    check_summary(chunks, words, tables["family_short"])

@@ -1,24 +1,21 @@
 """What people see of the study of wrong inputs equals its report, for trials that are made up."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_report, check_spread, check_summary, check_table, check_words, summaries
+from checks import check_report, check_spread, check_table, check_words, summaries
 from made_up import fill, of_one_trial, single
 from matplotlib.colors import to_hex
-from read_back import chunks_of, columns
 
 from testbench.bench.rows import DatasetRow
 from testbench.errors import BenchError
-from testbench.studies.study import Run
-from testbench.studies.wrong_inputs import figure, recording
+from testbench.studies.wrong_inputs import figure
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.report import rate
-from testbench.studies.wrong_inputs.sound import LOADS, sound
+from testbench.studies.wrong_inputs.sound import LOADS
 from testbench.studies.wrong_inputs.study import STUDY
-from testbench.studies.wrong_inputs.trial import SOUND, SetRow, Settings, cases
+from testbench.studies.wrong_inputs.trial import SOUND, SetRow, Settings
 from testbench.views.colours import GREY, MEASURED, NOMINAL, hexadecimal
 
 SEEDS = range(302, 332)
@@ -210,42 +207,3 @@ def test_a_bar_is_the_shares_of_its_fault(report):
     [line] = axes.get_lines()
     np.testing.assert_allclose(line.get_xdata(), [100 * fault.before for fault in report.faults])
     assert math.isclose(axes.get_xlim()[1], 100)
-
-
-def test_the_recording_shows_readings_as_they_were_handed_in(report, tmp_path, kr500, arm_6r):
-    """A tilted frame moves targets, millimetres are drawn at the edge, kilograms are small forces."""
-    cells = {"kr500_l480": kr500, "arm_6r": arm_6r}
-    sets = dict(cases(SETTINGS, cells, report.shown))
-    assert (sets[SOUND].tracker, sets[SOUND].loads) == (False, "hung")
-    words, tables = STUDY.words(report), STUDY.tables(report)
-    recording.write_recording(Run(SETTINGS, SEEDS, report, words, tables, tmp_path, "{}"), sets)
-    chunks = chunks_of(tmp_path / "recording.rrd")
-    check_summary(chunks, words, tables["kinds"])
-    order = [example.case for example in report.examples]
-    assert order[-1] == SOUND
-    texts = [text for [text] in columns(chunks, "/this_fault")["TextDocument:text"]]
-    for example, text in zip(report.examples, texts, strict=True):
-        assert f"**Planted: {example.words}.**" in text
-        assert (example.said or "Nothing is said") in text
-    read, nominal = (
-        dict(zip(order, columns(chunks, f"/world/markers/{name}")["Points3D:positions"], strict=True))
-        for name in ("unloaded", "nominal")
-    )
-    own = sets["frame_tilted"].data
-    run = recording.most_changed(sets[SOUND].data, own)
-    np.testing.assert_allclose(read["frame_tilted"], own.before[run], atol=1e-5)
-    away = {case: np.linalg.norm(np.subtract(read[case], nominal[case]), axis=1).min() for case in order}
-    assert away[SOUND] < 0.02 < 0.05 < away["frame_tilted"] < 0.5 < away["millimetres"] < 3
-    labels = dict(zip(order, columns(chunks, "/world/load/label")["Points3D:labels"], strict=True))
-    assert labels[SOUND] == ["4516 N"]
-    assert labels["kilograms"] == ["460.3 N"]
-
-
-def test_the_run_that_is_shown_is_the_one_that_a_fault_changes_most(kr500, arm_6r):
-    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 303).data
-    after, wrench = own.after.copy(), own.wrench.copy()
-    after[4, 0] += 1e-3
-    wrench[7] *= 0.5
-    assert recording.most_changed(own, replace(own, after=after)) == 4
-    assert recording.most_changed(own, replace(own, wrench=wrench)) == 7
-    assert recording.most_changed(own, own) == 0
