@@ -18,7 +18,7 @@ CHECK = (
     Column("check.rms_mm", "RMS check", "mm"),
     Column("check.max_mm", "max check", "mm"),
 )
-COUNTS = "they count noise and the prior, not what a model leaves out: joints alone look too sure"
+COUNTS = "noise and the prior count, not what a model leaves out: joints alone look too sure"
 """What every interval of a model is told with."""
 INTERVALS = (
     Column("name", "model"),
