@@ -144,20 +144,21 @@ def _merge(values: list[object]) -> object:
 
 def twins_once(texts: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """Sentences of several trials, each once; of those that differ in numbers alone one with their ranges."""
-    every = [text for own in texts for text in dict.fromkeys(own)]
+    every = [(text, trial) for trial, own in enumerate(texts) for text in own]
     found = []
-    for own in grouped(every, lambda text: NUMBER.sub("#", text)).values():
-        if len(set(own)) == 1:
-            found.append(own[0])
-            continue
-        places = iter(zip(*(NUMBER.finditer(text) for text in own), strict=True))
-        text = NUMBER.sub(lambda _: _range(next(places)), own[0])  # noqa: B023 - used at once
-        found.append(f"{text} ({len(own)} of {len(texts)} trials)")
+    for twins in grouped(every, lambda one: NUMBER.sub("#", one[0])).values():
+        own, trials = dict.fromkeys(text for text, _ in twins), {trial for _, trial in twins}
+        places = iter(zip(*map(NUMBER.finditer, own), strict=True))
+        text = NUMBER.sub(lambda _: _range(next(places)), twins[0][0])  # noqa: B023 - used at once
+        told = len(own) > 1 and len(texts) > 1
+        found.append(f"{text} ({len(trials)} of {len(texts)} trials)" if told else text)
     return tuple(found)
 
 
 def _range(numbers: Sequence[re.Match[str]]) -> str:
     """The least to the largest of several numbers, as they are written."""
+    if len(numbers) == 1:
+        return numbers[0][0]
     written = [end for m in numbers for end in (m[0].partition(" to ")[0], m[1] or m[0])]
     low, high = min(written, key=float), max(written, key=float)
     return low if float(low) == float(high) else f"{low} to {high}"
