@@ -112,6 +112,17 @@ def span(trials: int) -> str:
     return "5 % to 95 %" if trials >= ENOUGH else "range"
 
 
+def most_trials(trials: int) -> str:
+    """In how many of so many trials something holds that holds at an end of their spread."""
+    return (
+        f"95 % of {trials} trials"
+        if trials >= ENOUGH
+        else "the trial"
+        if trials == 1
+        else f"all {trials} trials"
+    )
+
+
 def merge(values: Sequence[T]) -> T:
     """Records of several trials, all of one type, as one: every number becomes its median and spread.
 
