@@ -462,9 +462,7 @@ def test_the_number_of_poses_that_is_enough_is_that_of_95_percent_of_trials(repo
     few = summary.recommend(levels(test=(0.09, 0.08, 0.07), random=(0.3, 0.2, 0.1)))
     assert (few.fewest, few.little_more_beyond) == ({"test": 4, "random": None}, None)
     text = STUDY.words(replace(report, recommendation=few)).block("statements")
-    assert (
-        "4 planned poses keep the tasks within 0.1 mm in all 3 trials; random ones: more than" in text
-    )
+    assert "4 planned poses keep the tasks within 0.1 mm in all 3 trials; random ones: more than" in text
     assert "Every step tried still pays" in text
 
 

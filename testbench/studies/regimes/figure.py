@@ -46,8 +46,8 @@ def maps(report: RegimesReport) -> Figure:
         f"A weight, {report.featured_poses} poses, {report.featured_um:g} um of noise, {own.structure}: "
         f"{beside(gains, 'um')}",
         f"Numbers: GCO's RMS error over the workspace over the other's, medians of {report.trials} trials, "
-        f"{len(report.truth)} true arms in turn. Hatched: their {span(report.trials)} holds 1. Framed: "
-        "GCO beats joints alone in most trials.",
+        f"{len(report.truth)} true arms in turn. Hatched: their {span(report.gains.joints.trials)} holds 1. "
+        "Framed: GCO beats joints alone in most trials.",
     )
     return figure
 
