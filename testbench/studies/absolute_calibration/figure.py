@@ -71,7 +71,8 @@ def curves(report: AbsoluteCalibrationReport) -> Figure:
         + "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in report.gains),
         f"RMS errors, {report.dataset.sigma_um:g} um a reading. Marks: medians; band and lines: "
         f"{spans(row.error_mm for row in report.campaigns) or 'none'}; {report.trials} trials, "
-        f"{count} arms in turn. Bars: RMS in the middle row, medians below; dashes: medians. Compliances: of joint 2, beside the true one.",
+        f"{count} arms in turn. Bars: RMS in the middle row, medians below; dashes: "
+        "medians. Compliances: of joint 2, beside the true one.",
     )
     return figure
 
