@@ -144,6 +144,26 @@ def test_the_error_map_of_the_recording_goes_to_its_places(made, report):
     assert said["TextDocument:text"][said["place"].index(k)][0].startswith(f"**Place {k} of 200, where ")
 
 
+def test_every_map_of_half_widths_says_what_they_do_not_count(made, report):
+    """Joints alone have the least half widths in every place, as what they leave out is in none of them."""
+    half = report["map"]["errors"]["error_mm"]
+    assert all(a < b for a, b in zip(half["Joints"], half["MGCO56"], strict=True) if a is not None and b)
+    said = "noise and the prior count, not what a model leaves out: joints alone look too sure"
+    assert report["map"]["errors"]["means"]["words"].endswith(said)  # below every picture of the map
+    chunks = chunks_of(made[0] / "recording.rrd")
+    maps = [text for c in chunks for text in texts_of(chunks, c.entity_path)]
+    assert any("| Joints |" in text and said in text for text in maps)
+    page = (made[0] / "report.html").read_text()
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page)[1])
+    assert data["map"]["title"].endswith(said)
+    assert page.count(said) >= 2  # beside the map, and above the table of intervals
+
+
+def texts_of(chunks, path):
+    """Texts of an entity."""
+    return [text for row in columns(chunks, path).get("TextDocument:text", []) for text in row or []]
+
+
 def test_the_page_answers_first(made, report):
     page = (made[0] / "report.md").read_text()
     check_markdown(page)

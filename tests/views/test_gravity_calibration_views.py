@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import at, check_report, check_table, check_words, unit_in
+from checks import at, check_report, check_table, check_words, ends_of, unit_in
 from made_up import around, fill, filled, of_one_trial, single
 
 from testbench.bench.campaign import Scenario
@@ -274,7 +274,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_colour_of_each_model(report
             own = [line for line in lines if np.ravel(line.get_ydata())[0] == y]
             spread, dot = own[0], own[1]
             value = at(m, path)
-            assert tuple(spread.get_xdata()) == (value.p05, value.p95)
+            assert tuple(spread.get_xdata()) == ends_of(value)
             assert np.ravel(dot.get_xdata())[0] == value.median
             shade = look(m.structure, m.constraint, m.prior).hex
             assert dot.get_color() == shade

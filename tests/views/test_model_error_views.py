@@ -11,6 +11,7 @@ from checks import (
     check_table,
     check_words,
     curves,
+    ends_of,
     key_of,
     looks_differ,
     summaries,
@@ -276,7 +277,7 @@ def test_the_figure_draws_the_reports_numbers_and_joins_no_two_cases(report):
             np.testing.assert_allclose(x, [own[case].median for case in CASES])
             assert np.rint(y).tolist() == list(range(len(CASES)))
             for case, place in zip(CASES, y, strict=True):
-                assert any(np.allclose(s, [(own[case].p05, own[case].p95), (place, place)]) for s in spreads)
+                assert any(np.allclose(s, [ends_of(own[case]), (place, place)]) for s in spreads)
         for line in axes.get_lines():
             assert line.get_linestyle() == "None" or len(line.get_xdata()) == 2
     assert [t.get_text() for t in left.get_yticklabels()] == NAMES
@@ -302,7 +303,7 @@ def test_the_recording_holds_the_reports_numbers_and_words(report, tmp_path):
     )
     bars = columns(chunks, f"{CHART}/spread")["LineStrips2D:strips"][0]
     read = [[10 ** (slope * x + start) for x, _ in bar] for bar in bars]
-    np.testing.assert_allclose(read, [(c.rms_um.p05, c.rms_um.p95) for c in noisy], rtol=1e-5)
+    np.testing.assert_allclose(read, [ends_of(c.rms_um) for c in noisy], rtol=1e-5)
     assert columns(chunks, f"{CHART}/name")["Points2D:labels"][0] == NAMES
     legend = columns(chunks, f"{CHART}/legend")
     colours = columns(chunks, f"{CHART}/value")["Points2D:colors"][0]

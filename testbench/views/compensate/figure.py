@@ -88,7 +88,7 @@ def _path(axes: Axes, found: CorrectedProgram) -> None:
     spans = scale * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
     axes.errorbar(
         asked[some] @ across, asked[some] @ up, xerr=spans @ across, yerr=spans @ up, fmt="none",
-        ecolor=AFTER, alpha=0.5, elinewidth=1, label=f"where it may be, 95 %, x {scale:g}",
+        ecolor=AFTER, alpha=0.5, elinewidth=1, capsize=3, label=f"where it may be, 95 %, x {scale:g}",
     )  # fmt: skip
     for path, colour, width, label in (
         (asked, AFTER, 2.5, "asked, and corrected by the model"),

@@ -21,7 +21,7 @@ def scene(cell: Cell, found: CorrectedProgram, report: CompensationReport) -> Co
     loads = [load.of(some) for load in found.loads]
     q = own.start[some]
     off = Off(NOT_CORRECTED, MEASURED, own.before[some])
-    corrected = Off(f"{CORRECTED}by the model", GCO, own.after[some], own.half[some])
+    corrected = Off(f"{CORRECTED}by the model", GCO, own.after[some], own.half[some], foretold=True)
     text = words(report)
     made = Compensated(
         cell=cell,

@@ -32,6 +32,7 @@ NEAR = (-0.62, -0.46, 0.28)  #: Of the eye that sees the panel, from its middle,
 ROOM = 0.8  #: Around what is seen of the arm [m].
 LEAST = 0.5  #: What is drawn there at least [m].
 NOT_CORRECTED, CORRECTED, INTERVAL = "not corrected", "corrected, ", "95 % interval"
+WITHIN = "corrected, within (95 %)"
 """Names of what is drawn, and how those of corrections begin."""
 PLOT = (430.0, 270.0)  #: Size of the pane of the plot [ui points].
 LEAST_MM = 1e-3  #: What is less is drawn there: the axis is logarithmic [mm].
@@ -45,6 +46,7 @@ class Off:
     colour: Colour
     metres: Array  #: World, (points, 3) [m].
     half: Array | None = None  #: Half the 95 % interval of each component; None where nobody says.
+    foretold: bool = False  #: Whether nobody knows but the model: only the interval tells how far off.
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,8 @@ def write_compensated(path: Path, header: Header, scene: Compensated) -> None:
         for off in scene.offs:
             _write_way(pen, scene, off)
             _write_tool(run, scene, off)
+            if off.foretold and off.half is not None:
+                _write_interval(pen, scene, off, off.half)
         plot.write(pen)
         plot.write_cursor(run, _numbers(scene))
 
@@ -167,6 +171,15 @@ def _write_way(pen: Pen, scene: Compensated, off: Off) -> None:
             pen.still(path, rr.Points3D(own, colors=off.colour, radii=3 * THICK))
 
 
+def _write_interval(pen: Pen, scene: Compensated, off: Off, half: Array) -> None:
+    """Where the tool may be, along each axis of the world; nothing where that has no bound."""
+    known = np.isfinite(half).all(axis=1)
+    spans = scene.scale * half[known][:, None, :] * np.eye(3)
+    at = scene.places(off)[known][:, None]
+    ends = np.stack([at - spans, at + spans], axis=2).reshape(-1, 2, 3)
+    pen.still("world/ways/interval_95", rr.LineStrips3D(list(ends), colors=off.colour, radii=THICK / 4))
+
+
 def _write_tool(pen: Pen, scene: Compensated, off: Off) -> None:
     """Where the tool is at this point."""
     path = f"world/tool/{snake(off.name)}"
@@ -180,16 +193,18 @@ def _numbers(scene: Compensated) -> Array:
 
 
 def _plot(scene: Compensated) -> Curves:
-    """Distances of all, and what is stated of the last."""
-    point = _numbers(scene)
-    last = scene.offs[-1]
-    values = [(off.name.removeprefix(CORRECTED), off.colour, off.metres) for off in scene.offs]
+    """Distances of all that are known, and what is stated of the last."""
+    point, last = _numbers(scene), scene.offs[-1]
+    values = [(o.name.removeprefix(CORRECTED), o.colour, o.metres) for o in scene.offs if not o.foretold]
     lines = [(name, colour, np.linalg.norm(metres, axis=1)) for name, colour, metres in values]
-    if last.half is not None and np.isfinite(last.half).all():
-        lines.append((INTERVAL, NOISE, last.half.max(axis=1)))
+    if last.half is not None:
+        name, colour = (WITHIN, last.colour) if last.foretold else (INTERVAL, NOISE)
+        lines.append((name, colour, last.half.max(axis=1)))
+    known = [(name, colour, metres, np.isfinite(metres)) for name, colour, metres in lines]
     curves = [
-        Curve(name, colour, point, alone(np.maximum(MM * metres, LEAST_MM)), dots=False)
-        for name, colour, metres in lines
+        Curve(name, colour, point[at], alone(np.maximum(MM * metres[at], LEAST_MM)), dots=False)
+        for name, colour, metres, at in known
+        if at.any()
     ]
     return Curves("off_mm", "Tool off where it was asked (mm) over point", curves, {}, size=PLOT)
 
