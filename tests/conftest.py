@@ -1,5 +1,6 @@
 """What several tests share: the arms, built once, and a way to make a broken copy of one."""
 
+import io
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -11,6 +12,7 @@ from chromium import browser, open_page, pytest_pyfunc_call  # noqa: F401
 from legible import check_legible
 from matplotlib.figure import Figure
 from panes import blank_panes, viewer  # noqa: F401
+from PIL import Image
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
@@ -53,10 +55,14 @@ def lazy_disk() -> Iterator[None]:
 def laid_out() -> Iterator[None]:
     """Figures are laid out and looked at, and not drawn: that would double their time."""
 
+    data = io.BytesIO()
+    Image.linear_gradient("L").convert("RGB").point([*range(256), *[0] * 512]).save(data, "PNG")
+    picture = data.getvalue()
+
     def lay_out(figure: Figure, file: Path, **_: object) -> None:
         figure.draw_without_rendering()
         check_legible(figure)
-        Path(file).write_text("laid out")
+        Path(file).write_bytes(picture)
 
     with mock.patch.object(Figure, "savefig", lay_out):
         yield

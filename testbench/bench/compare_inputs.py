@@ -66,12 +66,17 @@ def true_arms(run: Finished) -> frozenset[str]:
     return frozenset(CALLED.get(name, name) for name in (member(family, seed) for seed in seeds))
 
 
-def refuse_other_arms(runs: Sequence[Finished]) -> None:
-    """Refuse runs of other true arms: which errs less then says nothing of what was changed.
+def refuse_unlike(runs: Sequence[Finished]) -> None:
+    """Refuse runs of other true arms, or one seed beside several: which errs less then says nothing.
 
     Raises:
-        BenchError: Names the arms.
+        BenchError: Names the arms, or the seeds.
     """
+    counts = {run.manifest.seeds for run in runs if run.manifest.seeds}
+    if 1 in counts and len(counts) > 1:
+        told = "; ".join(f"{run.folder}: {seeds_words(run)}" for run in runs)
+        problem = f"expected one seed in each or several in each, as one seed has no spread, got seeds {told}"
+        raise BenchError(f"runs: {problem}; --anyway compares them all the same")
     known = [(run, arms) for run in runs if (arms := true_arms(run))]
     alone = {run.manifest.seed for run, _ in known if run.manifest.seeds == 1}
     if len({arms for _, arms in known}) > 1 or (len(alone) > 1 and len(known) > 1):

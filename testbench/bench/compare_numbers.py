@@ -15,7 +15,7 @@ FEWEST = 2  #: Pairs that have a spread.
 Verdict = Literal["same", "alike", "less", "more"]
 """Of the second number beside the first one; alike are those within 2 %, or that the spread covers."""
 By = Literal["pairs", "spreads", "one"]
-"""What tells: ratios seed by seed, intervals from 5 to 95 % that do not overlap, or one number each."""
+"""What tells: ratios seed by seed, spreads that do not overlap, or nothing, as a side has one number."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def differ(a: Number, b: Number) -> Difference:
         b: Of the second one.
     """
     first, second = middle(a), middle(b)
-    by: By = "spreads" if isinstance(a, Spread) or isinstance(b, Spread) else "one"
+    by: By = "spreads" if isinstance(a, Spread) and isinstance(b, Spread) else "one"
     if same(a, b):
         verdict: Verdict = "same"
     elif _overlap(a, b) or _size(first, second) < math.log1p(ALIKE):
@@ -84,7 +84,7 @@ def differ_paired(a: Number, b: Number, ours: Mapping[int, float], theirs: Mappi
     ratio = spread(known)
     if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
         verdict: Verdict = "same"
-    elif ratio.p05 <= 1 <= ratio.p95 or max(abs(ratio.p05 - 1), abs(ratio.p95 - 1)) <= ALIKE:
+    elif ratio.ends[0] <= 1 <= ratio.ends[1] or max(abs(end - 1) for end in ratio.ends) <= ALIKE:
         verdict = "alike"
     else:
         verdict = "less" if ratio.median < 1 else "more"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.bench.compare_inputs import refuse_other_arms
+from testbench.bench.compare_inputs import refuse_unlike
 from testbench.bench.compare_report import LETTERS
 from testbench.errors import BenchError
 from testbench.output.finished import read_run
@@ -27,7 +27,7 @@ class Options:
     runs: Annotated[list[Path], typer.Argument(help="Folders of two runs or more; the first is A.")]
     out: Annotated[Path, typer.Option(help="Folder of the comparison.")] = Path("runs/compare")
     anyway: Annotated[
-        bool, typer.Option("--anyway", help="Compare runs of different true arms all the same.")
+        bool, typer.Option("--anyway", help="Compare runs of other true arms, or one seed with several.")
     ] = False
     force: Force = False
 
@@ -43,7 +43,7 @@ def command(asked: Options) -> None:
                 read.enter_context(reading(folder))
             runs = [read_run(folder) for folder in asked.runs]
             if not asked.anyway:
-                refuse_other_arms(runs)
+                refuse_unlike(runs)
             report = compare(runs)
         write(runs, report, asked.out)
         console, text, out = terminal.plain_console(), words(report), asked.out

@@ -13,7 +13,7 @@ from pyarrow import parquet
 
 from testbench.trials.gain import Gain, gained
 from testbench.trials.rows import flatten
-from testbench.trials.spread import spread
+from testbench.trials.spread import spread, twins_once
 
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
@@ -116,7 +116,8 @@ def number(cells: Cells) -> Any:
     """One value for those of all trials.
 
     What is the same in all stays. Numbers become their median with 5th and 95th percentile, truth values
-    the share that holds, lists of numbers lists of such, words one after another; None where one is missing.
+    the share that holds, lists of numbers lists of such; sentences stand each once, words one after another.
+    None where one is missing.
     """
     if cells.dtype.kind in "fi":
         return _middle(cells)
@@ -129,7 +130,7 @@ def number(cells: Cells) -> Any:
     if not lists:
         return " | ".join(sorted({str(value) for value in values}))
     if all(isinstance(word, str) for own in lists for word in own):
-        return list(dict.fromkeys(word for own in lists for word in own))
+        return list(twins_once(lists))
     return [number(np.array(own, dtype=float)) for own in zip(*lists, strict=True)]
 
 

@@ -9,9 +9,10 @@ from testbench.views.schema import Column, show
 Verdict = Literal["confirmed", "not confirmed"]
 MOST = 0.95  #: Share of the seeds in which a comparison must hold.
 RULE = (
-    "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds; one in ten lies "
-    "outside even where nothing differs. A comparison is confirmed where it holds in at least 95 % of the "
-    "seeds, on the same data. Any other statement is confirmed where it holds in all of them."
+    "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
+    "their range; one in ten lies outside even where nothing differs. A comparison is confirmed where it "
+    "holds in at least 95 % of the seeds, on the same data. Any other statement is confirmed where it holds "
+    "in all of them."
 )
 """How every verdict is made."""
 
@@ -46,7 +47,8 @@ def number(claim: str, ours: Number, paper: float, differs: str) -> Claim:
         return judged(claim, True, f"{why}, which lies inside")
     if not isinstance(ours, Spread):
         return judged(claim, False, f"{why}; one seed has no spread to judge by")
-    side = "above our 95 %" if paper > high else "below our 5 %"
+    least, most = ("least", "most") if ours.few else ("5 %", "95 %")
+    side = f"above our {most}" if paper > high else f"below our {least}"
     return judged(claim, False, f"{why}, which lies {side}: {differs}")
 
 

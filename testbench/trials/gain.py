@@ -24,7 +24,7 @@ class Gain:
 
     @property
     def alike(self) -> bool:
-        """Whether neither is better: the ratio's 5th to 95th percentile holds 1, or is as good as 1."""
+        """Whether neither is better: the ratio's spread holds 1, or is as good as 1."""
         low, high = ends(self.times)
         return low <= 1 <= high or max(abs(low - 1), abs(high - 1)) <= ALIKE
 

@@ -1,8 +1,9 @@
 """Rows of many trials as medians with their spread: the one place where trials become a summary."""
 
 import math
+import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -10,17 +11,43 @@ import numpy as np
 from testbench.errors import Array
 
 SAME = 1e-6  #: Share of an error within which two models are the same.
+ENOUGH = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
+NUMBER = re.compile(
+    r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\w)(?: to (-?\d+(?:\.\d+)?(?:e[-+]\d+)?)(?!\w))?"
+)
+"""A number in a sentence, or a range of numbers."""
 T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True)
 class Spread:
-    """A number over several trials."""
+    """A number over several trials, or with an interval of another kind (`trials` is 0)."""
 
     median: float  #: The middle of them.
     p05: float  #: 5th percentile.
     p95: float  #: 95th percentile.
+    least: float | None = field(default=None, compare=False)
+    most: float | None = field(default=None, compare=False)
+    trials: int = field(default=0, compare=False)
+
+    @property
+    def few(self) -> bool:
+        """Whether there are too few trials for percentiles."""
+        return 0 < self.trials < ENOUGH
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """What is shown beside the median: 5th and 95th percentile, of few trials the least and the most."""
+        if self.few and self.least is not None and self.most is not None:
+            return self.least, self.most
+        return self.p05, self.p95
+
+    def scaled(self, factor: float) -> "Spread":
+        """So many times all of it."""
+        middle_, low, high = (factor * own for own in (self.median, self.p05, self.p95))
+        least, most = (None if end is None else factor * end for end in (self.least, self.most))
+        return Spread(middle_, low, high, least, most, self.trials)
 
 
 Number = float | Spread | None
@@ -30,11 +57,12 @@ Share = bool | float  #: Whether something holds, or the share of trials in whic
 
 
 def spread(values: Sequence[float] | Array) -> Spread:
-    """Median, 5th and 95th percentile of at least one number; NaN where one of them is."""
+    """Median, 5th and 95th percentile and range of at least one number; NaN where one of them is."""
     ordered = np.sort(np.asarray(values, dtype=float))
     if math.isnan(ordered[-1]):
-        return Spread(math.nan, math.nan, math.nan)
-    return Spread(*(_quantile(ordered, share) for share in (0.5, 0.05, 0.95)))
+        return Spread(math.nan, math.nan, math.nan, math.nan, math.nan, len(ordered))
+    middle_, low, high = (_quantile(ordered, share) for share in (0.5, 0.05, 0.95))
+    return Spread(middle_, low, high, float(ordered[0]), float(ordered[-1]), len(ordered))
 
 
 def _quantile(ordered: Array, share: float) -> float:
@@ -59,20 +87,47 @@ def middle(value: Number) -> float:
 
 
 def ends(value: Number) -> tuple[float, float]:
-    """5th and 95th percentile; twice the number where it has no spread."""
-    return (value.p05, value.p95) if isinstance(value, Spread) else (middle(value), middle(value))
+    """5th and 95th percentile, of few trials the range; twice the number where it has no spread."""
+    return value.ends if isinstance(value, Spread) else (middle(value), middle(value))
 
 
 def triple(value: Number) -> tuple[float, float, float]:
-    """Median, 5th and 95th percentile; three times the number where it has no spread."""
+    """Median and ends; three times the number where it has no spread."""
     return (middle(value), *ends(value))
+
+
+def spans(values: Iterable[object], of: str = "trials") -> str:
+    """What the ends of spreads are, in words: percentiles, or of few trials the range; empty without any."""
+    spreads = [own for own in values if isinstance(own, Spread) and own.ends[0] < own.ends[1]]
+    counts, few = sorted({own.trials for own in spreads}), {own.few for own in spreads}
+    if len(few) == 2:
+        return f"5 to 95 %, of fewer than {ENOUGH} {of} their range"
+    number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
+    told = f" of {number} {of}" if counts and counts[0] else ""
+    return ("range" if True in few else "5 to 95 %") + told if spreads else ""
+
+
+def span(trials: int) -> str:
+    """The same of so many trials, for a sentence that says how many they are."""
+    return "5 % to 95 %" if trials >= ENOUGH else "range"
+
+
+def most_trials(trials: int) -> str:
+    """In how many of so many trials something holds that holds at an end of their spread."""
+    return (
+        f"95 % of {trials} trials"
+        if trials >= ENOUGH
+        else "the trial"
+        if trials == 1
+        else f"all {trials} trials"
+    )
 
 
 def merge(values: Sequence[T]) -> T:
     """Records of several trials, all of one type, as one: every number becomes its median and spread.
 
     A truth value becomes the share of trials in which it holds; what is the same in all trials stays;
-    different words are listed, of tuples of words each one once.
+    different words are listed, of tuples of words each one once, and once those that differ in numbers.
     """
     return _merge(list(values))  # type: ignore[return-value]  # a dataclass's fields are Numbers
 
@@ -91,11 +146,33 @@ def _merge(values: list[object]) -> object:
         return spread([float(v) for v in values if isinstance(v, int | float)])
     texts = [v for v in values if isinstance(v, tuple) and all(isinstance(text, str) for text in v)]
     if len(texts) == len(values):
-        return tuple(dict.fromkeys(text for own in texts for text in own))
+        return twins_once(texts)
     rows = [v for v in values if isinstance(v, list | tuple)]
     if len(rows) == len(values) and len({len(row) for row in rows}) == 1:
         return [_merge(list(column)) for column in zip(*rows, strict=True)]
     return " | ".join(sorted({str(v) for v in values}))
+
+
+def twins_once(texts: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Sentences of several trials, each once; of those that differ in numbers alone one with their ranges."""
+    every = [(text, trial) for trial, own in enumerate(texts) for text in own]
+    found = []
+    for twins in grouped(every, lambda one: NUMBER.sub("#", one[0])).values():
+        own, trials = dict.fromkeys(text for text, _ in twins), {trial for _, trial in twins}
+        places = iter(zip(*map(NUMBER.finditer, own), strict=True))
+        text = NUMBER.sub(lambda _: _range(next(places)), twins[0][0])  # noqa: B023 - used at once
+        told = len(own) > 1 and len(texts) > 1
+        found.append(f"{text} ({len(trials)} of {len(texts)} trials)" if told else text)
+    return tuple(found)
+
+
+def _range(numbers: Sequence[re.Match[str]]) -> str:
+    """The least to the largest of several numbers, as they are written."""
+    if len(numbers) == 1:
+        return numbers[0][0]
+    written = [end for m in numbers for end in (m[0].partition(" to ")[0], m[1] or m[0])]
+    low, high = min(written, key=float), max(written, key=float)
+    return low if float(low) == float(high) else f"{low} to {high}"
 
 
 def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:

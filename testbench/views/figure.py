@@ -18,7 +18,7 @@ from matplotlib.figure import SubFigure
 from matplotlib.text import Text
 
 from testbench.bench.baselines import JOINTS
-from testbench.trials.spread import Number, ends, middle
+from testbench.trials.spread import Number, ends, middle, span
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
 from testbench.views.schema import Column, Table, best_of, looks
 
@@ -86,7 +86,9 @@ def say(figure: Figure, answer: str, reading: str) -> None:
 
 def of_seeds(seeds: int | Sequence[int]) -> str:
     """What dots and lines of a report are over its seeds."""
-    return "One seed" if isinstance(seeds, int) else f"Dots: medians, lines: 5 to 95 % of {len(seeds)} seeds"
+    if isinstance(seeds, int):
+        return "One seed"
+    return f"Dots: medians, lines: {span(len(seeds))} of {len(seeds)} seeds"
 
 
 def least(errors: Mapping[str, Number], beside: str) -> str:

@@ -18,6 +18,8 @@ CHECK = (
     Column("check.rms_mm", "RMS check", "mm"),
     Column("check.max_mm", "max check", "mm"),
 )
+COUNTS = "noise and the prior count, not what a model leaves out: joints alone look too sure"
+"""What every interval of a model is told with."""
 INTERVALS = (
     Column("name", "model"),
     Column("intervals.half_width_mm", "median half width", "mm"),
@@ -34,7 +36,7 @@ def tables(fits: Fits) -> dict[str, Table]:
     known = [m for m in fits.models if m.intervals]
     found = {"models": Table((*COLUMNS, *(CHECK if first.check else FIT)), fits.models, bold=best)}
     if known and known[0].intervals:
-        title = f"{100 * known[0].intervals.confidence:g} % intervals of predicted deflections"
+        title = f"{100 * known[0].intervals.confidence:g} % intervals of predicted deflections; {COUNTS}"
         found["intervals"] = Table(INTERVALS, known, title, best)
     return found
 

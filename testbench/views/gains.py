@@ -1,9 +1,12 @@
-"""A gain in words: 8.6 times less (3.0 to 20 in 90 %), or alike where the spread holds both."""
+"""A gain in words: 8.6 times less (3.0 to 20 in 90 %), or alike where the spread holds both.
+
+Of fewer than 20 trials the range is said, with their number: 8.6 times less (3.0 to 20 in 3 seeds).
+"""
 
 from collections.abc import Mapping
 
 from testbench.trials.gain import Gain
-from testbench.trials.spread import Number, Spread, ends, middle
+from testbench.trials.spread import ENOUGH, Number, Spread, ends, middle
 
 UNITS = {"mm": (1.0, ".3f"), "um": (1000.0, ".0f")}
 """So many times a number in mm, and its format, by unit."""
@@ -18,13 +21,14 @@ def less(gain: Gain, each: str = "") -> str:
         each: What a trial is, such as "seed", where it is to be said that the ratio is that of each, and
             how far it spreads where neither is better.
     """
-    return _words(gain.times, each, alike=gain.alike)
+    return _words(gain.times, gain.trials, each, alike=gain.alike)
 
 
 def more(gain: Gain, each: str = "") -> str:
     """How theirs errs beside ours."""
     low, high = ends(gain.times)
-    return _words(Spread(1 / middle(gain.times), 1 / high, 1 / low), each, alike=gain.alike)
+    times = Spread(1 / middle(gain.times), 1 / high, 1 / low)
+    return _words(times, gain.trials, each, alike=gain.alike)
 
 
 def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
@@ -43,19 +47,20 @@ def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
     return "; ".join([*ours[:1], *theirs])
 
 
-def _words(times: Number, each: str, *, alike: bool) -> str:
+def _words(times: Number, trials: int, each: str, *, alike: bool) -> str:
     """Of an error, by what it is smaller."""
     (low, high), size = ends(times), middle(times)
+    within = f" in {trials} {each or 'trial'}s" if trials < ENOUGH else " in 90 %" if each else ""
     if alike:
         both = f", from {ratio(1 / low)} times as much to {ratio(high)} times less"
+        both += within if trials < ENOUGH else ""
         return f"alike{both if each and low < 1 < high and high - low > SMALL else ''}"
     side, value, between = "less", size, (low, high)
     if size < 1:
         side, value, between = "as much", 1 / size, (1 / high, 1 / low)
-    ninety = " in 90 %" if each else ""
     ends_shown = [ratio(end) for end in between]
-    spread = f" ({' to '.join(ends_shown)}{ninety})" if ends_shown[0] != ends_shown[1] else ""
-    by = f"{each} by {each} " if each and spread else ""
+    spread = f" ({' to '.join(ends_shown)}{within})" if ends_shown[0] != ends_shown[1] else ""
+    by = f"{each} by {each} " if each and spread and trials >= ENOUGH else ""
     return f"{by}{ratio(value)} times {side}{spread}"
 
 

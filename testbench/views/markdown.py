@@ -17,9 +17,9 @@ from testbench.bench.truths import CALLED
 from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.errors import shown
 from testbench.trials.duel import Duel
-from testbench.trials.spread import middle
+from testbench.trials.spread import middle, most_trials, span, twins_once
 from testbench.views.gains import less, more, ratio
-from testbench.views.schema import Table, show, show_truth, written_out
+from testbench.views.schema import Table, brackets, show, show_truth, written_out
 
 TEMPLATES = Path(__file__).parent / "templates"
 NAME = "report.md.j2"
@@ -163,9 +163,10 @@ class Words:
 
 
 def _titled(table: Table) -> str:
-    """A table below its title."""
+    """A table below its title, with what its brackets hold."""
     title = f"{table.title[:1].upper()}{table.title[1:]}:" if table.title else ""
-    return "\n\n".join(filter(None, [as_markdown(title), grid(table)]))
+    note = f"In brackets: {brackets(table)}." if brackets(table) else ""
+    return "\n\n".join(filter(None, [as_markdown(title), grid(table), note]))
 
 
 @functools.cache  # compiling a template takes longer than filling it
@@ -190,7 +191,12 @@ def _environment(folder: Path) -> Environment:
     }
     found.filters["prior"] = prior
     found.filters |= {"told": told, "untold": untold}
-    found.filters["counted"] = counted
+    found.filters |= {
+        "counted": counted,
+        "span": span,
+        "most_trials": most_trials,
+        "once": lambda texts: twins_once([texts]),
+    }
     found.filters["ended"] = ended
     found.filters["against"] = against
     return found

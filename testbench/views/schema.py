@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 from testbench.identify import Constraint
-from testbench.trials.spread import Number, Share, Spread, middle
+from testbench.trials.spread import Number, Share, Spread, middle, spans
 from testbench.views.colours import Look, look
 
 
@@ -79,7 +79,7 @@ def _at(row: object, key: str) -> Any:
 
 def _times(scale: float, value: Any) -> Any:
     if isinstance(value, Spread):
-        return Spread(scale * value.median, scale * value.p05, scale * value.p95)
+        return value.scaled(scale)
     return None if value is None else scale * value
 
 
@@ -94,6 +94,11 @@ class Table:
     headline: str = ""  #: Key of the column that the answer speaks of; empty for the last one.
     across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
     looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
+
+
+def brackets(table: Table) -> str:
+    """What stands in brackets behind the medians of a table; empty where nothing does."""
+    return spans(column.value(row) for column in table.columns if not column.exact for row in table.rows)
 
 
 def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
@@ -144,7 +149,7 @@ def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
 
 
 def show(value: object, form: str = ".3f") -> str:
-    """A value for people: a number, its median with 5th to 95th percentile, a word, a share of trials.
+    """A value for people: a number, its median with the ends of its spread, a word, a share of trials.
 
     Args:
         value: Number, Spread, truth value, word or None.
@@ -156,12 +161,11 @@ def show(value: object, form: str = ".3f") -> str:
         return value
     if form == "yes":
         return show_truth(value)  # type: ignore[arg-type]
-    if isinstance(value, Spread) and (
-        value.p05 == value.p95 or math.isnan(value.median)
-    ):  # one, or all alike
-        return _form(value.median, form)
     if isinstance(value, Spread):
-        return f"{_form(value.median, form)} ({_form(value.p05, form)} to {_form(value.p95, form)})"
+        low, high = value.ends
+        if low == high or math.isnan(value.median):  # one, or all alike
+            return _form(value.median, form)
+        return f"{_form(value.median, form)} ({_form(low, form)} to {_form(high, form)})"
     return _form(value, form)
 
 

@@ -1,5 +1,6 @@
 """Tables and words for a terminal of 80 columns, by rich."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from rich import box
@@ -11,7 +12,7 @@ from rich.text import Text
 from testbench.errors import shown, word
 from testbench.trials.spread import Spread
 from testbench.views.markdown import Told, as_plain
-from testbench.views.schema import Column, Table
+from testbench.views.schema import Column, Table, brackets
 
 MORE = "under More in report.md"
 
@@ -37,17 +38,17 @@ def _lines(text: str) -> str:
 
 
 def grid(table: Table) -> RichTable:
-    """A table: medians; below them 5th and 95th percentile of several trials, and the paper's numbers."""
+    """A table: medians; below them percentiles of several trials or their range, and the paper's numbers."""
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False, title=table.title or None)
     for k, column in enumerate(table.columns):
         head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
         found.add_column(head, justify="right" if k else "left", no_wrap=True)
     for row in table.rows:
-        first, *others = (_end(column, row, "median") for column in table.columns)
+        first, *others = (_end(column, row) for column in table.columns)
         marked = table.bold == first
         found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
         spreads = [not c.exact and _spreads(c.value(row)) for c in table.columns]
-        for end, name in (("p05", "5 %"), ("p95", "95 %")) if any(spreads) else ():
+        for end, name in enumerate(_ends_named(table, row)) if any(spreads) else ():
             cells = [_end(c, row, end) if s else "" for c, s in zip(table.columns, spreads, strict=True)]
             found.add_row(f"  {name}", *cells[1:], style="dim")
         known = [column.known(row) for column in table.columns]
@@ -57,12 +58,23 @@ def grid(table: Table) -> RichTable:
 
 
 def _spreads(value: object) -> bool:
-    return isinstance(value, Spread) and value.p05 < value.p95
+    return isinstance(value, Spread) and value.ends[0] < value.ends[1]
 
 
-def _end(column: Column, row: object, end: str) -> str:
+def _ends_named(table: Table, row: object) -> tuple[str, str]:
+    """What the two ends of a row's spreads are."""
+    words = brackets(replace(table, rows=[row]))
+    if words.startswith("range"):
+        return f"least{words.removeprefix('range').removesuffix(' trials')}", "most"
+    return ("5 %, least", "95 %, most") if "range" in words else ("5 %", "95 %")
+
+
+def _end(column: Column, row: object, end: int | None = None) -> str:
+    """The median, or an end of the spread."""
     value = column.value(row)
-    return column.text(getattr(value, end) if isinstance(value, Spread) else value)
+    if isinstance(value, Spread):
+        return column.text(value.median if end is None else value.ends[end])
+    return column.text(value)
 
 
 def print_words(console: Console, words: Told, tables: list[Table], where: str = MORE) -> None:

@@ -48,7 +48,9 @@ def plotted(chunks, path):
     numbers = [float(text) for text in part("ticks_y", "Points2D:labels")]
     grid = [strip[0][1] for strip in part("axis", "LineStrips2D:strips")][: len(numbers)]
     names = part("name", "Points2D:labels")
-    middle = [y for _, y in part("value", "Points2D:positions")]
+    solid = f"{path}/value" not in {chunk.entity_path for chunk in chunks}  # no dots: then no line is dashed
+    lines = part("line", "LineStrips2D:strips") if solid else [part("value", "Points2D:positions")]
+    middle = [y for line in lines for _, y in line]
     y = np.column_stack([middle, np.array(part("spread", "LineStrips2D:strips"))[:, :, 1]])
     (low, high), (first, last) = np.log10([numbers[0], numbers[-1]]), (grid[0], grid[-1])
     found = 10 ** (low + (y - first) / (last - first) * (high - low))

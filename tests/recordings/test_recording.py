@@ -557,7 +557,9 @@ def test_of_several_seeds_the_words_are_the_medians_and_the_drawing_is_the_first
     assert f"MGCO56 {area.median:.3f} mm, least squares" in document(chunks, "/summary")
     assert columns(chunks, "/__properties/study")["seed"] == [[1]]
     labels = columns(chunks, "/errors_by_model_mm/number")["Points2D:labels"][0]
-    assert f"{area.median:.3f} ({area.p05:.3f} to {area.p95:.3f}) mm, recommended" in labels
+    assert f"{area.median:.3f} ({area.least:.3f} to {area.most:.3f}) mm, recommended" in labels
+    titles = [name for *_, name in views(path)]
+    assert "Errors by model (mm), logarithmic; dot: value; line: range of 2 trials" in titles
 
 
 @pytest.fixture(scope="module")

@@ -71,7 +71,7 @@ def test_a_merged_row_holds_quantiles_shares_and_what_is_the_same(trials):
     assert found["two"].unknowns == 6
     assert found["one"].check.max_mm is None  # where one is missing nothing is said of all
     assert found["two"].kind == "a | b"
-    assert found["two"].advice == ["two", "seed 2", "seed 0", "seed 1"]
+    assert found["two"].advice == ["two", "seed 0 to 2 (41 of 41 trials)"]
     second = np.median([row.sizes[1] for row in own])
     assert found["two"].sizes[1].median == pytest.approx(second)
     with pytest.raises(AttributeError, match="no column 'rms'; columns are rms_mm, max_mm"):
@@ -147,7 +147,9 @@ def test_names_of_strangers_are_escaped_in_sentences_and_numbers_keep_their_form
 def test_a_report_is_read_back_from_its_json_with_words_and_tables():
     found = json.loads(json.dumps(report(claims=[Markdown("One.")]).json(), allow_nan=False))
     assert found["none"] is None
-    assert found["models"][0]["workspace"]["rms_mm"] == {"median": 1.5, "p05": 1.0, "p95": 2.0}
+    assert (
+        found["models"][0]["workspace"]["rms_mm"].items() >= {"median": 1.5, "p05": 1.0, "p95": 2.0}.items()
+    )
     again = read(found)
     assert again.whole() == report(claims=[Markdown("One.")]).whole()
     assert "| **a\\`b** | 1.500 (1.000 to 2.000) |" in again.whole()

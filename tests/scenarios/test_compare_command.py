@@ -256,8 +256,8 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
 
 
 def test_three_runs_stand_beside_the_first(one, many, tmp_path):
-    text, report = said(tmp_path, one, one, many)
-    assert text.startswith("B is the same as A. A and C err alike (ALL153 + prior).")
+    text, report = said(tmp_path, one, one, many, "--anyway")
+    assert text.startswith("B is the same as A. A and C err alike (ALL153 + prior, no spread).")
     assert [run["letter"] for run in report["runs"]] == ["A", "B", "C"]
 
 
@@ -398,8 +398,8 @@ WIDE, LOW = Spread(1.0, 0.5, 2.0), Spread(0.3, 0.2, 0.4)
         (WIDE, Spread(1.9, 1.5, 3.0), "alike", "spreads"),
         (WIDE, LOW, "less", "spreads"),
         (LOW, WIDE, "more", "spreads"),
-        (WIDE, 1.5, "alike", "spreads"),
-        (WIDE, 3.0, "more", "spreads"),
+        (WIDE, 1.5, "alike", "one"),
+        (WIDE, 3.0, "more", "one"),
     ],
 )
 def test_a_difference_counts_beyond_the_spread(a, b, verdict, by):
@@ -419,6 +419,18 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
 def test_no_pane_of_the_recording_is_blank_on_any_timeline(many, folder, tmp_path, blank_panes):
     said(tmp_path, many, calibration(folder / "fourth", range(1, 21), 1.5))
     assert blank_panes(tmp_path / "out" / "recording.rrd") == []
+
+
+def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(one, many, tmp_path):
+    done = compare(one, many, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "expected one seed in each or several in each, as one seed has no spread, got" in done.stderr
+    assert "1 to 20; --anyway compares them all the same" in done.stderr
+    assert not (tmp_path / "out").exists()
+    text, report = said(tmp_path, one, many, "--anyway")
+    assert "One number on a side: no spread tells whether that is chance." in text
+    assert "intervals over the seeds" not in text
+    assert {pair["rms_mm"]["by"] for pair in report["beside"][0]["models"]} == {"one"}
 
 
 def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):

@@ -7,18 +7,21 @@ import re
 import numpy as np
 import pytest
 from page_checks import check_page, said
+from read_back import PLACED, chunks_of, columns, document, plotted, views
 from run_here import here
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
 from testbench.bench.models import Model, named_models
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
+from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import reduce
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
@@ -44,11 +47,21 @@ def folder(kr500, tmp_path_factory):
     models = {
         "true": Model("truth", all153(kr500.arm), the_truth),
         "joints": named_models(kr500, ["Joints"])[0],
+        "sure": with_priors(named_models(kr500, ["ALL"]), cad_prior(kr500.arm), Strength(0.3))[0],
     }
     for name, model in models.items():
         (out / name).mkdir()
         own = Runs("runs.csv", runs, runs, None)
         write_stiffness(kr500, fit(kr500, [model], own, lambda: 0.0), own, {"runs.csv": "0" * 64}, out / name)
+    return out
+
+
+@pytest.fixture(scope="module")
+def bounded(folder, asked, tmp_path_factory):
+    """Corrected by a model with a prior: every point has an interval."""
+    out = tmp_path_factory.mktemp("bounded")
+    done = run(folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv")
+    assert done.returncode == 0, done.stderr
     return out
 
 
@@ -256,7 +269,7 @@ def test_a_file_that_is_no_corrected_program_is_not_replaced(folder, corrected, 
 def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
     folder = corrected[0] / "right_report"
     report = json.loads((folder / "report.json").read_text())
-    told = [f"{report['before_mm'][key]:.3f}" for key in ("median", "p95", "max")]
+    told = [f"{report['before_mm'][key]:.3f}" for key in ("median", "max")]
     words = said(check_page(open_page, folder / "report.html", told))
     assert words.startswith(f"Point {report['worst']['label']}, line {report['worst']['line']}.")
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words
@@ -276,6 +289,50 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
     layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
     asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
     np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
+
+
+def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
+    """Lines along each axis of the world, as far as the file says, as many times as all else is drawn."""
+    out = bounded
+    with (out / "right.csv").open() as file:
+        half = (
+            np.array([[float(row[f"half_95_{x}_mm"]) for x in "xyz"] for row in csv.DictReader(file)]) / 1e3
+        )
+    text = (out / "right_report" / "report.html").read_text()
+    page = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
+        "scene"
+    ]
+    times = float(re.search(r"x (\S+)\.$", page["title"])[1])
+    [layer] = [own for own in page["groups"][0]["layers"] if own["name"].startswith("where it may be")]
+    at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
+    wanted = 2 * half[:, :, None] * np.eye(3)
+    np.testing.assert_allclose((to - at) / times, wanted, atol=2e-4 / times)
+    file = out / "right_report" / "recording.rrd"
+    chunks, titles = chunks_of(file), " ".join(name for *_, name in views(file))
+    scale = float(re.search(r"how far it is off, x (\S+)", titles)[1])
+    strips = np.array(columns(chunks, "/world/ways/interval_95")["LineStrips3D:strips"][0])
+    drawn = (strips[:, 1] - strips[:, 0]).reshape(-1, 3, 3) / scale
+    np.testing.assert_allclose(drawn, wanted, atol=1e-6)
+
+
+def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(
+    folder, corrected, bounded, tmp_path
+):
+    """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
+    lines = plotted(chunks_of(bounded / "right_report" / "recording.rrd"), "/off_mm")
+    report = json.loads((bounded / "right_report" / "report.json").read_text())
+    assert list(lines) == ["not corrected", "corrected, within (95 %)"]
+    rows = [[row["before_mm"], row["half_95_mm"]] for row in report["rows"]]
+    for values, wanted in zip(lines.values(), np.transpose(rows), strict=True):
+        np.testing.assert_allclose(values[:, 0], np.maximum(wanted, 1e-3), rtol=PLACED)
+    unseen = run(folder / "joints", corrected[0] / "mill.csv", "--out", tmp_path / "right.csv")
+    assert unseen.stdout.startswith("Do not run this: ")
+    chunks = chunks_of(tmp_path / "right_report" / "recording.rrd")
+    assert columns(chunks, "/off_mm/name")["Points2D:labels"][0] == ["not corrected"]
+    assert "**Do not run this: " in document(chunks, "/summary")
+    for name in ("report.html", "report.md"):
+        text = (tmp_path / "right_report" / name).read_text()
+        assert text.index("Do not run this: ") < text.index("As programmed"), name
 
 
 def path(layer):

@@ -1,6 +1,7 @@
 """What `testbench identify` leaves beside its model: numbers that are those of the model, words, views."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from checks import check_markdown
 from page_checks import check_page, said
-from read_back import columns, series, sound, views
+from read_back import chunks_of, columns, document, series, sound, views
 from run_here import here
 
 import testbench as tb
@@ -127,6 +128,21 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
     for name in others:
         apart = 1e3 * np.linalg.norm(tool[name] - tool[taken], axis=1)
         np.testing.assert_allclose(report["map"]["apart_mm"][name], apart, rtol=0.1, atol=0.02)
+
+
+def test_every_map_of_half_widths_says_what_they_do_not_count(made, report):
+    """Joints alone have the least half widths in every place, as what they leave out is in none of them."""
+    half = report["map"]["errors"]["error_mm"]
+    assert all(a < b for a, b in zip(half["Joints"], half["MGCO56"], strict=True) if a is not None and b)
+    said = "noise and the prior count, not what a model leaves out: joints alone look too sure"
+    assert report["map"]["errors"]["means"]["words"].endswith(said)  # below every picture of the map
+    chunks = chunks_of(made[0] / "recording.rrd")
+    assert said in document(chunks, "/map_words")
+    assert said in document(chunks, "/tables")
+    page = (made[0] / "report.html").read_text()
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page)[1])
+    assert data["map"]["title"].endswith(said)
+    assert page.count(said) >= 2  # beside the map, and above the table of intervals
 
 
 def test_the_page_answers_first(made, report):

@@ -3,8 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
-from testbench.trials.spread import Number, Share, Spread, merge, spread, wins
+from testbench.trials.spread import Number, Share, Spread, merge, most_trials, spans, spread, wins
+from testbench.views import terminal
+from testbench.views.figure import of_seeds
+from testbench.views.page import html
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column, Table, brackets
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,53 @@ def test_different_words_of_several_trials_are_listed_each_once():
         Row(1.0, True, name, advice) for name, advice in (("b", ("x", "y")), ("a", ()), ("b", ("z", "x")))
     ]
     assert merge(rows) == Row(1.0, True, "a | b", ("x", "y", "z"))
+
+
+def test_sentences_that_differ_in_numbers_alone_are_told_once_with_their_ranges_and_count():
+    """302 bullets of one report differed in a number; names of models are no numbers."""
+    off = [(f"MGCO56: F_M is {f_m} where noise alone leaves 1.7",) for f_m in (3.54, 10.2, 6)]
+    found = merge([Row(1.0, True, "a", advice) for advice in (*off, ("MGCO68: F_M is 3",), ("weigh it",))])
+    assert found.advice == (
+        "MGCO56: F_M is 3.54 to 10.2 where noise alone leaves 1.7 (3 of 5 trials)",
+        "MGCO68: F_M is 3",
+        "weigh it",
+    )
+
+
+def test_of_few_trials_the_ends_are_the_range_and_of_twenty_percentiles():
+    """Percentiles of three numbers are no percentiles; report.json has both, with the number of trials."""
+    few, many = spread([1.0, 2.0, 9.0]), spread(np.arange(20.0))
+    assert (few.ends, few.trials, few.least, few.most) == ((1.0, 9.0), 3, 1.0, 9.0)
+    assert many.ends == (many.p05, many.p95) == (pytest.approx(0.95), pytest.approx(18.05))
+    assert few.scaled(2.0).ends == (2.0, 18.0)
+    assert [most_trials(n) for n in (1, 3, 20)] == ["the trial", "all 3 trials", "95 % of 20 trials"]
+    assert spans([few, many, 1.0]) == "5 to 95 %, of fewer than 20 trials their range"
+    assert (spans([few]), spans([many]), spans([1.0])) == ("range of 3 trials", "5 to 95 % of 20 trials", "")
+
+
+def test_a_terminal_and_a_page_say_of_few_trials_that_brackets_hold_their_range():
+    for trials, ends, words in (
+        (3, ["  least of 3", "  most"], "range of 3"),
+        (20, ["  5 %", "  95 %"], "5 to 95 % of 20"),
+    ):
+        rows = [{"name": "a", "x": spread(np.arange(float(trials)))}]
+        table = Table((Column("name", "model"), Column("x", "error", "mm")), rows)
+        assert list(terminal.grid(table).columns[0].cells)[1:] == ends
+        assert brackets(table) == f"{words} trials"
+        assert html.grid(table)["brackets"] == f"{words} trials"
+
+
+def test_captions_and_titles_of_few_seeds_speak_of_no_percentile():
+    """What a study says above its tables and below its figures, with three seeds and with a hundred."""
+    assert of_seeds(range(3)) == "Dots: medians, lines: range of 3 seeds"
+    assert of_seeds(range(100)) == "Dots: medians, lines: 5 % to 95 % of 100 seeds"
+    error, pose = Column("y", "error", "mm"), Column("x", "poses")
+    for trials, words in ((3, "range of 3 trials"), (100, "5 to 95 % of 100 trials")):
+        ys = [spread(np.arange(1.0, trials + 1)), spread(np.arange(2.0, trials + 2))]
+        points = [Point(8, name, y) for name, y in zip("ab", ys, strict=True)]
+        sweep = Sweep(pose, error, points, {})
+        assert f"bars: {words}." in sweep.words.block("how_to_read")
+        assert f"error, mm ({words})" in sweep.words.block("step", step=sweep.steps[0]).lower()
 
 
 def test_a_win_is_more_than_a_solvers_last_digits():

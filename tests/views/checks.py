@@ -14,7 +14,7 @@ import pytest
 from read_back import document
 from rich.console import Console
 
-from testbench.trials.spread import Spread
+from testbench.trials.spread import Spread, middle
 from testbench.views import markdown, terminal
 
 UNITS = {
@@ -27,6 +27,8 @@ BARE = ("%", "ppm", "10^-6 SI")
 """Units in a heading that no field's name has."""
 WORDS = {"percent": "%", "seconds": "s"}
 """Last words of a field's name that are units by another name; those that are no unit have none."""
+ENDS = re.compile(r"  (5 %|least of \d+)|  (95 %|most)|  paper")
+"""Names of lines below a row of a terminal."""
 NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 
 
@@ -62,7 +64,7 @@ def in_unit(title, path, value):
     if isinstance(value, bool | str) or value is None or factor == 1:
         return value
     if isinstance(value, Spread):
-        return Spread(factor * value.median, factor * value.p05, factor * value.p95)
+        return value.scaled(factor)
     return factor * value
 
 
@@ -82,7 +84,7 @@ def shows(text, value, beside=0.0):
         return text == ("yes" if value else "no")
     if text.endswith(" %") and not isinstance(value, Spread):
         return text == f"{100 * value:.0f} %"
-    numbers = [value.median, value.p05, value.p95] if isinstance(value, Spread) else [value]
+    numbers = [value.median, *ends_of(value)] if isinstance(value, Spread) else [value]
     text = re.sub(r" x 10\^", "e", text)
     form = "{} ({} to {})" if isinstance(value, Spread) else "{}"
     shown = re.findall(NUMBER, text)
@@ -139,7 +141,7 @@ def _near(text, value):
 
 
 def check_terminal(table, rows, means):
-    """The same in a terminal: medians, then a line of 5 % and one of 95 %, the unit in the heading."""
+    """The same in a terminal: medians, then a line for each end, the unit in the heading."""
     drawn = terminal.grid(table)
     lines = list(zip(*(list(column.cells) for column in drawn.columns), strict=True))
     for column, (title, path) in zip(drawn.columns, means.items(), strict=True):
@@ -150,19 +152,23 @@ def check_terminal(table, rows, means):
         title, path = next(iter(means.items()))
         assert shows(first.removeprefix("* "), _called(table, title, in_unit(title, path, at(row, path))))
         ends = {"median": others}
-        while lines and lines[0][0] in ("  5 %", "  95 %", "  paper"):
-            name, *cells = lines.pop(0)
-            ends[{"  5 %": "p05", "  95 %": "p95"}.get(name, "paper")] = cells
+        while lines and (found := ENDS.match(lines[0][0])):
+            ends["least" if found[1] else "most" if found[2] else "paper"] = lines.pop(0)[1:]
         ends.pop("paper", None)
         for k, (title, path) in enumerate(list(means.items())[1:]):
             value = _called(table, title, in_unit(title, path, at(row, path)))
-            for end, cells in ends.items():
+            numbers = [middle(value), *ends_of(value)] if isinstance(value, Spread) else 3 * [value]
+            for (end, cells), own in zip(ends.items(), numbers, strict=False):
                 spread = isinstance(_shown(table, title, value), Spread)
-                own = getattr(value, end) if isinstance(value, Spread) else value
-                beside = max(map(abs, vars(value).values())) if isinstance(value, Spread) else 0.0
+                beside = max(map(abs, numbers)) if isinstance(value, Spread) else 0.0
                 shown = shows(cells[k], own, beside) if end == "median" or spread else cells[k] == ""
                 assert shown, (title, end)
     assert not lines
+
+
+def ends_of(value):
+    """What a reader sees of a spread: percentiles, of fewer than 20 trials the range."""
+    return (value.least, value.most) if 0 < value.trials < 20 else (value.p05, value.p95)
 
 
 def _called(table, title, value):
@@ -174,7 +180,7 @@ def _called(table, title, value):
 def _shown(table, title, value):
     """The median alone where nothing is spread, or no spread is wanted."""
     [column] = [c for c in table.columns if c.title == title]
-    alone = isinstance(value, Spread) and (column.exact or value.p05 == value.p95)
+    alone = isinstance(value, Spread) and (column.exact or len(set(ends_of(value))) == 1)
     return value.median if alone else value
 
 

@@ -129,7 +129,7 @@ def test_the_gain_is_what_is_left_in_the_median_point_trial_by_trial(trials, rep
         assert gain.ours_mm.median == pytest.approx(np.median(left(DEFAULT)))
         assert gain.times.median == pytest.approx(np.median(left(name) / left(DEFAULT)))
     answer = STUDY.words(report).block("answer")
-    assert f"leave {report.gains.joints.ours_mm.median:.3f} mm with the default" in answer
+    assert f"leave {report.gains.joints.ours_mm.median:.3f} mm by default" in answer
 
 
 def test_one_point_made_worse_in_one_trial_is_found(trials):

@@ -1,5 +1,6 @@
 """Gains, powers of ten and places as readers see them, and the check of all words itself."""
 
+import numpy as np
 import pytest
 from checks import check_markdown, word_faults
 
@@ -15,15 +16,30 @@ def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
     gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 4.0])
     assert (gain.ours_mm.median, gain.theirs_mm.median, gain.trials) == (1.0, 4.0, 3)
     assert gain.times == Spread(4.0, pytest.approx(1.3), pytest.approx(9.4))
-    assert less(gain, "seed") == "seed by seed 4.0 times less (1.3 to 9.4 in 90 %)"
-    assert less(gain) == "4.0 times less (1.3 to 9.4)"
-    assert more(gain) == "4.0 times as much (1.3 to 9.4)"
+
+
+def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
+    """Percentiles of three seeds are none: 19 seeds tell their range, 20 what lies between 5 and 95 %."""
+    for trials, words, plainly in (
+        (3, "(2.0 to 20 in 3 seeds)", "(2.0 to 20 in 3 trials)"),
+        (19, "(2.0 to 20 in 19 seeds)", "(2.0 to 20 in 19 trials)"),
+        (20, "(2.9 to 19 in 90 %)", "(2.9 to 19)"),
+    ):
+        times = np.linspace(2.0, 20.0, trials)
+        gain = gained("ours", "theirs", [1.0] * trials, times.tolist())
+        by = "seed by seed " if trials >= 20 else ""
+        assert less(gain, "seed") == f"{by}11 times less {words}"
+        assert less(gain) == f"11 times less {plainly}"
+        assert more(gain, "seed") == f"{by}11 times as much {words}"
 
 
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
-    gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 4.0])
+    gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 8.0])
     known = {"least squares": gain, "joints alone": None, "both": gained("ours", "same", [0.2], [0.2])}
-    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times as much (1.3 to 9.4); both 0.200 mm, alike"
+    told = (
+        "ours 1.000 mm; least squares 4.000 mm, 4.0 times as much (2.0 to 10 in 3 trials); "
+        "both 0.200 mm, alike"
+    )
     assert beside(known) == told
     assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")
     assert beside({"joints alone": None}) == ""
@@ -33,8 +49,8 @@ def test_models_are_alike_where_the_spread_holds_both():
     gain = gained("ours", "theirs", [1.0, 1.0, 1.0], [0.5, 1.2, 2.0])
     assert gain.alike
     assert less(gain) == more(gain) == "alike"
-    assert less(gain, "seed") == "alike, from 1.8 times as much to 1.9 times less"
-    assert more(gain, "seed") == "alike, from 1.9 times as much to 1.8 times less"
+    assert less(gain, "seed") == "alike, from 2.0 times as much to 2.0 times less in 3 seeds"
+    assert more(gain, "seed") == "alike, from 2.0 times as much to 2.0 times less in 3 seeds"
     same = gained("ours", "theirs", [1.0, 2.0], [1.001, 2.002])
     assert less(same, "seed") == "alike"
 

@@ -11,6 +11,7 @@ from checks import (
     check_table,
     check_words,
     curves,
+    ends_of,
     key_of,
     looks_differ,
     summaries,
@@ -274,7 +275,7 @@ def test_the_figure_draws_the_reports_numbers_and_joins_no_two_cases(report):
             np.testing.assert_allclose(x, [own[case].median for case in CASES])
             assert np.rint(y).tolist() == list(range(len(CASES)))
             for case, place in zip(CASES, y, strict=True):
-                assert any(np.allclose(s, [(own[case].p05, own[case].p95), (place, place)]) for s in spreads)
+                assert any(np.allclose(s, [ends_of(own[case]), (place, place)]) for s in spreads)
         for line in axes.get_lines():
             assert line.get_linestyle() == "None" or len(line.get_xdata()) == 2
     assert [t.get_text() for t in left.get_yticklabels()] == NAMES

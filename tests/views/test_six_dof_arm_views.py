@@ -138,7 +138,7 @@ def test_the_answer_is_the_gain_over_least_squares_and_joints_with_both_numbers(
     said = {0.5: "2.0 times as much", 1.0: "alike", 2.0: "2.0 times less"}[factor]
     assert STUDY.words(made).block("answer") == (
         f"True error of 95 % in the check runs: MGCO56 3.000 mm, least squares {3 * factor:.3f} mm; {said}. "
-        "Joints alone 30.000 mm, 10 times as much (10 to 12)."
+        "Joints alone 30.000 mm, 10 times as much (10 to 12 in 3 trials)."
     )
 
 

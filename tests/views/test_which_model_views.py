@@ -10,6 +10,7 @@ from checks import (
     check_spread,
     check_table,
     check_words,
+    ends_of,
     summaries,
     unit_in,
 )
@@ -379,7 +380,7 @@ def test_the_figure_draws_the_reports_numbers(report):
         line, *others = (np.array(shape.get_xdata(), float) for shape in axes.get_lines())
         np.testing.assert_allclose(line, advice.joints.workspace_mm.median)
         for spread, dot, m in zip(others[::2], others[1::2], own, strict=True):
-            np.testing.assert_allclose(spread, (m.workspace_mm.p05, m.workspace_mm.p95))
+            np.testing.assert_allclose(spread, ends_of(m.workspace_mm))
             np.testing.assert_allclose(dot, m.workspace_mm.median)
     assert len({tables.look_of(m) for m in report.family}) == len(METHODS)
     shown = tables.tables(report)["family_short"].looks

@@ -21,6 +21,7 @@ from testbench.studies.absolute_calibration.settings import (
     WITH_LINKS,
 )
 from testbench.studies.absolute_calibration.tables import ERROR, POSES
+from testbench.trials.spread import spans
 from testbench.views.colours import (
     CHOICE,
     GCO,
@@ -68,8 +69,9 @@ def curves(report: AbsoluteCalibrationReport) -> Figure:
         figure,
         f"{report.featured} poses, error where nothing was measured: "
         + "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in report.gains),
-        f"RMS errors, {report.dataset.sigma_um:g} um a reading. Marks: medians; band and lines: 5 to 95 % of "
-        f"{report.trials} trials, {count} arms in turn. Bars: RMS in the middle row, medians below; dashes: "
+        f"RMS errors, {report.dataset.sigma_um:g} um a reading. Marks: medians; band and lines: "
+        f"{spans(row.error_mm for row in report.campaigns) or 'none'}; {report.trials} trials, "
+        f"{count} arms in turn. Bars: RMS in the middle row, medians below; dashes: "
         "medians. Compliances: of joint 2, beside the true one.",
     )
     return figure
@@ -122,7 +124,7 @@ def _campaigns(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
         heights = [getattr(row, quantity).median for row in rows]
         at = np.arange(len(rows)) + offset
         axes.bar(at, heights, 0.34, color=hexadecimal(colour), hatch=hatch, edgecolor="white", label=label)
-        ends = [(getattr(row, quantity).p05, getattr(row, quantity).p95) for row in rows]
+        ends = [getattr(row, quantity).ends for row in rows]
         axes.vlines(at, *np.transpose(ends), color=SOFT)
     axes.set_xticks(range(len(rows)), [f"{row.campaign}\n{row.poses} poses" for row in rows])
     axes.set(ylabel="RMS error [mm]")

@@ -101,7 +101,8 @@ def _dots(axes: Axes, at: float, groups: Sequence[Group], *, named: bool = False
 
 def _left(own: Spread) -> tuple[float, float, float]:
     """Shares left of the best, the middle and the worst of the cases, where the axis has them."""
-    left = 1 - np.array([own.p95, own.median, own.p05])
+    worst, best = own.ends
+    left = 1 - np.array([best, own.median, worst])
     low, middle, high = np.clip(left, LEAST, MOST).tolist()
     return low, middle, high
 

@@ -52,7 +52,7 @@ def residuals(campaign: Campaign, results: Sequence[Result], take: str) -> Figur
         f"{scatter[worst]:.0f} um",
         f"Residuals of seed {campaign.seed}, all markers and axes pooled (Fig. 5). Filled: runs fitted; "
         "vermillion: check runs; grey: normal curve of the fit. What lies beyond an end stands in its last "
-        "bin. Small p: not normal (Lilliefors).",
+        "bin. Small p: not normal (Lilliefors). A narrow fit may have followed the noise.",
     )
     return figure
 

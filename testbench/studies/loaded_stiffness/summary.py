@@ -137,6 +137,9 @@ def best(rows: Sequence[LoadedRow]) -> tuple[Method, ...]:
     return best_of({row.method: max(row.rms_mm, ROUNDING_MM) for row in rows}).names  # type: ignore[return-value]
 
 
+SPREAD = ("median", "p05", "p95")
+
+
 def statistics(load: float, truth: Truth, method: Method, rows: Sequence[PoseRow]) -> LoadedRow:
     """Errors over all poses, in millimetres and as a share of each pose's deflection."""
     error = np.array([row.error_m for row in rows])
@@ -154,8 +157,8 @@ def statistics(load: float, truth: Truth, method: Method, rows: Sequence[PoseRow
         vertical_rms_mm=MM * rms(error[:, 2]),
         rms_percent=100 * rms(distance) / rms(size),
         max_percent=float(share.max()),
-        **{f"{name}_mm": value for name, value in vars(absolute).items()},
-        **{f"{name}_percent": value for name, value in vars(relative).items()},
+        **{f"{name}_mm": getattr(absolute, name) for name in SPREAD},
+        **{f"{name}_percent": getattr(relative, name) for name in SPREAD},
     )
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
 from testbench.studies.model_error.summary import distinct
 from testbench.studies.model_error.tables import CASE, RMS
-from testbench.trials.spread import ends, grouped, middle
+from testbench.trials.spread import ends, grouped, middle, span
 from testbench.views.colours import look
 from testbench.views.figure import body, key, log_ticks, page, quiet, say
 from testbench.views.gains import beside
@@ -36,8 +36,8 @@ def disturbances(report: ModelErrorReport) -> Figure:
     say(
         figure,
         f"{report.arm}, all disturbances together, {report.sigma_um:g} um of noise: {beside(gains, 'um')}",
-        f"RMS errors over the workspace. Dots: medians, lines: 5 to 95 % of {report.trials} trials. Filled: "
-        "with a prior.",
+        "RMS errors over the workspace. Dots: medians, lines: "
+        f"{span(report.trials)} of {report.trials} trials. Filled: with a prior.",
     )
     return figure
 

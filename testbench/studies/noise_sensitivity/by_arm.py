@@ -54,6 +54,6 @@ def by_arm(headline: str, arms: Sequence[str] | Words, values: Sequence[float] |
         return []
     spreads = {arm: spread(found) for arm, found in own.items()}
     medians = [s.median for s in spreads.values()]
-    if np.ptp(medians) <= np.median([s.p95 - s.p05 for s in spreads.values()]):
+    if np.ptp(medians) <= np.median([s.ends[1] - s.ends[0] for s in spreads.values()]):
         return []
     return [ByArm(headline, arm, len(own[arm]), s) for arm, s in spreads.items()]

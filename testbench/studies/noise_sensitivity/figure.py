@@ -11,7 +11,7 @@ from testbench.studies.noise_sensitivity.instruments import FLAT, WEIGHTED
 from testbench.studies.noise_sensitivity.report import Level, NoiseReport
 from testbench.studies.noise_sensitivity.summary import PARTS
 from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA, distinct
-from testbench.trials.spread import ends, grouped, middle
+from testbench.trials.spread import ends, grouped, middle, span
 from testbench.views.colours import GCO, GREY, SERIES, Look, look
 from testbench.views.figure import SMALL, SOFT, Line, draw_line, page, quiet, say
 from testbench.views.gains import beside
@@ -40,12 +40,12 @@ def sensitivity(report: NoiseReport) -> Figure:
     led = report.leaders["gravity"]
     found = report.gains["gravity"]
     gains = {"least squares": found.least_squares, "joints alone": found.joints}
-    counts = [str(report.trials[part]) for part in ("six_dof", "gravity", "instrument_linear")]
+    counts = [report.trials[part] for part in ("gravity", "six_dof", "instrument_linear")]
     say(
         figure,
         f"{PARTS['gravity']}, {led.noise_um:g} um of noise: {beside(gains, 'um')}",
-        f"RMS errors over the workspace. Marks: medians of {', '.join(counts)} trials; bands, of some: 5 to "
-        "95 % of them. "
+        f"RMS errors over the workspace. Marks: medians of {', '.join(map(str, counts))} trials; bands, of "
+        f"some: {span(min(counts))} of them. "
         f"Filled and dashed: with a prior. Below {LINEAR_UM:g} um the axis is linear.",
     )
     return figure

@@ -18,7 +18,7 @@ STUDY = TypedStudy(
     trials=trial.trials,
     summary=summary.summary,
     tables=tables.tables,
-    printed=("six_dof_short", "gravity_short"),
+    printed=("gravity_short", "six_dof_short"),
     figures={"noise_sensitivity.png": figure.sensitivity},
     write=recording.write,
 )

@@ -40,9 +40,9 @@ from testbench.studies.noise_sensitivity.verdict import (
 )
 from testbench.studies.study import Rows
 from testbench.trials.groups import by_group
-from testbench.trials.spread import Number, Spread, ends, grouped, middle, spread
+from testbench.trials.spread import Number, Spread, grouped, middle, spread
 
-PARTS: dict[Part, str] = {"six_dof": "108 runs of section 5.2", "gravity": "KR 500, 8 poses"}
+PARTS: dict[Part, str] = {"gravity": "KR 500, 8 poses", "six_dof": "108 runs of section 5.2"}
 METHODS: dict[Constraint, str] = {
     "none": "least squares",
     "psd": "GCO",
@@ -145,5 +145,5 @@ def model_at(fit: FitRow, where: str, judged: Literal["check", "workspace"]) -> 
     )
 
 
-def _mm(um: Number) -> Spread:
-    return Spread(middle(um) / 1e3, *(end / 1e3 for end in ends(um)))
+def _mm(um: Number) -> Number:
+    return um.scaled(1e-3) if isinstance(um, Spread) else middle(um) / 1e3

@@ -92,7 +92,7 @@ def extremes(values: Mapping[str, Number]) -> Extremes:
 
 
 def _spread(value: Number) -> Spread:
-    return Spread(*triple(value))
+    return value if isinstance(value, Spread) else Spread(*triple(value))
 
 
 def leaders(part: Part, levels: Sequence[Level]) -> Leaders:

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from testbench.studies.pose_selection.report import PoseReport
 from testbench.studies.pose_selection.settings import BARE, INCUMBENT, PLANNED, RANDOM
 from testbench.studies.pose_selection.tables import EXPECTED, JUDGED, PLAN, POSES, TASKS, VARIANT, WORKSPACE
-from testbench.trials.spread import middle
+from testbench.trials.spread import middle, span
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import SMALL, SOFT, Line, body, dots, draw_line, key, log_ticks, page, quiet, say
 from testbench.views.gains import more
@@ -56,7 +56,7 @@ def _reading(report: PoseReport, drawn: str) -> str:
     seeds, noise = report.seed, f"{report.dataset.sigma_um:g} um of noise"
     if isinstance(seeds, int):
         return f"One seed, {noise}."
-    return f"Marks: medians, {drawn}: 5 to 95 % of {len(seeds)} seeds, {noise}."
+    return f"Marks: medians, {drawn}: {span(len(seeds))} of {len(seeds)} seeds, {noise}."
 
 
 def _curve(axes: Axes, report: PoseReport, fit: str, error: Column, words: str) -> None:

@@ -176,8 +176,8 @@ class VariantReport:
 class Verdict:
     """Who is best, of several that are alike all, and whether forecasts hold."""
 
-    tasks: tuple[str, ...]  #: Criteria of least error at the tasks.
-    workspace: tuple[str, ...]  #: Criteria of least error over the workspace.
+    tasks: tuple[str, ...]  #: Plans of least error at the tasks, random poses among them.
+    workspace: tuple[str, ...]  #: The same over the workspace.
     no_better: tuple[str, ...]  #: Criteria that are no better at the tasks than random poses.
     ratio: tuple[float, float]  #: Least and largest simulated over forecast error on drawn arms [1].
     inside: tuple[float, float]  #: Least and largest share of drawn arms inside the 90 % interval [1].

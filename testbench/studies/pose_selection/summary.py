@@ -285,8 +285,8 @@ def verdict(
     errors = {v.variant: middle(v.judged.tasks_mm) for v in variants}
     base = middle(variants[0].judged.tasks_mm)
     return r.Verdict(
-        tasks=best_of({c.plan: c.tasks_mm for c in planned}).names,
-        workspace=best_of({c.plan: c.workspace_mm for c in planned}).names,
+        tasks=best_of({c.plan: c.tasks_mm for c in criteria}).names,
+        workspace=best_of({c.plan: c.workspace_mm for c in criteria}).names,
         no_better=tuple(c.plan for c in planned if middle(c.tasks_mm) >= chance),
         ratio=(min(ratio), max(ratio)),
         inside=(min(inside), max(inside)),

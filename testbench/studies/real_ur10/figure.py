@@ -50,7 +50,8 @@ def real_ur10(report: RealReport) -> Figure:
         f"Positions of a real UR10 that were never fitted, mean: {middle(own.ours_mm):.3f} mm with joint "
         f"errors, {middle(own.theirs_mm):.3f} mm with joint springs, {more(own)}",
         f"Public readings, series {' and '.join(words)}, of July and November 2020. Bands: 5 to 95 % of the "
-        "draws. Numbers beside names: blocks of joint space held out. Below: orders from 3 on.",
+        "draws, of fewer than 20 their range. Numbers beside names: "
+        "blocks of joint space held out. Below: orders from 3 on.",
     )
     return figure
 

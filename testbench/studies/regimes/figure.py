@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from testbench.studies.regimes.campaigns import Kind
 from testbench.studies.regimes.report import MapCell, RegimesReport
 from testbench.studies.regimes.tables import KINDS, OVER_EQUAL, OVER_LENT, OVER_LS
-from testbench.trials.spread import Spread
+from testbench.trials.spread import Spread, span
 from testbench.views.figure import SMALL, page, say
 from testbench.views.gains import beside
 from testbench.views.schema import Column
@@ -46,8 +46,8 @@ def maps(report: RegimesReport) -> Figure:
         f"A weight, {report.featured_poses} poses, {report.featured_um:g} um of noise, {own.structure}: "
         f"{beside(gains, 'um')}",
         f"Numbers: GCO's RMS error over the workspace over the other's, medians of {report.trials} trials, "
-        f"{len(report.truth)} true arms in turn. Hatched: 5 to 95 % of the trials hold 1. Framed: GCO beats "
-        "joints alone in most trials.",
+        f"{len(report.truth)} true arms in turn. Hatched: their {span(report.gains.joints.trials)} holds 1. "
+        "Framed: GCO beats joints alone in most trials.",
     )
     return figure
 
@@ -79,7 +79,7 @@ def heat(axes: Axes, cells: Sequence[MapCell], column: Column) -> None:
         values[y, x] = ratio.median
         colour = "white" if abs(np.log(ratio.median)) > np.log(DARK) else "black"
         axes.text(x, y, column.text(ratio.median), color=colour, ha="center", va="center", fontsize=SMALL)
-        if ratio.p05 < 1 < ratio.p95:
+        if ratio.ends[0] < 1 < ratio.ends[1]:
             axes.add_patch(_around(x, y, 0.5, hatch="//", edgecolor=(0, 0, 0, 0.13), linewidth=0))
         if cell.beats_joints:
             axes.add_patch(_around(x, y, 0.46, edgecolor=colour, linewidth=1.2))

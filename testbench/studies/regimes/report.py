@@ -14,7 +14,7 @@ MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to c
 
 def better(ratio: Spread) -> bool:
     """Whether a ratio of errors is below 1 in 95 % of the fits, and `MATTERS` at most in the middle."""
-    return ratio.p95 < 1 and ratio.median <= MATTERS
+    return ratio.ends[1] < 1 and ratio.median <= MATTERS
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class MapCell(Ratios):
     @property
     def costs(self) -> bool:
         """Whether least squares beat GCO in 95 % of the fits, in the middle by as much."""
-        return self.gco_over_ls.p05 > 1 and self.gco_over_ls.median >= 1 / MATTERS
+        return self.gco_over_ls.ends[0] > 1 and self.gco_over_ls.median >= 1 / MATTERS
 
     @property
     def beats_joints(self) -> bool:

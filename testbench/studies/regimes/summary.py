@@ -237,7 +237,7 @@ def gains(rows: Sequence[CellRow]) -> Gains:
 
 
 def _model(name: str, constraint: Constraint, conservative: float | None, error_um: Spread) -> FeaturedModel:
-    error = Spread(error_um.median / 1e3, error_um.p05 / 1e3, error_um.p95 / 1e3)
+    error = error_um.scaled(1e-3)
     return FeaturedModel(name, METHODS[constraint], constraint, False, conservative, True, Scores(error))
 
 

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 
 from testbench.studies.which_model.report import WhichModelReport
 from testbench.studies.which_model.tables import ERROR, METHOD, look_of
-from testbench.trials.spread import ends
+from testbench.trials.spread import ends, spans
 from testbench.views.colours import CHOICE
 from testbench.views.figure import SOFT, dots, log_ticks, page, say
 from testbench.views.gains import beside
@@ -29,8 +29,8 @@ def methods(report: WhichModelReport) -> Figure:
     say(
         figure,
         f"{report.arm}, {first.poses} poses, RMS over the workspace: {beside(gains)}",
-        f"Errors over the family of true arms and priors. Dots: medians, lines: 5 to 95 % of "
-        f"{report.trials} trials. Band: what testbench chooses from the readings. Filled: with a prior; grey "
-        "line: joints alone.",
+        "Errors over the family of true arms and priors. Dots: medians, lines: "
+        f"{spans((m.workspace_mm for m in report.family), 'cases')}. Band: what testbench "
+        "chooses from the readings. Filled: with a prior; grey line: joints alone.",
     )
     return figure

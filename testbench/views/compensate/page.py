@@ -12,6 +12,7 @@ from testbench.correct.rest import rest
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.trials.spread import ENOUGH
 from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
 from testbench.views.compensate.words import tables
 from testbench.views.magnified import arrow_scale
@@ -65,8 +66,9 @@ def _groups(
     ways = {"path asked": (asked, TASK), BEFORE: (off, MEASURED), "corrected, by the model": (back, GCO)}
     half = M * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
     spans = half[:, None, :] * np.eye(3)  # along each axis of the world
+    low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
     layers = [
-        Layer("where it may be, 95 %", GCO, "lines", asked[:, None] - spans, asked[:, None] + spans),
+        Layer("where it may be, 95 %", GCO, "lines", low, high),
         *(Layer(name, colour, "lines", x[None, :-1], x[None, 1:]) for name, (x, colour) in ways.items()),
         Layer("tool asked", TASK, "dots", asked[:, None]),
         Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None]),
@@ -104,9 +106,10 @@ def _tables(report: CompensationReport) -> list[Table]:
     rows: list[Mapping[str, object]] = [{"name": BEFORE, **vars(report.before_mm)}]
     if report.half_95_mm is not None:
         rows.append({"name": AFTER, **vars(report.half_95_mm)})
-    every = tables(report)
+    every, many = tables(report), report.loaded >= ENOUGH
+    columns = tuple(column for column in SIZES if many or column.key != "p95")
     return [
-        Table(SIZES, rows, "How far the loaded tool is off", headline="median", looks=LOOKS),
+        Table(columns, rows, "How far the loaded tool is off", headline="median", looks=LOOKS),
         replace(every["worst"], title="Worst points", headline="before_mm"),
         replace(every["joints"], title="Corrections of the joints"),
     ]

@@ -14,6 +14,7 @@ from testbench.errors import Array
 from testbench.model.vjm import chain, generalised_load
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.views.colours import MEASURED, NOMINAL, look
+from testbench.views.fits import COUNTS
 from testbench.views.identified.report import IdentifiedReport, RunRow
 from testbench.views.identified.words import tables
 from testbench.views.magnified import arrow_scale
@@ -128,7 +129,7 @@ def _map(models: list[Fitted], found: Elsewhere, group: int) -> PlaceMap:
     shown = [m for m in models if m.name in found.models and (m.structure != JOINTS or m is models[-1])]
     half = [MM * found.models[m.name].half for m in shown]
     return PlaceMap(
-        "Half width of the 95 % interval of the tool's deflection under the largest load (mm)",
+        f"Half width of the 95 % interval of the tool's deflection under the largest load (mm); {COUNTS}",
         group,
         found.position,
         [_line(m, np.where(np.isfinite(mm), mm, np.nan)) for m, mm in zip(shown, half, strict=True)],

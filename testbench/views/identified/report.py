@@ -23,10 +23,13 @@ from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Estimate
 from testbench.identify.identifiability import describe, of_regression
 from testbench.identify.prior import Strength, cad_prior
+from testbench.views.fits import COUNTS
 from testbench.views.identifiability.report import Seen, seen_report
 
 HALF_WIDTH = Meaning(
-    "half width", "of the 95 % interval of the tool's deflection, along the axis where it is widest", "median"
+    "half width",
+    f"of the 95 % interval of the tool's deflection, along the axis where it is widest; {COUNTS}",
+    "median",
 )
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with, as `testbench identifiability` does.
 

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from testbench.trials.spread import Spread
 from testbench.views.page.charts import look_plain
 from testbench.views.page.scene import Json
-from testbench.views.schema import Column, Table, looks
+from testbench.views.schema import Column, Table, brackets, looks
 
 FOLDER = Path(__file__).parent
 SCRIPTS = ("tables.js", "charts.js", "raster.js", "scene.js", "maps.js", "page.js")
@@ -39,7 +39,6 @@ def grid(table: Table) -> Json:
         }
         for row in table.rows
     ]
-    spread = any(isinstance(column.value(row), Spread) for column in table.columns for row in table.rows)
     shown = table.looks or looks(table.rows, table.columns[0])
     return {
         "title": table.title,
@@ -47,7 +46,7 @@ def grid(table: Table) -> Json:
         "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline and drawn[k]), -1),
         "head": head,
         "rows": rows,
-        "spread": spread,
+        "brackets": brackets(table),
         "looks": {name: look_plain(own) for name, own in shown.items()},
     }
 
@@ -73,10 +72,10 @@ def unbroken(text: str) -> Markup:
 
 
 def _numbers(value: object) -> tuple[float, ...]:
-    """A number alone, or a median with 5th and 95th percentile; nothing of words, NaN, infinity."""
+    """A number alone, or a median with its ends; nothing of words, NaN, infinity."""
     found: tuple[float, ...] = ()
     if isinstance(value, Spread):
-        found = value.median, value.p05, value.p95
+        found = value.median, *value.ends
     elif isinstance(value, int | float):
         found = (float(value),)
     return found if all(map(math.isfinite, found)) else ()

@@ -10,7 +10,6 @@ import rerun.blueprint as rrb
 
 from testbench.bench.campaign import Campaign, Cell
 from testbench.bench.judged import Result
-from testbench.trials.spread import Spread
 from testbench.views.recording.arm import orbit
 from testbench.views.recording.chart import Chart, dots
 from testbench.views.recording.compliance import compliance_tab, write_compliances
@@ -28,6 +27,7 @@ from testbench.views.recording.plots import (
 from testbench.views.recording.run_text import place_lines, run_lines, words
 from testbench.views.recording.scene import loading_view, map_camera, world_view, write_scene
 from testbench.views.recording.stream import layout, recording
+from testbench.views.schema import brackets
 
 PLACE, WORST, RUN, LOAD = "place", "worst_first", "run", "load"
 """Timelines: places of the workspace from 1, runs by their residual, runs of the dataset from 1, load [%]."""
@@ -81,8 +81,7 @@ def _write_words(runs: Pen, places: Pen, load: Pen, drawing: Drawing) -> None:
 def _errors(drawing: Drawing) -> Chart:
     """The errors in millimetres, quantity by quantity and model by model, with their spread over seeds."""
     errors = drawing.about.errors
-    spread = any(isinstance(c.value(row), Spread) for c in errors.columns for row in errors.rows)
-    line = "; line: 5 to 95 % of the seeds" if spread else ""
+    line = f"; line: {brackets(errors)}" if brackets(errors) else ""
     title = f"Errors by model (mm), logarithmic; dot: value{line}"
     return Chart("errors_by_model_mm", title, dots(errors, [look.colour for look in drawing.looks]))
 

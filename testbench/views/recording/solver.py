@@ -10,6 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.errors import Array
+from testbench.trials.spread import spans
 from testbench.views.recording.chart import Chart, Dot
 from testbench.views.recording.pen import Line, Pen, text_view
 from testbench.views.recording.stream import Header, layout, recording
@@ -48,7 +49,8 @@ class Race:
 
 def write_solver(path: Path, header: Header, race: Race) -> None:
     """Write a comparison of solvers; an existing file is replaced only by a whole one."""
-    title = "Time (s), logarithmic; dot: median; line: 5 to 95 % of the seeds"
+    line = spans((dot.value for dot in race.times), "seeds")
+    title = f"Time (s), logarithmic; dot: median{f'; line: {line}' if line else ''}"
     chart = Chart("time_s", title, race.times)
     with recording(path, "solver", header, _blueprint(race, chart)) as pen:
         pen.documents({"summary": race.summary, "log": race.notes})

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.data.dataset import Ids
 from testbench.errors import BenchError
-from testbench.trials.spread import Number, middle, triple
+from testbench.trials.spread import Number, middle, spans, triple
 from testbench.views.colours import Look
 from testbench.views.markdown import Words
 from testbench.views.recording.chart import Chart, Dot
@@ -169,6 +169,11 @@ class Sweep:
     def widest(self) -> Step:
         """Where they differ most."""
         return self.steps[int(self.rank.argmin())]
+
+    @property
+    def spans(self) -> str:
+        """What the ends of what is plotted are."""
+        return spans(point.y for point in self.points) or "none"
 
     @property
     def words(self) -> Words:
