@@ -43,6 +43,10 @@ EVERY = (
     Column("theirs_mm", "the other's", "mm"),
     Column("times", "the other's over its", form=".2f"),
     Column("won", "better in", form="yes"),
+    # an arm that is checked
+    Column("number", "number"),
+    Column("hangs_percent", "share of the sag that hangs on it", "%", ".0f"),
+    Column("sag_share_percent", "its share of the sag", "%", ".1f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
