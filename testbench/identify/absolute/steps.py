@@ -143,7 +143,9 @@ class Step:
     free: float  #: Independent equations that nothing spends.
 
 
-def best(at: Linear, series: Series, steps: Ids, others: tuple[Series, ...] = ()) -> Step:
+def best(
+    at: Linear, series: Series, steps: Ids, others: tuple[Series, ...] = (), *, turns: bool = True
+) -> Step:
     """The step of greatest gain.
 
     Args:
@@ -151,6 +153,7 @@ def best(at: Linear, series: Series, steps: Ids, others: tuple[Series, ...] = ()
         series: The readings, in order of time.
         steps: First rows behind the steps that are tried, rising, (steps,).
         others: Series without a step that tell of the arm as well.
+        turns: Whether a step may turn what moves.
     """
     sums, c = _sums(at, series, steps), len(at.own.columns)
     for one in others:
@@ -165,7 +168,10 @@ def best(at: Linear, series: Series, steps: Ids, others: tuple[Series, ...] = ()
     K = K.T.reshape(*sums.ZA.shape[:2], c)
     g, M = sums.ZA[:, :, c] - K @ e, sums.ZZ - K @ K.swapaxes(1, 2)
     z = g.shape[1] - 6
-    target, tracker = _gains(g[:, :z], M[:, :z, :z]), _gains(g[:, z:], M[:, z:, z:])
+    target, tracker = (
+        _gains(g[:, own], M[:, own, own])
+        for own in (slice(z if turns else 3), slice(z, None if turns else z + 3))
+    )
     what: What = "target" if target[0].max() > tracker[0].max() else "tracker"
     (gain, b), other = (target, tracker) if what == "target" else (tracker, target)
     k, before = int(gain.argmax()), float(sums.AA[c, c] - e @ e)
@@ -188,5 +194,5 @@ def moves(at: Linear, series: Series, step: Step) -> float:
     Z = rows.A[:, :, columns(f"frame {series.frame}")]
     if step.what == "target":
         Z = _rigid(at, series, rows.A[:, :, columns(f"mount {series.target}")])
-    d = np.einsum("sxcr,c->sxr", Z, step.b)[: len(series.markers)]
+    d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.b)], step.b)[: len(series.markers)]
     return float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))

@@ -85,7 +85,9 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     if all(doubt.name in SINGLE for doubt in loads):
         loads += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
         loads.sort(key=lambda d: -(d.evidence or 0))
-    return [*stepped, *said, *loads]
+    if all(doubt.name in SINGLE for doubt in loads):  # else a mistake of all loads may look like a step
+        return [*stepped, *said, *loads]
+    return [*said, *loads, *stepped]
 
 
 def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:

@@ -26,7 +26,8 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
-CHANCE = 0.02  #: Chance of a step that is as clear, in readings without one, from which it is no doubt.
+CHANCE = 0.05
+"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
 LEAST = 3  #: Poses before and behind a step.
 ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
 MOST = 600  #: Runs that are looked at, evenly out of more.
@@ -53,14 +54,21 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Doubt]:
     tried = sum(len(_places(one)) for one in series)
     for k, one in enumerate(series):
         if len(_places(one)):
-            step = best(at, one, _places(one), series[:k] + series[k + 1 :])
-            z = len(step.b)
-            if tried * fdtrc(z, step.free, step.gain / z) < CHANCE:
+            others = series[:k] + series[k + 1 :]
+            both = [best(at, one, _places(one), others, turns=turns) for turns in (False, True)]
+            step = min(both, key=_chance)
+            if len(both) * tried * _chance(step) < CHANCE:
                 words = _sentence(at, one, step, runs[k])
                 station = f"station {one.frame.split()[-1]}: " if len(series) > 1 else ""
                 name = f"{step.what}_moved"
                 found.append(Doubt(name, station + words, step.gain / 2))
     return found
+
+
+def _chance(step: Step) -> float:
+    """Chance of a step at that place that is as clear, in readings without one."""
+    z = len(step.b)
+    return float(fdtrc(z, step.free, step.gain / z))
 
 
 def _in_time(data: Dataset) -> Iterator[tuple[Series, Ids]]:
@@ -112,5 +120,7 @@ def _sentence(at: Linear, series: Series, step: Step, runs: Ids) -> str:
         for row in series.row[step.place - 1 : step.place + 1].tolist()
     ]
     hint = "was it touched?" if step.what == "target" else "runs behind it need a station of their own"
+    if series.pose[step.place - 1] == series.pose[step.place]:
+        hint += ", runs across it are wrong by as much"
     size = 1e3 * moves(at, series, step)
     return f"{both} moved by {size:.2g} mm{turn} between {' and '.join(ends)}: {hint}"
