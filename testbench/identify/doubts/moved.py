@@ -44,7 +44,7 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Doubt]:
     """
     data = in_order(data, np.linspace(0, data.runs - 1, min(MOST, data.runs)).astype(int))
     series, runs = zip(*_in_time(data), strict=True)
-    if not any(len(_places(one)) for one in series):
+    if not vjm.arm.joints or not any(len(_places(one)) for one in series):
         return []
     try:
         state, noise = first_fit(_start(vjm, series), series, metric(prior, vjm, joints_only(vjm.arm)))
