@@ -2,8 +2,9 @@
 
 Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
 8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
-default. Joints alone stand beside it as a guard against a prior that is wrong in ways which nobody thought
-of: where they predict poses held out clearly better, they are taken.
+default. It is averaged with joints alone by evidence (`identify.average`), so that links which the readings
+do not see add no noise. Beside it stand joints alone without a prior, as a guard against a prior that is
+wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from testbench.bench.models import EVERY, MODELS, Model, named_models, own_name,
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, check_array
 from testbench.identify import Estimate, Method, with_prior
+from testbench.identify.average import words
 from testbench.identify.crossval import (
     Candidate,
     Divided,
@@ -102,7 +104,13 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
-    return Choice(model.name, model.estimator(cell.vjm, model.structure, data), found.why)
+    estimate = model.estimator(cell.vjm, model.structure, data)
+    return Choice(model.name, estimate, why(found, estimate))
+
+
+def why(found: Recommendation, estimate: Estimate) -> str:
+    """Why a model is taken, and how much of it is joints alone."""
+    return found.why if estimate.average is None else f"{words(estimate.average)}; {found.why}"
 
 
 def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:
