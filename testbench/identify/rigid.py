@@ -72,8 +72,8 @@ def _likelier(whole: Estimate, metric: Metric, joints: Ids) -> Estimate:
 def words(rigid: Rigid) -> str:
     """Why links are rigid."""
     return (
-        f"link compliances do not improve the model: the readings make joints alone {rigid.odds:.2g} times "
-        "as likely, so links are taken as rigid"
+        f"link compliances do not improve the model: joint stiffness only is {rigid.odds:.2g} times likelier "
+        "given the readings, so links are taken as rigid"
     )
 
 

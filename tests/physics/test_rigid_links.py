@@ -47,7 +47,7 @@ def test_where_links_are_rigid_the_default_is_joints_alone_and_says_so(kr500, ri
         assert chosen.name == DEFAULT
         assert chosen.estimate.rigid.odds > 3
         assert not chosen.estimate.C_theta[:42, :42].any()
-        assert chosen.why.startswith("link compliances do not improve the model: the readings make joints")
+        assert chosen.why.startswith("link compliances do not improve the model: joint stiffness only")
         assert ours < 1.1 * theirs
 
 
