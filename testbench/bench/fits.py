@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import gammainc
 
 from testbench.bench.campaign import Cell
-from testbench.bench.default import Recommendation, default_name, recommend
+from testbench.bench.default import Recommendation, default_name, recommend, why
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.judged import of_model
@@ -112,7 +112,7 @@ def fit(
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
         models=tuple(fitted),
         recommended=taken.name,
-        why=taken.why,
+        why=why(taken, best),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
         doubts=(*looks, *_of_noise(found), *_of_prior(models, found, taken.name, default_name(cell.arm))),
         unchecked=_unchecked(cell, model, best),
