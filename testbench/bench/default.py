@@ -2,8 +2,9 @@
 
 Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
 8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
-default. Joints alone stand beside it as a guard against a prior that is wrong in ways which nobody thought
-of: where they predict poses held out clearly better, they are taken.
+default. Its links are rigid where the readings make joints alone likelier (`identify.rigid`). Joints alone
+without a prior stand beside it as a guard against a prior that is wrong in ways which nobody thought of:
+where they predict poses held out clearly better, they are taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,6 +30,7 @@ from testbench.identify.crossval import (
 )
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, f_m
+from testbench.identify.rigid import words
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -102,7 +104,13 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
-    return Choice(model.name, model.estimator(cell.vjm, model.structure, data), found.why)
+    estimate = model.estimator(cell.vjm, model.structure, data)
+    return Choice(model.name, estimate, why(found, estimate))
+
+
+def why(found: Recommendation, estimate: Estimate) -> str:
+    """Why a model is taken, and why its links are rigid."""
+    return found.why if estimate.rigid is None else f"{words(estimate.rigid)}; {found.why}"
 
 
 def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:

@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammainc
 
 from testbench.bench.campaign import Cell
-from testbench.bench.default import Recommendation, default_name, recommend
+from testbench.bench.default import Recommendation, default_name, recommend, why
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.judged import of_model
@@ -24,6 +25,9 @@ from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
 
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
+
+QUIET, CHANCE = 0.6, 1e-6
+"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +112,9 @@ def fit(
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
         models=tuple(fitted),
         recommended=taken.name,
-        why=taken.why,
+        why=why(taken, best),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
-        doubts=(*looks, *_of_prior(models, found, taken.name, default_name(cell.arm))),
+        doubts=(*looks, *_of_noise(found), *_of_prior(models, found, taken.name, default_name(cell.arm))),
         unchecked=_unchecked(cell, model, best),
         notes=runs.notes,
         registration=runs.registration,
@@ -166,6 +170,22 @@ def _shown(shown: Dataset, total: int) -> str:
 
 def _judged(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
     return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
+
+
+def _of_noise(found: Sequence[tuple[Estimate, float]]) -> list[Doubt]:
+    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
+    quiet = [e for e, _ in found if e.f_m < QUIET * e.f_m_floor]
+    if not quiet:
+        return []
+    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
+    free = least.regression.equations - least.regression.rank
+    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
+        return []
+    words = (
+        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
+        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
+    )
+    return [Doubt("noise", words)]
 
 
 def _of_prior(

@@ -63,6 +63,14 @@ class Rejected:
 
 
 @dataclass(frozen=True)
+class Rigid:
+    """Why links that could bend are rigid in an estimate."""
+
+    odds: float  #: How many times likelier joints alone are, given the readings [1].
+    whole: "Estimate"  #: Of links and joints.
+
+
+@dataclass(frozen=True)
 class Estimate:
     """A stiffness model identified from a dataset."""
 
@@ -83,6 +91,7 @@ class Estimate:
     belief: Belief | None = None  #: The prior that counted as data; None for none.
     #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
+    rigid: Rigid | None = None  #: Where joints alone are likelier than links and joints; None elsewhere.
 
     @property
     def structure(self) -> Structure:

@@ -6,7 +6,7 @@ infinite standard deviation. GCO away from the boundary of the cone has the same
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -138,6 +138,8 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 
 def linearise(estimate: Estimate) -> Linearised:
     """The distribution of an estimate's parameters; the prior that it was made with counts as data."""
+    if estimate.rigid is not None:
+        return _of_rigid(estimate, estimate.rigid.whole)
     regression, belief = estimate.regression, estimate.belief
     L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
     x = np.linalg.solve(L, estimate.pi)
@@ -165,6 +167,16 @@ def linearise(estimate: Estimate) -> Linearised:
         on_boundary=estimate.conservative and pull > BINDS,
         heavy=heavy,
     )
+
+
+def _of_rigid(estimate: Estimate, whole: Estimate) -> Linearised:
+    """The distribution of the model of links and joints, wider by how far rigid links lie from it.
+
+    Joints alone would count as if no link could bend.
+    """
+    found = linearise(whole)
+    root = np.vstack([found.root, estimate.pi - whole.pi])
+    return replace(found, pi=estimate.pi, root=root, heavy=found.heavy + 1)
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:

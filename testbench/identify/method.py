@@ -16,6 +16,7 @@ from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, reduce
 from testbench.identify.regularised import fit_each
+from testbench.identify.rigid import likelier
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -68,7 +69,12 @@ class Method:
 
     def of(self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True) -> list[Estimate]:
         """The same of datasets that were reduced before, outliers among them."""
-        return fit_each(regressions, self.constraint, self.beliefs(vjm, regressions, widths=widths))
+        beliefs = self.beliefs(vjm, regressions, widths=widths)
+        learnt = [belief for belief in beliefs if belief is not None and belief.log_evidence is not None]
+        if self.prior is None or len(learnt) < len(beliefs):
+            return fit_each(regressions, self.constraint, beliefs)
+        own = metric(self.prior, vjm, regressions[0].structure)
+        return likelier(regressions, self.constraint, learnt, own)
 
     def beliefs(
         self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True

@@ -193,3 +193,13 @@ def test_one_estimator_that_fails_does_not_cost_the_others(kr500, campaign):
     assert said == ["left out: mine: its estimator failed: ValueError: singular"]
     with pytest.raises(BenchError, match="mine: its estimator failed: ValueError: singular"):
         fit(kr500, [own], runs, lambda: 0.0)
+
+
+@pytest.mark.parametrize(("times", "doubted"), [(1.0, []), (1.2, []), (1.96, ["noise"]), (5.0, ["noise"])])
+def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, doubted):
+    """A U95 in place of a standard deviation, by F_M below what noise alone leaves; 20 % more is not far."""
+    data = campaign.identification
+    runs = Runs("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
+    found = fit(kr500, named_models(kr500, ["Joints", "MGCO56"]), runs, lambda: 0.0)
+    assert [doubt.name for doubt in found.fits.doubts] == doubted
+    assert all("is sigma too large, a U95 perhaps" in doubt.sentence for doubt in found.fits.doubts)

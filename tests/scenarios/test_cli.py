@@ -19,6 +19,7 @@ from run_here import heed_ctrl_c, here
 
 from testbench import __version__
 from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.bench.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv
@@ -208,6 +209,10 @@ def test_a_mass_is_read_in_its_unit(text, kilograms):
             mass(text)
     else:
         assert mass(text) == pytest.approx(kilograms, rel=1e-4)
+
+
+def test_several_masses_are_read_in_their_units():
+    assert read_masses("100lb,240 kg, 981 daN") == pytest.approx([45.359237, 240, 1000], rel=1e-4)
 
 
 def test_poses_of_other_names_are_read_by_a_map(tmp_path):
