@@ -54,9 +54,7 @@ def report(checked: Checked) -> Report:
         contents=contents(checked),
     )
     tables = {
-        "confirm": Table(
-            columns("number hangs_percent"), confirm, "To confirm, by share of the sag that hangs on it"
-        ),
+        "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
         "parts": Table(columns("name sag_share_percent"), parts, "What sags"),
     }
     found = "No doubts about the arm." if not f.doubts else f"Doubts about the arm: {len(f.doubts)}."
@@ -141,7 +139,7 @@ def _place(point: Array) -> str:
 
 def write(checked: Checked, said: Report, arm: Path, out: Path) -> None:
     """arm.png, report, recording, page and manifest.json; InputError when they cannot be written."""
-    leave(out, Asked(COMMAND, checked.cell.arm.name, {}, [arm]), said, seen(checked), "arm.png")
+    leave(out, Asked(COMMAND, checked.cell.arm.name, {}, [arm], "arm.png"), said, seen(checked))
 
 
 def seen(checked: Checked) -> Seen:
