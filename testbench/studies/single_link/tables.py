@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.bench.rows import UM
-from testbench.studies.paper import CLAIMS
+from testbench.report.columns import columns
 from testbench.studies.single_link.printed import Rows
 from testbench.studies.single_link.report import LinkReport
 from testbench.studies.single_link.trial import GCO, LEAST_SQUARES, SYMMETRIC
@@ -97,7 +97,7 @@ def tables(report: LinkReport) -> dict[str, Table]:
         "spectra": spectra({f"m = {row.m}": row.eigenvalues for row in report.order}),
         "own": Table(OWN, report.eq_22_23.eq_23_from_the_data_of_eq_22.order),
         "eigenvalues": spectra(_eigenvalues(report)),
-        "claims": Table(CLAIMS, report.claims),
+        "claims": Table(columns("claim verdict why"), report.claims),
         **{f"matrix {name}": _matrix(name, C) for name, C in matrices(report).items()},
     }
 
@@ -109,12 +109,12 @@ def _wins() -> tuple[Column, ...]:
 
 def spectra(found: dict[str, Sequence[object]]) -> Table:
     """Eigenvalues by what they are of, in ascending order."""
-    columns = [Column(str(k), f"eigenvalue {k}", SI, ".3f", exact=True, scale=UM) for k in range(1, 7)]
+    heads = [Column(str(k), f"eigenvalue {k}", SI, ".3f", exact=True, scale=UM) for k in range(1, 7)]
     rows = [
         {"name": name} | {str(k): value for k, value in enumerate(values, 1)}
         for name, values in found.items()
     ]
-    return Table((Column("name", "matrix"), *columns), rows)
+    return Table((Column("name", "matrix"), *heads), rows)
 
 
 def matrices(report: LinkReport) -> dict[str, Rows]:
@@ -144,6 +144,6 @@ def _eigenvalues(report: LinkReport) -> dict[str, Sequence[object]]:
 
 
 def _matrix(name: str, C: Rows) -> Table:
-    columns = [Column(axis, axis, "", ".3f", scale=UM) for axis in AXES]
+    heads = [Column(axis, axis, "", ".3f", scale=UM) for axis in AXES]
     rows = [{"name": axis} | dict(zip(AXES, row, strict=True)) for axis, row in zip(AXES, C, strict=True)]
-    return Table((Column("name", f"{name}, {SI}"), *columns), rows)
+    return Table((Column("name", f"{name}, {SI}"), *heads), rows)
