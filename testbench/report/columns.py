@@ -6,6 +6,7 @@ from testbench.bench.truths import CALLED
 from testbench.views.schema import Column
 
 READINGS = "RMS\ncheck\nread-\nings\nmm"
+SI = "10^-6 SI"  #: Eigenvalues of a compliance are in mixed SI units, as the paper's.
 EVERY = (
     Column("name", "model"),
     Column("method", "method"),
@@ -13,8 +14,8 @@ EVERY = (
     Column("true_arm", "true arm", called=CALLED),
     Column("parameters", "unknowns", form="d", short="un-\nknowns"),
     Column("rank", "seen", form=".0f", exact=True),
-    Column("conservative", "conservative", form="yes", short="conser-\nvative"),
-    Column("f_m", "F_M", form=".3f"),
+    Column("conservative", "conservative", form="yes", paper="conservative", short="conser-\nvative"),
+    Column("f_m", "F_M", form=".3f", paper="f_m"),
     Column("f_m_floor", "floor", form=".3f", exact=True),
     Column("duality_gap", "duality gap", form=".1e"),
     Column("f_m_excess_bound", "trace weight costs at most", form=".1e"),
@@ -58,6 +59,36 @@ EVERY = (
     Column("free", "directions free", form="d"),
     Column("also_conservative", "conservative solution of MLS56's fit", form="d"),
     Column("fits_as_well", "F_M of MGCO56 no higher", form="d"),
+    Column("excess_percent", "F_M above the optimum", "%", ".2f"),
+    Column("reaches_optimum", "reaches the optimum", form="yes"),
+    Column("rms_to_eq_23_over_sigma", "RMS distance to Eq. (23)", "sigma/load", ".2f"),
+    # One compliance of section 5.1 beside the true one, and beside the printed one
+    *(
+        Column(key, heading, unit, form, paper=key, short=short)
+        for key, heading, unit, form, short in (
+            ("symmetric", "symmetric", "", "yes", "sym-\nmetric"),
+            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigen-\nvalue\nbelow 0"),
+            ("negative_eigenvalue", "of symmetric part below 0", "", "yes", "of sym.\npart"),
+            ("matrix_eigenvalue_micro", "smallest eigenvalue", SI, ".3f", f"smallest\n{SI}"),
+            ("symmetric_eigenvalue_micro", "smallest of symmetric part", SI, ".3f", f"of sym.\npart\n{SI}"),
+            ("prediction.position_rms_um", "position error", "um", ".1f", ""),
+            ("prediction.position_relative_percent", "of the deflection", "%", ".2f", "%"),
+            ("prediction.rotation_rms_urad", "rotation error", "urad", ".0f", ""),
+            ("prediction.rotation_relative_percent", "of the rotation", "%", ".2f", "%"),
+            *(
+                (f"entries.{key}", heading, unit, ".2f", f"{short}\n{unit}")
+                for key, heading, unit, short in (
+                    ("translation_rms_um_per_N", "C force-position", "um/N", "force\npos."),
+                    ("coupling_translation_rms_um_per_Nm", "C moment-position", "um/(N m)", "moment\npos."),
+                    ("coupling_rotation_rms_urad_per_N", "C force-rotation", "urad/N", "force\nrot."),
+                    ("rotation_rms_urad_per_Nm", "C moment-rotation", "urad/(N m)", "moment\nrotation"),
+                )
+            ),
+        )
+    ),
+    # Any numbers, a line each
+    Column("what", "what"),
+    Column("value", "value", form=".3g"),
     # Statements of the paper
     Column("claim", "statement"),
     Column("verdict", "verdict"),
