@@ -50,11 +50,12 @@ def _eigenvalues(ax: Axes, ls: Row, ours: Row) -> None:
     bins = width * np.arange(-BINS // 2, BINS // 2 + 1)
     start, end = bins[0], bins[-1]
     edge = right < ROUND
-    said = [f"{words}: below zero in {_negative(m)}" for words, m in _called(ls, ours)]
     ax.axvspan(start, 0, color=orange, alpha=0.08, linewidth=0)
-    ax.hist(np.clip(left, start, end), bins.tolist(), color=orange, alpha=0.75, label=said[0])
+    ax.hist(
+        np.clip(left, start, end), bins.tolist(), color=orange, alpha=0.75, label=_below(ls, "least squares")
+    )
     inside, above = np.clip(right[~edge], 0, end), bins[bins >= 0].tolist()
-    ax.hist(inside, above, color=green, histtype="step", linewidth=2.5, label=said[1])
+    ax.hist(inside, above, color=green, histtype="step", linewidth=2.5, label=_below(ours, "GCO"))
     top = 1.5 * ax.dataLim.ymax
     at_zero = f"at zero, not to scale: {100 * edge.mean():.0f} %"
     ax.plot([0, 0], [0, 0.9 * top], color=green, linewidth=5, solid_capstyle="butt")
@@ -67,8 +68,8 @@ def _eigenvalues(ax: Axes, ls: Row, ours: Row) -> None:
     quiet(ax)
 
 
-def _called(ls: Row, ours: Row) -> list[tuple[str, Row]]:
-    return [(f"least squares, {ls.name}", ls), (f"GCO, {ours.name}", ours)]
+def _below(m: Row, method: str) -> str:
+    return f"{method}, {m.name}: below zero in {_negative(m)}"
 
 
 def _negative(m: Row) -> str:
