@@ -233,3 +233,30 @@ def forest(table: Table, panes: Mapping[str, str], answer: str, reading: str, ma
         axes.set_title(title, fontsize="medium")
     say(figure, answer, reading)
     return figure
+
+
+def curves(table: Table, x: Column, panes: Mapping[str, str], answer: str, reading: str) -> Figure:
+    """Lines of a table's models over a swept quantity, a pane a column, on logarithmic ordinates.
+
+    Args:
+        table: Rows that are of models, see `schema.looks`; those of one name are one line.
+        x: What is swept.
+        panes: Titles by the keys of the columns that are drawn.
+        answer: See `say`.
+        reading: The same.
+    """
+    figure, columns, name = page(4.2), {column.key: column for column in table.columns}, table.columns[0]
+    known = table.looks or looks(table.rows, name)
+    for axes, (key, title) in zip(
+        figure.subplots(1, len(panes), squeeze=False)[0], panes.items(), strict=True
+    ):
+        for called, own in known.items():
+            rows = [row for row in table.rows if name.cell(row) == called]
+            draw_line(axes, x, columns[key], Line(rows, own, called, band=False))
+        log_ticks(axes, "y", *axes.dataLim.intervaly)
+        axes.set(xlabel=x.title, ylabel=columns[key].title)
+        axes.set_title(title, fontsize="medium")
+        axes.legend(frameon=False, fontsize=SMALL)
+        quiet(axes)
+    say(figure, answer, reading)
+    return figure

@@ -213,7 +213,7 @@ def test_seed_scenario_and_versions_are_properties(chunks, made, kind):
 
 FITS = {
     "gravity": "testbench.studies.gravity_calibration.trial.results",
-    "full_pose": "testbench.studies.six_dof_arm.recording.identify",
+    "full_pose": "testbench.studies.six_dof_arm.report.identify",
 }
 """What fits the models of a recording; fitted once here, so that the writing alone is compared."""
 
@@ -290,7 +290,7 @@ def test_full_pose_table_is_the_reports(made):
     rows = table(document(chunks_of(file), "/summary"))
     for model in found["models"]:
         cells = dict(zip(rows["model"], rows[model["name"]], strict=True))
-        shown = numbers([cells["95 % true, mm"]])
+        shown = numbers([cells["95 % check, true, mm"]])
         assert shown == pytest.approx([middle(model["check_true"]["p95_mm"])], abs=5.1e-4)
 
 
