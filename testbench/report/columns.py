@@ -5,6 +5,7 @@ from dataclasses import replace
 from testbench.bench.truths import CALLED
 from testbench.views.schema import Column
 
+ROUNDING_UM, ROUNDING_PERCENT = 1e-3, 1e-5  #: Errors below are rounding.
 READINGS = "RMS\ncheck\nread-\nings\nmm"
 EVERY = (
     Column("name", "model"),
@@ -43,6 +44,18 @@ EVERY = (
     Column("theirs_mm", "the other's", "mm"),
     Column("times", "the other's over its", form=".2f"),
     Column("won", "better in", form="yes"),
+    # a hung weight: Eq. (6) and (7)
+    Column("prediction", "prediction"),
+    Column("load_N", "load", "N", ".4g"),
+    Column("deflection_rms_mm", "deflection RMS", "mm", ".2f"),
+    Column("rms_um", "RMS error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("vertical_rms_um", "vertical RMS error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("error_um", "error of the tool", "um", ".2f", rounding=ROUNDING_UM),
+    Column("max_um", "largest error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("rms_percent", "RMS error", "%", ".2f", rounding=ROUNDING_PERCENT),
+    Column("error_percent", "error of the tool", "%", ".2f", rounding=ROUNDING_PERCENT),
+    Column("max_percent", "largest error", "%", ".2f", rounding=ROUNDING_PERCENT),
+    Column("tangent_difference_ppm", "largest difference", "ppm"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
