@@ -56,6 +56,28 @@ EVERY = (
     Column("error_percent", "error of the tool", "%", ".2f", rounding=ROUNDING_PERCENT),
     Column("max_percent", "largest error", "%", ".2f", rounding=ROUNDING_PERCENT),
     Column("tangent_difference_ppm", "largest difference", "ppm"),
+    # solvers of Eq. (19)
+    Column("key", "solver"),
+    Column("solver", "solver"),
+    Column("relative_excess", "over (d)", form=".1e", rounding=1e-12, short="over\n(d)"),
+    Column("relative_excess_bound", "over the bound", form=".1e", short="over\nthe\nbound"),
+    Column("seconds", "time", "s", ".3g"),
+    Column("seconds_to_1_percent", "time to 1 %", "s", ".3g", short="to\n1 %\ns"),
+    Column("ratio_to_conic", "to 1 %, times (d)", form=".3g", short="to 1 %\nx (d)"),
+    Column("whole_ratio_to_conic", "whole time, times (d)", form=".3g"),
+    Column("evaluations", "F_M evaluations", form=".0f"),
+    Column("local_solves", "local solves", form="d"),
+    Column("local_solves_elsewhere", "of them elsewhere", form="d"),
+    Column("check_true.p95_mm", "95 % check, true", "mm"),
+    Column("m", "m", form="d"),
+    Column("starts", "random starts", form="d"),
+    Column("reference", "excess is over"),
+    Column("within_1e_6_percent", "within 10^-6", "%", ".0f"),
+    Column("within_1e_5_percent", "within 10^-5", "%", ".0f"),
+    Column("median_excess", "median excess", form=".1e"),
+    Column("worst_excess", "worst excess", form=".1e"),
+    Column("unfinished", "out of steps", form="d"),
+    Column("cap_excess", "cap costs", form=".1e"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
