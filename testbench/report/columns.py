@@ -78,6 +78,39 @@ EVERY = (
     Column("worst_excess", "worst excess", form=".1e"),
     Column("unfinished", "out of steps", form="d"),
     Column("cap_excess", "cap costs", form=".1e"),
+    # readings of a real arm: series A and C
+    Column("words", "what it is"),
+    Column("split", "split"),
+    Column("judged", "judged on"),
+    Column("trained", "trained on"),
+    Column("fit", "fit"),
+    Column("poses", "poses that train", form="d"),
+    Column("draws", "draws", form="d"),
+    Column("blocks_mm", "blocks", "mm"),
+    Column("a_to_c_mm", "A to C", "mm"),
+    Column("c_to_a_mm", "C to A", "mm"),
+    Column("realigned_mm", "realigned", "mm"),
+    Column("error.n", "poses that judge", form="d"),
+    Column("error.mean_mm", "mean error", "mm"),
+    Column("error.rms_mm", "RMS", "mm"),
+    Column("error.p95_mm", "95 %", "mm"),
+    Column("error.p99_mm", "99 %", "mm"),
+    Column("error.max_mm", "largest", "mm"),
+    Column("error.inside_95_percent", "inside 95 %", "%", ".1f"),
+    Column("joint", "joint"),
+    *(
+        Column(f"{end}_{name}_deg", f"{words} in {name}", "deg", ".0f")
+        for name in "AC"
+        for end, words in (("low", "least"), ("high", "greatest"))
+    ),
+    Column("strange_to_A_percent", "poses of C far from A's angles", "%", ".0f"),
+    Column("strange_to_C_percent", "poses of A far from C's angles", "%", ".0f"),
+    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in ("A", "C", "both")),
+    Column("common_deg", "angles that both visited", "deg", ".0f"),
+    Column("correlation", "correlation of A and C there", form=".2f"),
+    Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
+    Column("prototype_mm", "prototype", "mm"),
+    Column("here_mm", "here", "mm"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

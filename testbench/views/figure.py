@@ -250,11 +250,15 @@ def over(table: Table, answer: str, reading: str) -> Figure:
         draw_line(axes, x, y, Line(rows, table.looks[line], line, spread))
     log_ticks(axes, "y", *axes.dataLim.intervaly)
     log_ticks(axes, "x", *axes.dataLim.intervalx)
-    at = sorted({middle(x.value(row)) for row in table.rows})
-    axes.set_xticks(at, [x.text(value) for value in at])
-    axes.set(xlabel=f"{x.heading} [{x.unit}]", ylabel=f"{y.heading} [{y.unit}]")
+    at = {middle(x.value(row)): x.cell(row) for row in table.rows}
+    axes.set_xticks(list(at), list(at.values()))
+    axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
     axes.grid(axis="y", color=SOFT, alpha=0.2)
     axes.legend(edgecolor="none", framealpha=1)
     quiet(axes)
     say(figure, answer, reading)
     return figure
+
+
+def _labelled(column: Column) -> str:
+    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
