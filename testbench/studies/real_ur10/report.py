@@ -10,7 +10,7 @@ from testbench.data.series import Series
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged
-from testbench.studies.real_ur10.figure import LOOKS, joint_errors, spectra
+from testbench.studies.real_ur10.figure import LOOKS, joint_errors, named, number_of_poses, spectra
 from testbench.studies.real_ur10.joints import TRAINED, compliances, joint_reports
 from testbench.studies.real_ur10.ladder import (
     ALL,
@@ -29,7 +29,7 @@ from testbench.studies.real_ur10.readings import ARM, SPLITS, read
 from testbench.studies.real_ur10.trial import LadderRow, Settings
 from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import middle
-from testbench.views.figure import Figure, forest, over
+from testbench.views.figure import Figure, forest
 from testbench.views.gains import more
 from testbench.views.markdown import Markdown
 from testbench.views.schema import Table, pivot
@@ -48,6 +48,25 @@ PANES = {
     "c_to_a_mm": "trained on C, judged on A",
 }
 ERRORS = "error.mean_mm {} error.p95_mm error.p99_mm error.max_mm error.inside_95_percent"
+WHERE = "low_A_deg high_A_deg low_C_deg high_C_deg strange_to_A_percent strange_to_C_percent"
+TABLES = {
+    "short": ("means", "mean error of positions that were not fitted", f"name {' '.join(MEANS.values())}"),
+    "models": ("models", "", "name words parameters conservative min_eigenvalue duality_gap"),
+    "joints": ("joints", "Where the joints were", f"joint {WHERE}"),
+    "waves": (
+        "joints",
+        "The joints' errors",
+        "joint rms_A_urad rms_C_urad rms_both_urad common_deg correlation",
+    ),
+    "numbers": ("by_number", "How many poses", f"judged name poses draws {ERRORS.format('')}"),
+    "ladder": (
+        "ladder",
+        "Every number of the ladder",
+        f"name split judged poses error.n {ERRORS.format('error.rms_mm')}",
+    ),
+    "known": ("known", "Beside a prototype", "name trained judged prototype_mm here_mm"),
+}
+"""Key of the rows in report.json, title and columns."""
 Means = Mapping[str, Row]  #: Of `_means`, by model.
 OF_SPLITS = Markdown("\n".join(f"- {name}: {words}" for name, words in SPLITS.items()))
 OF_MODELS = Markdown(
@@ -139,39 +158,13 @@ def _tables(f: Row) -> dict[str, Table]:
         for one in f.compliances
     ]
     title = "Joint compliances by model and what trained it, urad/(N m)"
-    return {
-        "short": Table(
-            columns(f"name {' '.join(MEANS.values())}"),
-            f.means,
-            "mean error of positions that were not fitted",
-            headline="blocks_mm",
-            looks=LOOKS,
-        ),
-        "models": Table(
-            columns("name words parameters conservative min_eigenvalue duality_gap"), f.models, looks=LOOKS
-        ),
-        "joints": Table(
-            columns(
-                "joint low_A_deg high_A_deg low_C_deg high_C_deg strange_to_A_percent strange_to_C_percent"
-            ),
-            f.joints,
-            "Where the joints were",
-        ),
-        "waves": Table(
-            columns("joint rms_A_urad rms_C_urad rms_both_urad common_deg correlation"),
-            f.joints,
-            "The joints' errors",
-        ),
+    found = {
+        name: Table(columns(keys), f[rows], title, looks=LOOKS if keys.startswith("name ") else {})
+        for name, (rows, title, keys) in TABLES.items()
+    }
+    return found | {
+        "short": replace(found["short"], headline="blocks_mm"),
         "compliances": pivot(Table((), springs, title), *columns("joint fit urad_per_Nm")),
-        "numbers": Table(
-            columns(f"judged name poses draws {ERRORS.format('')}"), f.by_number, "How many poses"
-        ),
-        "ladder": Table(
-            columns(f"name split judged poses error.n {ERRORS.format('error.rms_mm')}"),
-            f.ladder,
-            "Every number of the ladder",
-        ),
-        "known": Table(columns("name trained judged prototype_mm here_mm"), f.known, "Beside a prototype"),
     }
 
 
@@ -286,7 +279,7 @@ def _claims(f: Row, own: Means) -> Iterator[Markdown]:
         "A model knows a joint's error only where the joint was turned. {strange_to_A_percent:.0f} % of C's "
         "poses are more than 2 degrees from all poses of A in {name}.",
         f.joints[0],
-        name=_short(f.joints[0].joint),
+        name=named(f.joints[0]),
     )
     if LINKS_PRIOR.name in own:
         yield from _links(own)
@@ -315,7 +308,7 @@ def _biased(f: Row) -> Markdown:
         b=b,
         c=c,
         d=d,
-        name=_short(f.joints[2].joint),
+        name=named(f.joints[2]),
     )
 
 
@@ -330,10 +323,6 @@ def _links(own: Means) -> Iterator[Markdown]:
         ls=own[LINKS_LS.name],
     )
     yield say("Links beside joint errors: {sized}.", sized=_sized(every, waves))
-
-
-def _short(joint: str) -> str:
-    return joint.removesuffix("_joint")
 
 
 def figures(found: Report) -> dict[str, Figure]:
@@ -356,20 +345,5 @@ def figures(found: Report) -> dict[str, Figure]:
         "spectra.png": spectra(f.joints),
     }
     if len({row.poses for row in f.by_number}) > 1:
-        made["number_of_poses.png"] = _numbers(f)
+        made["number_of_poses.png"] = number_of_poses(f.by_number)
     return made
-
-
-def _numbers(f: Row) -> Figure:
-    """Mean error over the number of random poses of C that train, judged on C and on A."""
-    rows = [Row(row, fit=f"{row.name}, judged on {row.judged}") for row in f.by_number]
-    styles = {row.fit: replace(LOOKS[row.name], prior=row.judged == "A") for row in rows}
-    few = {row.fit: row for row in rows if row.poses == min(one.poses for one in rows)}
-    first = [few[f"{model.name}, judged on C"] for model in (WAVES, JOINTS)]
-    errors, springs = (middle(row.error.mean_mm) for row in first)
-    return over(
-        Table(columns("fit poses error.mean_mm"), rows, looks=styles),
-        f"{first[0].poses} random poses of C, judged on others of C: {errors:.3f} mm with joint errors, "
-        f"{springs:.3f} mm with joint springs",
-        "Mean error, medians of the draws; bands: 5 to 95 % of the draws. Dashed and filled: judged on A.",
-    )
