@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checks import check_spread, unit_in
+from checks import check_spread, tables_of, unit_in
 from made_up import of_one_trial
 from read_back import PLACED, chunks_of, document, plotted
 from reports import check, table_of
@@ -10,7 +10,9 @@ from reports import check, table_of
 from testbench.studies.loaded_stiffness.report import LOOKS, NAMES, figures, report, write_recording
 from testbench.studies.loaded_stiffness.trial import PoseRow, Settings
 from testbench.studies.study import Run
+from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL
 from testbench.views.markdown import grid
+from testbench.views.schema import show
 
 LOADS, POSES, SEEDS = (1100.0, 9700.0), 2, range(3, 6)
 TRUTHS = ("weightless", "own weight")
@@ -38,6 +40,7 @@ def made(**scales):
 def test_errors_of_every_load_truth_and_method_are_those_of_its_poses():
     found, trials = made()
     check(found, ["by_load"])
+    [(head, cells)] = tables_of(grid(found.tables["rows"]))
     for row in found.numbers["rows"]:
         own = trials.where(load_N=row.load_N, truth=row.truth, method=row.method)
         error, moved = (np.stack([*own[name]]) for name in ("error_m", "deflection_m"))
@@ -49,10 +52,19 @@ def test_errors_of_every_load_truth_and_method_are_those_of_its_poses():
         check_spread(row.error_um, 1e6 * far)
         check_spread(row.error_percent, 100 * far / size)
         assert (row.max_um, row.max_percent) == pytest.approx((1e6 * far.max(), 100 * (far / size).max()))
-        assert (
-            f"| {row.prediction} | {row.load_N:.0f} | {row.deflection_rms_mm:.2f} | {row.rms_um:.2f} |"
-            in (grid(found.tables["rows"]))
-        )
+        line = next(own for own in cells if own[:2] == [row.prediction, f"{row.load_N:.0f}"])
+        shown = dict(zip(head, line, strict=True))
+        for title, value in {
+            "deflection RMS, mm": row.deflection_rms_mm,
+            "RMS error, um": row.rms_um,
+            "vertical RMS error, um": row.vertical_rms_um,
+            "error of the tool, um": row.error_um,
+            "largest error, um": row.max_um,
+            "RMS error, %": row.rms_percent,
+            "error of the tool, %": row.error_percent,
+            "largest error, %": row.max_percent,
+        }.items():
+            assert shown[title] == show(value, ".2f"), title
     assert [row.tangent_difference_ppm for row in found.numbers["tangent"]] == pytest.approx([1.1, 9.7])
     linear = next(r for r in found.numbers["rows"] if (r.load_N, r.prediction) == (9700, next(iter(LOOKS))))
     joints = found.numbers["joints"][0]
@@ -88,6 +100,8 @@ def test_figure_and_recording_draw_the_numbers_of_every_prediction(tmp_path):
     write_recording(run)
     chunks = chunks_of(tmp_path / "recording.rrd")
     assert found.answer in document(chunks, "/summary")
+    light = [LOOKS[f"{name}, {TRUTHS[0]}"].colour for name in NAMES.values()]
+    assert light == [LEAST_SQUARES, NOMINAL, GCO]
     swept = plotted(chunks, "/error_of_the_tool_um")
     for name, look in LOOKS.items():
         rows = [r for r in found.numbers["rows"] if r.prediction == name]

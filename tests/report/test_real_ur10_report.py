@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import at, check_spread, curves, unit_in
+from checks import at, check_spread, curves, tables_of, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
@@ -12,7 +12,9 @@ from testbench.studies.real_ur10.figure import LOOKS
 from testbench.studies.real_ur10.ladder import CHOSEN, GEOMETRY, JOINTS, LADDER, LINKS_PRIOR, TWO, WAVES
 from testbench.studies.real_ur10.report import PANES, figures, report
 from testbench.studies.real_ur10.trial import Error, LadderRow, Settings, SubsetRow
-from testbench.views.markdown import grid
+from testbench.views import colours
+from testbench.views.markdown import as_markdown, grid
+from testbench.views.schema import show
 
 SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}
@@ -89,6 +91,15 @@ def test_the_words_and_tables_of_a_real_arm_are_those_of_its_ladder():
         own = trials.where(name=row.name, judged=row.judged, poses=row.poses)
         check_spread(row.error.mean_mm, own["error.mean_mm"])
         assert row.draws == 3
+    [(head, cells)] = tables_of(grid(found.tables["ladder"]))
+    for row, line in zip(f["ladder"], cells, strict=True):
+        shown = dict(zip(head, line, strict=True))
+        known = [*map(as_markdown, (row.name, row.split, row.judged))]
+        assert [shown[title] for title in ("model", "split", "judged on")] == known
+        sizes = ("mean error", "mean"), ("RMS", "rms"), ("95 %", "p95"), ("99 %", "p99"), ("largest", "max")
+        for title, key in sizes:
+            assert shown[f"{title}, mm"] == show(row.error[f"{key}_mm"])
+        assert shown["inside 95 %, %"] == show(row.error.inside_95_percent, ".1f")
     here = {(row.name, row.trained, row.judged): row.here_mm for row in f["known"]}
     own = trials.where(name=WAVES.name, judged="C", poses=50)["error.mean_mm"]
     check_spread(here[WAVES.name, "50 poses of C", "C"], own)
@@ -104,6 +115,8 @@ def test_the_figures_draw_the_ladder_the_draws_and_the_joints_in_the_units_of_th
             dot = next(line for line in axes.get_lines() if np.ravel(line.get_ydata()).tolist() == [y])
             assert np.ravel(dot.get_xdata())[0] == at(row, key)
             assert dot.get_color() == LOOKS[row.name].hex
+    assert LOOKS[JOINTS.name].colour == colours.JOINTS
+    assert LOOKS[WAVES.name].colour == colours.JOINTS_PRIOR
     [axes] = drawn["number_of_poses.png"].axes
     for (name, judged), rows in {
         (model.name, judged): [r for r in f["by_number"] if (r.name, r.judged) == (model.name, judged)]

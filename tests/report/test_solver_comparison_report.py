@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_spread, curves, unit_in
+from checks import check_spread, curves, tables_of, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
@@ -19,6 +19,7 @@ from testbench.studies.solver_comparison.trial import (
     TrialRow,
     settings,
 )
+from testbench.views.colours import GCO
 from testbench.views.markdown import grid
 from testbench.views.schema import show
 
@@ -48,6 +49,7 @@ def test_numbers_of_every_solver_are_those_of_its_seeds():
     found, trials = made()
     check(found, ["short"])
     f = found.numbers
+    [(head, cells)] = tables_of(grid(found.tables["solvers"]))
     for row in f["solvers"]:
         own = trials.where(key=row.key)
         check_spread(row.seconds, own["solver.seconds"])
@@ -56,6 +58,18 @@ def test_numbers_of_every_solver_are_those_of_its_seeds():
         check_spread(row.ratio_to_conic, there)
         assert row.within_1_percent == len(there) == (2 if row.key == "a" else 3)
         assert (row.local_solves, row.f_m) == (12, 6.0)
+        shown = dict(zip(head, next(own for own in cells if own[0] == row.solver), strict=True))
+        for title, value, form in (
+            ("time, s", row.seconds, ".3g"),
+            ("time to 1 %, s", row.seconds_to_1_percent, ".3g"),
+            ("to 1 %, times (d)", row.ratio_to_conic, ".3g"),
+            ("whole time, times (d)", row.whole_ratio_to_conic, ".3g"),
+            ("over the bound", row.relative_excess_bound, ".1e"),
+            ("of them elsewhere", row.local_solves_elsewhere, "d"),
+            ("RMS check, true, mm", row.check_true.rms_mm, ".3f"),
+            ("95 % check, true, mm", row.check_true.p95_mm, ".3f"),
+        ):
+            assert shown[title] == show(value, form), title
     assert f["least_ratio"] == np.nanmin(trials.where(key="a")["solver.ratio_to_conic"])
     counted = trials.where(key=("a", "a'", "b", "c"))["solver.local_solves_elsewhere"]
     assert (f["local_solves"], f["elsewhere"]) == (48, counted.sum())
@@ -101,6 +115,7 @@ def test_figure_and_recording_draw_ways_ends_and_times_of_every_solver():
         assert dots[f"time: {row.key}"].value == row.seconds
         assert dots[f"time to 1 %: {row.key}"].value == row.seconds_to_1_percent
         assert dots[f"time: {row.key}"].colour == look.colour
+    assert [key for key, look in LOOKS.items() if look.colour == GCO] == ["d"]
     strips = [line for line in right.get_lines() if line.get_marker() == "."]
     for strip, row in zip(strips, found.numbers["local_minima"].values(), strict=True):
         assert strip.get_ydata() == pytest.approx(np.maximum(row.excess, 1e-10))
