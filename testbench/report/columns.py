@@ -5,6 +5,7 @@ from dataclasses import replace
 from testbench.bench.truths import CALLED
 from testbench.views.schema import Column
 
+ROUNDING_UM, ROUNDING_PERCENT = 1e-3, 1e-5  #: Errors below are rounding.
 READINGS = "RMS\ncheck\nread-\nings\nmm"
 SI = "10^-6 SI"  #: Eigenvalues of a compliance are in mixed SI units, as the paper's.
 EVERY = (
@@ -97,6 +98,71 @@ EVERY = (
     Column("claim", "statement"),
     Column("verdict", "verdict"),
     Column("why", "why"),
+    # a hung weight: Eq. (6) and (7)
+    Column("prediction", "prediction"),
+    Column("load_N", "load", "N", ".4g"),
+    Column("deflection_rms_mm", "deflection RMS", "mm", ".2f"),
+    Column("rms_um", "RMS error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("vertical_rms_um", "vertical RMS error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("error_um", "error of the tool", "um", ".2f", rounding=ROUNDING_UM),
+    Column("max_um", "largest error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("rms_percent", "RMS error", "%", ".2f", rounding=ROUNDING_PERCENT),
+    Column("error_percent", "error of the tool", "%", ".2f", rounding=ROUNDING_PERCENT),
+    Column("max_percent", "largest error", "%", ".2f", rounding=ROUNDING_PERCENT),
+    Column("tangent_difference_ppm", "largest difference", "ppm"),
+    # solvers of Eq. (19)
+    Column("key", "solver"),
+    Column("solver", "solver"),
+    Column("relative_excess", "over (d)", form=".1e", rounding=1e-12, short="over\n(d)"),
+    Column("relative_excess_bound", "over the bound", form=".1e", short="over\nthe\nbound"),
+    Column("seconds", "time", "s", ".3g"),
+    Column("seconds_to_1_percent", "time to 1 %", "s", ".3g", short="to\n1 %\ns"),
+    Column("ratio_to_conic", "to 1 %, times (d)", form=".3g", short="to 1 %\nx (d)"),
+    Column("whole_ratio_to_conic", "whole time, times (d)", form=".3g"),
+    Column("evaluations", "F_M evaluations", form=".0f"),
+    Column("local_solves", "local solves", form="d"),
+    Column("local_solves_elsewhere", "of them elsewhere", form="d"),
+    Column("starts", "random starts", form="d"),
+    Column("reference", "excess is over"),
+    Column("within_1e_6_percent", "within 10^-6", "%", ".0f"),
+    Column("within_1e_5_percent", "within 10^-5", "%", ".0f"),
+    Column("median_excess", "median excess", form=".1e"),
+    Column("worst_excess", "worst excess", form=".1e"),
+    Column("unfinished", "out of steps", form="d"),
+    Column("cap_excess", "cap costs", form=".1e"),
+    # readings of a real arm: series A and C
+    Column("words", "what it is"),
+    Column("split", "split"),
+    Column("judged", "judged on"),
+    Column("trained", "trained on"),
+    Column("fit", "fit"),
+    Column("poses", "poses that train", form="d"),
+    Column("draws", "draws", form="d"),
+    Column("blocks_mm", "blocks", "mm"),
+    Column("a_to_c_mm", "A to C", "mm"),
+    Column("c_to_a_mm", "C to A", "mm"),
+    Column("realigned_mm", "realigned", "mm"),
+    Column("error.n", "poses that judge", form="d"),
+    Column("error.mean_mm", "mean error", "mm"),
+    Column("error.rms_mm", "RMS", "mm"),
+    Column("error.p95_mm", "95 %", "mm"),
+    Column("error.p99_mm", "99 %", "mm"),
+    Column("error.max_mm", "largest", "mm"),
+    Column("error.inside_95_percent", "inside 95 %", "%", ".1f"),
+    Column("joint", "joint"),
+    *(
+        Column(f"{end}_{name}_deg", f"{words} in {name}", "deg", ".0f")
+        for name in "AC"
+        for end, words in (("low", "least"), ("high", "greatest"))
+    ),
+    Column("strange_to_A_percent", "poses of C far from A's angles", "%", ".0f"),
+    Column("strange_to_C_percent", "poses of A far from C's angles", "%", ".0f"),
+    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in ("A", "C", "both")),
+    Column("common_deg", "angles that both visited", "deg", ".0f"),
+    Column("correlation", "correlation of A and C there", form=".2f"),
+    Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
+    Column("prototype_mm", "prototype", "mm"),
+    Column("here_mm", "here", "mm"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -29,7 +29,7 @@ from testbench.studies.single_link.trial import (
     models,
 )
 from testbench.studies.study import Run
-from testbench.trials.spread import wins
+from testbench.trials.spread import wins, span
 from testbench.views.colours import look
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, counted, grid
@@ -257,7 +257,7 @@ def _title(f: Row) -> Markdown:
     return say(
         f"Single link, Eq. (21): {{dataset.runs}} loads ({loads}), noise of a deflection "
         f"{{dataset.sigma_of_a_deflection_um:g}} um and {{dataset.sigma_of_a_deflection_urad:g}} urad; "
-        f"{{n}} from seed {{seed}}{': median (5 % to 95 %)' * (f.draws > 1)}",
+        f"{{n}} from seed {{seed}}{f': median ({span(f.draws)})' * (f.draws > 1)}",
         f,
         n=counted(f.draws, "draw"),
     )

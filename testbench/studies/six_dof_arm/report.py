@@ -20,7 +20,7 @@ from testbench.studies import paper
 from testbench.studies.paper import SECTION_5_2
 from testbench.studies.six_dof_arm.trial import CLOSE, MODELS, ORDER_MODELS, ORDERED, TRUTHS, Settings, models
 from testbench.studies.study import Run
-from testbench.trials.spread import middle, wins
+from testbench.trials.spread import middle, wins, span
 from testbench.views.figure import Figure, curves, forest, of_seeds
 from testbench.views.gains import beside
 from testbench.views.map_figure import error_map
@@ -222,7 +222,7 @@ def _which_m(f: Row) -> Markdown:
 
 def _title(f: Row) -> Markdown:
     """What was measured."""
-    seeds = "{n} seeds: median (5 % to 95 %)" if isinstance(f.seed, list) else "seed {seed}"
+    seeds = "{n} seeds: median ({ends})" if isinstance(f.seed, list) else "seed {seed}"
     return say(
         f"{{arm}}: {{dataset.runs}} runs in {{dataset.poses}} poses under single-axis loads, full pose read "
         f"with {{dataset.sigma_um:.3g}} um and {{dataset.sigma_urad:.3g}} urad a reading; "
@@ -230,6 +230,7 @@ def _title(f: Row) -> Markdown:
         f"{{dataset.deflection_max_mm:.1f}} mm; {seeds}",
         f,
         n=len(f.seed) if isinstance(f.seed, list) else 1,
+        ends=span(len(f.seed)) if isinstance(f.seed, list) else "",
     )
 
 
