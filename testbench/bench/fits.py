@@ -14,7 +14,8 @@ from testbench.bench.looks import UNSEEN, Looks
 from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, error_row, fit_row
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
+from testbench.data.stream import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked
@@ -92,6 +93,9 @@ def fit(
         for model, (estimate, _) in zip(models, found, strict=True)
     ]
     widest = runs.check or runs.used
+    if widths and runs.many is None and widest.runs > SHOWN:
+        runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
+        widest = in_order(widest, some(np.arange(widest.runs)))
     spread = [
         _intervals(cell, estimate, widest) if own else None
         for (estimate, _), own in zip(found, wanted, strict=True)
