@@ -23,6 +23,8 @@ from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
+from testbench.identify.regression import ROUNDING
+from testbench.model.vjm import chain, generalised_load
 
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
 
@@ -81,6 +83,8 @@ def fit(
     """
     looks = runs.looks.doubts
     try:
+        models, still = _moved(cell, models, runs.used)
+        runs = replace(runs, notes=(*runs.notes, *still))
         models, lost = _working(cell, models, runs)
         looks = (*looks, *lost)
         runs, found, taken, scores = _all(cell, models, runs, clock)
@@ -121,6 +125,23 @@ def fit(
         scale=runs.looks.scale,
     )
     return Identified(fits, runs, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
+
+
+def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
+    """The models that the loads move, and a sentence on each other one.
+
+    Loads along z turn no hinge about z and push no slide along y: an arm of these alone bends in its links.
+
+    Raises:
+        BenchError: When they move none.
+    """
+    u = np.abs(generalised_load(chain(cell.vjm, data.q), data.wrench, data.point)).max(axis=1)
+    acts = u > ROUNDING * u.max()
+    moved = [m for m in models if acts[np.concatenate([m.structure.a, m.structure.b])].any()]
+    still = [m.name for m in models if m not in moved]
+    if not moved:
+        raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")
+    return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
 
 
 def _working(cell: Cell, models: Sequence[Model], runs: Runs) -> tuple[Sequence[Model], list[Doubt]]:
