@@ -9,7 +9,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.default import Recommendation, default_name, recommend
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
-from testbench.bench.judged import of_model
+from testbench.bench.judged import EstimatorFailed, of_model
 from testbench.bench.looks import UNSEEN, Looks
 from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
@@ -64,6 +64,8 @@ class Identified:
 
 Judged = tuple[ErrorRow, ErrorRow | None]
 """Errors on the runs that were fitted, and on those held back."""
+AllFits = tuple[Runs, list[tuple[Estimate, float]], Recommendation, list[Judged]]
+"""Runs that are looked at one by one; estimates and their times; which to take; errors of every model."""
 
 
 def fit(
@@ -85,9 +87,8 @@ def fit(
     try:
         models, still = _moved(cell, models, runs.used)
         runs = replace(runs, notes=(*runs.notes, *still))
-        models, lost = _working(cell, models, runs)
+        models, lost, (runs, found, taken, scores) = _working(cell, models, runs, clock)
         looks = (*looks, *lost)
-        runs, found, taken, scores = _all(cell, models, runs, clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in looks), str(err)])) from err
     # beside a prior, intervals that count noise alone would look the surest
@@ -144,28 +145,26 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
 
 
-def _working(cell: Cell, models: Sequence[Model], runs: Runs) -> tuple[Sequence[Model], list[Doubt]]:
-    """The models without estimators of one's own that fail, and what is said of these.
+def _working(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
+) -> tuple[Sequence[Model], list[Doubt], AllFits]:
+    """What is found without estimators of one's own that fail: the other models, and a doubt on each failure.
 
     Raises:
         BenchError: When none is left.
     """
-    lost: dict[str, Doubt] = {}
-    for model in models:
-        if not isinstance(model.estimator, Method):
-            try:
-                of_model(cell, model, runs.used)
-            except BenchError as err:
-                lost[model.name] = Doubt("estimator", f"left out: {err}")
-    if len(lost) == len(models):
-        raise BenchError("; ".join(doubt.sentence for doubt in lost.values()))
-    return [model for model in models if model.name not in lost], list(lost.values())
+    lost: list[Doubt] = []
+    while True:
+        try:
+            return models, lost, _all(cell, models, runs, clock)
+        except EstimatorFailed as err:
+            models = [model for model in models if model.name != err.model]
+            lost.append(Doubt("estimator", f"left out: {err}"))
+            if not models:
+                raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
 
 
-def _all(
-    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
-) -> tuple[Runs, list[tuple[Estimate, float]], Recommendation, list[Judged]]:
-    """Runs that are looked at one by one; estimates and their times; which to take; errors of every model."""
+def _all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]) -> AllFits:
     if runs.many is None:
         found = [_timed(cell, model, runs.used, clock) for model in models]
         used = [_judged(cell, estimate, runs.used) for estimate, _ in found]
@@ -216,7 +215,7 @@ def _unchecked(cell: Cell, model: Model, estimate: Estimate) -> Unchecked:
 
 def _timed(cell: Cell, model: Model, data: Dataset, clock: Callable[[], float]) -> tuple[Estimate, float]:
     start = clock()
-    return model.estimator(cell.vjm, model.structure, data), clock() - start
+    return of_model(cell, model, data), clock() - start
 
 
 def _fit(
