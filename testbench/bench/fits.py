@@ -23,7 +23,7 @@ from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
-from testbench.identify.regression import ROUNDING
+from testbench.identify.regression import BLOCK_RUNS, ROUNDING
 from testbench.model.vjm import chain, generalised_load
 
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
@@ -136,7 +136,9 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     Raises:
         BenchError: When they move none.
     """
-    u = np.abs(generalised_load(chain(cell.vjm, data.q), data.wrench, data.point)).max(axis=1)
+    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
+    u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
     acts = u > ROUNDING * u.max()
     moved = [m for m in models if acts[np.concatenate([m.structure.a, m.structure.b])].any()]
     still = [m.name for m in models if m not in moved]
