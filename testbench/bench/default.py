@@ -15,9 +15,10 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
+from testbench.bench.judged import of_model
 from testbench.bench.models import EVERY, MODELS, Model, named_models, own_name, right_name
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, check_array
+from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
 from testbench.identify.crossval import (
     Candidate,
@@ -104,7 +105,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
-    estimate = model.estimator(cell.vjm, model.structure, data)
+    estimate = of_model(cell, model, data)
     return Choice(model.name, estimate, why(found, estimate))
 
 
@@ -158,9 +159,8 @@ def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
     folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
     if isinstance(method, Method):
         return errors_of(cell, method, folds)
-    each = [method(cell.vjm, model.structure, fold.runs).pi for fold in folds]
-    pi = check_array(np.array(each), (len(folds), model.structure.n), f"parameters found by {model.name}")
-    return np.array([f_m(fold.held_out, p) for fold, p in zip(folds, pi, strict=True)])
+    each = [of_model(cell, model, fold.runs).pi for fold in folds]
+    return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, each, strict=True)])
 
 
 def errors_of(cell: Cell, method: Method, folds: Sequence[Fold | Divided]) -> Array:

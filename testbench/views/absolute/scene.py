@@ -10,7 +10,7 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.state import State, targets, tell
+from testbench.identify.absolute.state import State, in_batches, targets, tell
 from testbench.views.absolute.words import words
 from testbench.views.picked import evenly, picked
 from testbench.views.recording.absolute import AbsoluteScene, Arrows
@@ -56,7 +56,11 @@ def scene(cell: Cell, reported: Reported) -> AbsoluteScene:
 
 def _arrows(state: State, series: Sequence[Series], left: Sequence[Array]) -> Arrows:
     """From every target by a model to where it was read, in the world."""
-    where = [targets(tell(state, one.q, one.wrench, one.point), state.mount(one)) for one in series]
+    where = (
+        targets(tell(state, some.q, some.wrench, some.point), state.mount(some))
+        for one in series
+        for some in in_batches(one)
+    )
     return Arrows(tuple(x for part in where for x in part), tuple(x for part in left for x in part))
 
 
