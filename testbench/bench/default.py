@@ -2,9 +2,9 @@
 
 Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
 8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
-default. Its links are rigid where the readings make joints alone likelier (`identify.rigid`). Joints alone
-without a prior stand beside it as a guard against a prior that is wrong in ways which nobody thought of:
-where they predict poses held out clearly better, they are taken.
+default. It is averaged with joints alone by evidence (`identify.average`), so that links which the readings
+do not see add no noise. Beside it stand joints alone without a prior, as a guard against a prior that is
+wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +20,7 @@ from testbench.bench.models import EVERY, MODELS, Model, named_models, own_name,
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
+from testbench.identify.average import words
 from testbench.identify.crossval import (
     Candidate,
     Divided,
@@ -31,7 +32,6 @@ from testbench.identify.crossval import (
 )
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, f_m
-from testbench.identify.rigid import words
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -110,8 +110,8 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
 
 
 def why(found: Recommendation, estimate: Estimate) -> str:
-    """Why a model is taken, and why its links are rigid."""
-    return found.why if estimate.rigid is None else f"{words(estimate.rigid)}; {found.why}"
+    """Why a model is taken, and how much of it is joints alone."""
+    return found.why if estimate.average is None else f"{words(estimate.average)}; {found.why}"
 
 
 def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:

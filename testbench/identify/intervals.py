@@ -14,7 +14,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, in_order
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import Estimate
+from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.weighed import marker_points
@@ -144,8 +144,8 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 
 def linearise(estimate: Estimate) -> Linearised:
     """The distribution of an estimate's parameters; the prior that it was made with counts as data."""
-    if estimate.rigid is not None:
-        return _of_rigid(estimate, estimate.rigid.whole)
+    if estimate.average is not None:
+        return _averaged(estimate, estimate.average)
     regression, belief = estimate.regression, estimate.belief
     L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
     x = np.linalg.solve(L, estimate.pi)
@@ -175,14 +175,14 @@ def linearise(estimate: Estimate) -> Linearised:
     )
 
 
-def _of_rigid(estimate: Estimate, whole: Estimate) -> Linearised:
-    """The distribution of the model of links and joints, wider by how far rigid links lie from it.
+def _averaged(estimate: Estimate, average: Average) -> Linearised:
+    """The distribution of the model of links and joints, wider by how far the average lies from it.
 
-    Joints alone would count as if no link could bend.
+    Joints alone would count noise and nothing else, as if no link could bend.
     """
-    found = linearise(whole)
-    root = np.vstack([found.root, estimate.pi - whole.pi])
-    return replace(found, pi=estimate.pi, root=root, heavy=found.heavy + 1)
+    whole = linearise(average.whole)
+    root = np.vstack([whole.root, estimate.pi - whole.pi])
+    return replace(whole, pi=estimate.pi, root=root, heavy=whole.heavy + 1)
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:
