@@ -63,10 +63,10 @@ class Rejected:
 
 
 @dataclass(frozen=True)
-class Rigid:
-    """Why links that could bend are rigid in an estimate."""
+class Average:
+    """What an estimate is the mean of: links and joints, and joints alone."""
 
-    odds: float  #: How many times likelier joints alone are, given the readings [1].
+    weight: float  #: Of joints alone: their probability given the readings [1].
     whole: "Estimate"  #: Of links and joints.
 
 
@@ -91,7 +91,7 @@ class Estimate:
     belief: Belief | None = None  #: The prior that counted as data; None for none.
     #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
-    rigid: Rigid | None = None  #: Where joints alone are likelier than links and joints; None elsewhere.
+    average: Average | None = None  #: Of links and joints with joints alone; None where it is one model.
 
     @property
     def structure(self) -> Structure:

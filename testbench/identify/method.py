@@ -9,6 +9,7 @@ from typing import Literal
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
+from testbench.identify.average import averaged
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.hierarchy import learn
 from testbench.identify.huber import without_outliers
@@ -16,7 +17,6 @@ from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, reduce
 from testbench.identify.regularised import fit_each
-from testbench.identify.rigid import likelier
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -74,7 +74,7 @@ class Method:
         if self.prior is None or len(learnt) < len(beliefs):
             return fit_each(regressions, self.constraint, beliefs)
         own = metric(self.prior, vjm, regressions[0].structure)
-        return likelier(regressions, self.constraint, learnt, own)
+        return averaged(regressions, self.constraint, learnt, own)
 
     def beliefs(
         self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True

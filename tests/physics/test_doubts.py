@@ -1,6 +1,7 @@
 """Doubts: sound runs raise none, every planted mistake is named first, with its size."""
 
 import re
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from testbench.bench import full_pose
 from testbench.bench.campaign import Scenario, simulate, stream
-from testbench.data.dataset import select
+from testbench.data.dataset import Dataset, select
 from testbench.errors import BenchError
 from testbench.identify.doubts import HandedIn, doubts, open_places
 from testbench.identify.doubts.find import AT_A_TIME
 from testbench.identify.prior import cad_prior
+from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered, registered
-from testbench.model.vjm import tool_pose
+from testbench.model.loaded import displacement
+from testbench.model.vjm import chain, generalised_load, tool_pose
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.sound import sound
 
@@ -209,3 +212,65 @@ def test_a_link_without_joints_has_one_pose_and_no_step_is_sought(single_link):
     data = simulate(single_link, Scenario(arm=arm.name, sigma=50e-6), 3).identification
     given = HandedIn(vjm, data, registered(vjm, data, "base"), declared=True)
     assert not [doubt for doubt in doubts(given, cad_prior(arm)) if doubt.name.endswith("_moved")]
+
+
+def plate(cell, runs, targets):
+    """An arm with so many targets on its tool, and sound readings of them in as many runs."""
+    rng = np.random.default_rng(4)
+    arm = replace(cell.arm, markers=tuple(f"T{k}" for k in range(targets)))
+    vjm = replace(cell.vjm, arm=arm, markers=rng.uniform(-0.3, 0.3, (targets, 3)))
+    q = np.array([rng.uniform(joint.lower, joint.upper, runs) for joint in arm.joints]).T / 3
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -3000.0
+    p, R = tool_pose(vjm, q)
+    data = Dataset(
+        markers=arm.markers,
+        run=np.arange(runs) + 1,
+        pose=np.arange(runs) + 1,
+        q=q,
+        wrench=wrench,
+        point=np.tile(vjm.load, (runs, 1)),
+        before=p[:, None] + vjm.markers @ R.transpose(0, 2, 1),
+        after=np.zeros((runs, targets, 3)),
+        sigma=3e-5,
+    )
+    where = chain(vjm, q)
+    theta = (arm.C_theta @ generalised_load(where, wrench, data.point)).T
+    data = replace(data, after=data.before + displacement(where, theta, vjm.markers))
+    noise = 3e-5 * rng.standard_normal((2, *data.before.shape))
+    return vjm, replace(data, before=data.before + noise[0], after=data.after + noise[1])
+
+
+def told(vjm, data, frame="base"):
+    given = HandedIn(vjm, data, registered(vjm, data, frame), True)
+    return [(doubt.name, doubt.sentence) for doubt in doubts(given, cad_prior(vjm.arm))]
+
+
+def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500):
+    vjm, data = plate(kr500, runs=80, targets=70)
+    assert data.before.size / 3 > MOST_READINGS
+    assert told(vjm, data) == []
+
+
+@pytest.mark.parametrize("frame", ["base", "tracker"])
+def test_of_many_targets_two_that_have_each_others_names_are_named(kr500, frame):
+    vjm, data = plate(kr500, runs=8, targets=40)
+    order = np.arange(40)
+    order[[17, 30]] = 30, 17
+    if frame == "tracker":
+        turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+        data = replace(data, before=data.before @ turn.T + 2, after=data.after @ turn.T + 2)
+    swapped = replace(data, before=data.before[:, order], after=data.after[:, order])
+    assert told(vjm, data, frame) == []
+    [(name, sentence), *_] = told(vjm, swapped, frame)
+    assert name == "markers"
+    assert "T17, T30" in sentence
+
+
+def test_many_targets_take_little_memory(kr500):
+    vjm, data = plate(kr500, runs=8, targets=150)
+    tracemalloc.start()
+    assert told(vjm, data) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e8  # one matrix of every reading beside every other one has 104 MB

@@ -18,6 +18,7 @@ from testbench.identify.doubts.sentences import frame_doubt, targets_doubt
 from testbench.identify.in_base import with_markers
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered
 from testbench.identify.weighed import check_runs, marker_points
 from testbench.model.structure import all153
@@ -79,7 +80,8 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
     if not kept.seen.any():
         return said
-    parts = max(1, -(-kept.runs // AT_A_TIME))
+    each = len(kept.markers) + (kept.sigma_rotation is not None)
+    parts = max(1, -(-kept.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
     chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
     stepped, loads = moved_between(vjm, kept, prior), deflected(vjm, model, chunks[0])
     if all(doubt.name in SINGLE for doubt in loads):

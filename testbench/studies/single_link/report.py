@@ -29,7 +29,7 @@ from testbench.studies.single_link.trial import (
     models,
 )
 from testbench.studies.study import Run
-from testbench.trials.spread import wins, span
+from testbench.trials.spread import span, wins
 from testbench.views.colours import look
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, counted, grid

@@ -17,6 +17,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.campaign import measure as read
 from testbench.bench.full_pose import FullPose, at_tool, random_wrenches
+from testbench.bench.judged import of_model
 from testbench.bench.models import Model
 from testbench.bench.rows import FitRow, fit_row
 from testbench.data.dataset import Dataset
@@ -138,7 +139,7 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
     draw = measure(cell, asked, seed)
     for model in models(cell):
         start = time.perf_counter()
-        estimate = model.estimator(cell.vjm, model.structure, draw.identification)
+        estimate = of_model(cell, model, draw.identification)
         yield _row(cell, asked, draw, fit_row(model.name, estimate, time.perf_counter() - start), estimate)
     optimum = estimate.f_m  # of the last one, GCO
     if seed < asked.ordered_below:

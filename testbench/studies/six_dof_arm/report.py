@@ -20,7 +20,7 @@ from testbench.studies import paper
 from testbench.studies.paper import SECTION_5_2
 from testbench.studies.six_dof_arm.trial import CLOSE, MODELS, ORDER_MODELS, ORDERED, TRUTHS, Settings, models
 from testbench.studies.study import Run
-from testbench.trials.spread import middle, wins, span
+from testbench.trials.spread import middle, span, wins
 from testbench.views.figure import Figure, curves, forest, of_seeds
 from testbench.views.gains import beside
 from testbench.views.map_figure import error_map
