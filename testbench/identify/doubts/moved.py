@@ -31,6 +31,7 @@ CHANCE = 0.05
 LEAST = 3  #: Poses before and behind a step.
 ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
 MOST = 600  #: Runs that are looked at, evenly out of more.
+TARGETS = 30  #: Targets that are looked at, evenly out of more.
 NAME = "targets"  #: Of the mount.
 
 
@@ -42,7 +43,7 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Doubt]:
         data: The runs in the base's frame, in order of time.
         prior: What the arm's folder expects.
     """
-    data = in_order(data, np.linspace(0, data.runs - 1, min(MOST, data.runs)).astype(int))
+    data = _fewer_targets(in_order(data, _evenly(data.runs, MOST)))
     series, runs = zip(*_in_time(data), strict=True)
     if not vjm.arm.joints or not any(len(_places(one)) for one in series):
         return []
@@ -63,6 +64,21 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Doubt]:
                 name = f"{step.what}_moved"
                 found.append(Doubt(name, station + words, step.gain / 2))
     return found
+
+
+def _evenly(count: int, most: int) -> Ids:
+    """So many of some at most, the first and the last among them."""
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
+
+
+def _fewer_targets(data: Dataset) -> Dataset:
+    """Some of very many targets: all of them move together, and each has a place to be found."""
+    some = _evenly(len(data.markers), TARGETS)
+    precision = None if data.precision is None else data.precision[:, some]
+    markers = tuple(data.markers[k] for k in some)
+    return replace(
+        data, markers=markers, before=data.before[:, some], after=data.after[:, some], precision=precision
+    )
 
 
 def _chance(step: Step) -> float:
