@@ -27,14 +27,16 @@ from testbench.identify.absolute.state import loads, nominal, tell
 from testbench.identify.doubts.loads import allowed, learnt
 from testbench.identify.hierarchy import _left_open, _mean, evidence, weigh
 from testbench.identify.in_base import in_base
-from testbench.identify.intervals import Linearised
-from testbench.identify.metric import metric
+from testbench.identify.intervals import Linearised, linearise
+from testbench.identify.metric import Belief, metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
+from testbench.identify.regularised import fit_reduced
+from testbench.identify.weighed import marker_points
 from testbench.model.joint_errors import JointErrors, basis
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only, mgco68
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.vjm import chain, observation, tool_pose
 from testbench.model.weights import read_weights
 
 K, SIGMA, OPEN = 4, 20e-6, 35e-6
@@ -271,3 +273,16 @@ def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
     W = deviations_root(SimpleNamespace(own=own, root=root))
     M = block_diag(np.eye(3), L)
     np.testing.assert_allclose(W @ W.T, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)
+
+
+def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(kr500, campaign, rng):
+    """Directions that neither tells have none; deflections of the runs that were read have one."""
+    data = replace(campaign.identification, sigma=1e-8)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    regression = reduce(kr500.vjm, own.structure, data)
+    found = linearise(fit_reduced(regression, "none", Belief(own, Strength(1e6))))
+    where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
+    rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
+    assert len(found.unseen) > 0
+    assert np.isfinite(found.deviations(rows)).all()
+    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
