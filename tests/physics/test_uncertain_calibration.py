@@ -140,7 +140,7 @@ def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng
 
 
 def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, rng):
-    """Readings minus model are linear in what nobody knows: the arm, and noise here and in the rows before."""
+    """Readings minus model are linear in what nobody knows: the arm, and noise here and before."""
     structure = joints_only(kr500.arm)
     unknowns = Unknowns(kr500.vjm, (), {}, JointErrors(), structure)
     columns = np.arange(unknowns.starts["elastic"])
