@@ -11,6 +11,7 @@ from chromium import browser, open_page, pytest_pyfunc_call  # noqa: F401
 from legible import check_legible
 from matplotlib.figure import Figure
 from panes import blank_panes, viewer  # noqa: F401
+from read_figure import leave
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
@@ -56,7 +57,7 @@ def laid_out() -> Iterator[None]:
     def lay_out(figure: Figure, file: Path, **_: object) -> None:
         figure.draw_without_rendering()
         check_legible(figure)
-        Path(file).write_text("laid out")
+        leave(figure, Path(file))
 
     with mock.patch.object(Figure, "savefig", lay_out):
         yield

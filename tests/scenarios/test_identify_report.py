@@ -10,6 +10,7 @@ import pytest
 from checks import check_markdown
 from page_checks import check_page, drawn_in, layer_of, said, times_of
 from read_back import chunks_of, columns, document, on, panes, rerun, series, views
+from read_figure import named
 from run_here import here
 
 import testbench as tb
@@ -217,7 +218,7 @@ def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(mad
 
 
 def test_what_the_page_draws_are_the_models_and_the_numbers_of_the_report(made, report, data):
-    """Arrows lead from where targets were read to where each model has them; maps and charts in millimetres."""
+    """Arrows lead from where targets were read to where each model has them; numbers are in millimetres."""
     drawn = drawn_in(made[0] / "report.html")
     runs = drawn["scene"]["groups"][0]
     M, A = times_of(drawn["scene"]["title"])
@@ -240,3 +241,30 @@ def test_what_the_page_draws_are_the_models_and_the_numbers_of_the_report(made, 
     np.testing.assert_allclose(drawn["map"]["at"], errors["position_m"], atol=1e-3)
     for line in drawn["map"]["lines"]:
         np.testing.assert_allclose(line["values"], errors["error_mm"][line["name"]], rtol=1e-3)
+
+
+def test_what_the_figure_draws_are_the_numbers_of_the_report(made, report):
+    figure, taken = made[0] / "identify.png", report["recommended"]
+    models, seen = named(figure, "Models"), named(figure, "What the runs tell")
+    rms = [model["check"]["rms_mm"] for model in report["models"]]
+    assert [x for _, mark, _, (x, *more), _ in models.lines if not more] == pytest.approx(rms)
+    assert models.ticks[1] == [f"{m['name']}  {x:.3f}" for m, x in zip(report["models"], rms, strict=True)]
+    assert "[mm]" in models.labels[0]
+    left = named(figure, f"What {taken} leaves")
+    targets = [y for label, _, _, _, y in left.lines if label in ("P1", "P2", "P3")]
+    worst = [row["residual_mm"][taken] for row in report["residuals"]]
+    np.testing.assert_allclose(np.max(targets, axis=0), worst, rtol=1e-9)
+    assert left.labels[1] == "residual [mm]"
+    blocks = report["seen"]["blocks"]
+    shares = [100 * block["data_share"] for block in blocks]
+    wide = [width for _, _, width, _, _ in seen.bars]
+    np.testing.assert_allclose(wide[len(blocks) :], shares)
+    assert seen.ticks[1] == [f"{b['component']}  {x:.0f} %" for b, x in zip(blocks, shares, strict=True)]
+    sure, errors = named(figure, "How sure"), report["map"]["errors"]
+    (at, half), *_ = sure.dots
+    x, y, z = np.transpose(errors["position_m"])
+    wanted = np.column_stack([np.hypot(x, y), z, errors["error_mm"][taken]])
+    in_order = (rows[np.lexsort(rows.T)] for rows in (np.column_stack([at, half]), wanted))
+    np.testing.assert_allclose(*in_order, atol=1e-9)
+    assert (np.diff(half) >= 0).all()  # the widest in front
+    assert all("[m]" in label for label in sure.labels)
