@@ -14,12 +14,18 @@ from matplotlib.patches import Ellipse, Rectangle
 
 def leave(figure: Figure, file: Path) -> None:
     """Write what a figure shows."""
-    file.write_text(json.dumps([_axes(axes) for axes in figure.axes]))
+    words = " ".join(f"{figure.get_suptitle()} {figure.get_supxlabel()}".split())
+    file.write_text(json.dumps({"words": words, "axes": [_axes(axes) for axes in figure.axes]}))
+
+
+def words_of(file: Path) -> str:
+    """Title and caption of a figure."""
+    return str(json.loads(file.read_text())["words"])
 
 
 def axes_of(file: Path) -> list[SimpleNamespace]:
     """What every axes of a figure shows; of those without title, ticks and data too, such as keys."""
-    return [SimpleNamespace(**own) for own in json.loads(file.read_text())]
+    return [SimpleNamespace(**own) for own in json.loads(file.read_text())["axes"]]
 
 
 def named(file: Path, title: str) -> SimpleNamespace:

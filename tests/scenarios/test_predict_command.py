@@ -2,14 +2,17 @@
 
 import csv
 import json
+import re
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, layer_of, said, times_of
 from read_back import chunks_of, columns, document, panes, rerun, series, views
+from read_figure import named, words_of
 from run_here import here
+from scipy.spatial.transform import Rotation
 
 import testbench as tb
 from testbench.arm.mjcf import GRAVITY
@@ -22,6 +25,7 @@ from testbench.bench.prediction import Wanted, predicted
 from testbench.bench.prediction_report import reported
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
+from testbench.correct.stiffness import stiffness
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
@@ -271,3 +275,74 @@ def test_the_figure_draws_deflections_in_millimetres_the_largest_first(kr500, mo
     ends = [sorted(segment[:, 1]) for segment in axes.collections[0].get_segments()]
     lowest = np.maximum(np.sort(size)[::-1] - half, 0)
     np.testing.assert_allclose(ends, np.column_stack([lowest, np.sort(size)[::-1] + half]))
+
+
+@pytest.fixture(scope="module")
+def acted(kr500, model, q):
+    """What acts in the poses of `made`, deflections there, and the compliance of the tool's origin."""
+    wrench, point = np.zeros((POSES, 6)), np.tile(kr500.vjm.load, (POSES, 1))
+    wrench[:-1, 2], wrench[-1, 1], point[-1] = -GRAVITY * MASS, PULL, 0
+    own, loads = tb.load_model(model), [tb.Load(wrench, point)]
+    return tb.predict(own, q, loads), stiffness(own, q, loads).compliance[:, :3, :3]
+
+
+def squared(C):
+    """Of compliances C (..., 3, 3) the matrices C C^T, whose ellipsoids a force of 1 N moves a point over."""
+    return C @ C.swapaxes(-1, -2)
+
+
+def test_the_page_draws_deflections_and_what_a_force_does_as_often_enlarged_as_it_says(made, acted):
+    moved, C = acted
+    drawn = drawn_in(made[0] / "report.html")
+    group, (M, G) = drawn["scene"]["groups"][0], times_of(drawn["scene"]["title"])
+    order = [int(name.removeprefix("Pose ")) - 1 for name in group["names"]]
+    start, end = layer_of(group, "deflection")
+    np.testing.assert_allclose((end - start) / M, moved.deflection[order], atol=1e-4 / M)
+    np.testing.assert_allclose(start, (moved.position - moved.deflection)[order], atol=1e-4)
+    low, high = layer_of(group, "where a force moves it")
+    np.testing.assert_allclose((low + high) / 2, np.tile(end[:, :1], (1, 3, 1)), atol=1e-4)
+    ways = (high - low) / 2 / G / 1000
+    atol = 1e-4 / G * np.linalg.norm(C, axis=(1, 2)).max()
+    np.testing.assert_allclose(np.einsum("pkx,pky->pxy", ways, ways), squared(C[order]), atol=atol / 1000)
+    [line] = drawn["runs"][0]["lines"]
+    size, half = 1e3 * moved.size[order, 0], 1e3 * moved.widest[order, 0]
+    for found, wanted in zip([line["values"], *line["ends"]], (size, size - half, size + half), strict=True):
+        np.testing.assert_allclose(found, np.maximum(wanted, 0), rtol=1e-3)
+
+
+def test_the_recording_draws_them_too(made, acted):
+    moved, C = acted
+    chunks = chunks_of(made[0] / "recording.rrd")
+    kept = columns(chunks, "/__properties/study")
+    M, G = (kept[f"{what}_magnification"][0][0] for what in ("deflection", "ellipsoid"))
+    drawn = columns(chunks, "/world/ellipsoid")
+    order = np.array(drawn["pose"]) - 1
+    parts = ("centers", "half_sizes", "quaternions")
+    centre, size, turn = (np.array(drawn[f"Ellipsoids3D:{part}"])[:, 0] for part in parts)
+    start = moved.position - moved.deflection
+    np.testing.assert_allclose(centre, (start + M * moved.deflection)[order, 0], atol=1e-5)
+    axes = Rotation.from_quat(turn).as_matrix() * size[:, None]
+    wanted = squared(1000 * G * C[order])
+    np.testing.assert_allclose(squared(axes), wanted, atol=1e-5 * np.abs(wanted).max())
+    arrows = columns(chunks, "/world/deflection")
+    order = np.array(arrows["pose"]) - 1
+    np.testing.assert_allclose(arrows["Arrows3D:vectors"], M * moved.deflection[order], atol=1e-5)
+    np.testing.assert_allclose(arrows["Arrows3D:origins"], start[order], atol=1e-5)
+
+
+def test_ellipses_of_the_figure_are_shadows_of_what_a_force_does(made, acted):
+    """Seen from the side and from above, about the loaded tool, as large as the caption says."""
+    moved, C = acted
+    figure = made[0] / "predict.png"
+    times = 1000 * float(re.search(r"1,000 N in every direction, x (\S+),", words_of(figure))[1])
+    for title, plane in (("Tool, seen from the side", [0, 2]), ("Tool, seen from above", [0, 1])):
+        axes = named(figure, title)
+        assert axes.labels == ["x [m]", f"{'xyz'[plane[1]]} [m]"]
+        assert len(axes.rings) == POSES
+        for x, y, wide, high, angle in axes.rings:
+            k = np.linalg.norm(moved.position[:, 0, plane] - [x, y], axis=1).argmin()
+            np.testing.assert_allclose([x, y], moved.position[k, 0, plane], atol=1e-9)
+            c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+            half = np.array([[c, -s], [s, c]]) * [wide / 2, high / 2]
+            shadow = squared(times * C[k])[np.ix_(plane, plane)]
+            np.testing.assert_allclose(squared(half), shadow, rtol=1e-6, atol=1e-12)
