@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.data.series import Series
 from testbench.identify.absolute import evidence as sizes
+from testbench.identify.absolute.intervals import functionals
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.posterior import Belief, place, predict
 from testbench.identify.absolute.rows import rows_of
@@ -17,7 +18,7 @@ from testbench.identify.absolute.scatter import scatter
 from testbench.identify.absolute.state import Frame, Mount, nominal, targets, tell
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import joints_only
+from testbench.model.structure import all153, joints_only
 from testbench.model.weights import read_weights
 
 SIGMA, TURN, OPEN, OPEN_TURN = 20e-6, 3e-5, 35e-6, 5e-5
@@ -162,3 +163,29 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
         arm = M[row] - F[row] @ G @ fitted
         dense = arm @ V @ arm.T + scatter * (F[row] @ G @ G.T @ F[row].T + np.eye(3))
         np.testing.assert_allclose(found.covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * scatter)
+
+
+def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(slides, rng):
+    """A joint's with that of the link before it about, or along, its axis, which points anywhere."""
+    vjm, structure, arm = slides.vjm, all153(slides.arm), slides.arm
+    unknowns = Unknowns(vjm, (), {}, JointErrors(), structure)
+    rigid = unknowns.starts["elastic"]
+    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(unknowns.size), rigid=rigid, elastic=0)
+    C = structure.matrix(rng.normal(size=structure.n))
+    x, shown = np.r_[np.zeros(rigid), structure.entries(C)], {}
+    for group in functionals(own):
+        rows = zip(group.names, group.scale * (group.of @ x), group.units, strict=True)
+        shown |= {(group.part, name): (value, unit) for name, value, unit in rows}
+    names, links = ("x", "y", "z", "phi_x", "phi_y", "phi_z"), 6 * len(arm.links)
+    for k, joint in enumerate(arm.joints):
+        first = 6 * k + (0 if joint.prismatic else 3)
+        at, v = slice(first, first + 3), vjm.beam_axes[k]
+        value, unit = shown["joint compliances", joint.name]
+        assert unit == ("um/N" if joint.prismatic else "urad/(N m)")
+        assert value == pytest.approx(1e6 * (C[links + k, links + k] + v @ C[at, at] @ v))
+    assert np.abs(vjm.beam_axes).max() < 0.999  # no axis is one of the link's
+    for k, link in enumerate(arm.links):
+        for i, j in np.transpose(np.triu_indices(6)).tolist():
+            value, unit = shown["entries", f"{link.name} {names[i]}, {names[j]}"]
+            assert unit == ("um/N", "urad/N", "urad/(N m)")[(i > 2) + (j > 2)]
+            assert value == pytest.approx(1e6 * C[6 * k + i, 6 * k + j])

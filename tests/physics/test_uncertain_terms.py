@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, helmert
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
 from testbench.bench.absolute_truth import simulate_series
@@ -14,7 +16,8 @@ from testbench.bench.campaign import Scenario, simulate
 from testbench.correct.arm_model import About, bending, of_compliances
 from testbench.correct.beyond import extent
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, rows_between
+from testbench.correct.stiffness import give_halves, stiffness
+from testbench.correct.sure import Stand, half_widths, rows_between
 from testbench.data.series import Series
 from testbench.identify import reduce
 from testbench.identify.absolute import evidence as sizes
@@ -241,12 +244,21 @@ def test_what_is_unsure_turns_with_the_readings_into_the_base(campaign, rng):
     precision = np.tile(np.linalg.inv(C), (data.runs, len(data.markers), 1, 1))
     there = replace(data, precision=precision)
     station = 1 if data.station is None else int(data.station[0])
-    found = SimpleNamespace(frames=(Frame(station, R, np.array([1.0, 2, 3]), np.zeros((6, 6))),))
+    move, sure = np.array([1.0, 2, 3]), np.zeros((6, 6))
+    found = SimpleNamespace(frames=(Frame(station, R, move, sure),))
     here, shifted = (in_base(found, replace(there, after=there.after + by * soft)) for by in (0, 1e-3))
     way = (shifted.after - here.after)[0, 0] / 1e-3
     values, vectors = np.linalg.eigh(np.linalg.inv(here.precision[0, 0]))
     assert abs(vectors[:, -1] @ way) == pytest.approx(1, abs=1e-9)
     np.testing.assert_allclose(values, np.linalg.eigvalsh(C), rtol=1e-9)
+    A = rng.normal(size=(6, 6))
+    about = 1e-10 * A @ A.T  # turn, then move, of the frame
+    doubted = in_base(SimpleNamespace(frames=(Frame(station, R, move, about),)), there)
+    d = here.deflection[0, 0]
+    turns = np.column_stack([np.cross(axis, d) for axis in np.eye(3)])  # a turn moves what is seen across it
+    more = np.linalg.inv(doubted.precision[0, 0]) - np.linalg.inv(here.precision[0, 0])
+    wanted = turns @ about[:3, :3] @ turns.T
+    np.testing.assert_allclose(more, wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 def test_moves_of_a_learnt_prior_are_differences_of_its_fit(kr500, campaign):
@@ -286,3 +298,44 @@ def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(
     assert len(found.unseen) > 0
     assert np.isfinite(found.deviations(rows)).all()
     assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
+
+
+def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students_distribution(rng):
+    """In quadrature: neither hides the other, and each alone is its own quantile."""
+    noise, prior = rng.normal(size=(2, 4, 6))
+    own = Linearised(
+        np.zeros(6),
+        np.vstack([noise, prior]),
+        np.zeros((0, 6)),
+        np.ones(6),
+        3.0,
+        0.0,
+        on_boundary=False,
+        heavy=4,
+    )
+    a = rng.normal(size=(5, 6))
+    widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
+    np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
+
+
+def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(kr500):
+    """Of every pose and principal axis, one by one."""
+    model = of_spread(kr500, np.random.default_rng(3))
+    q = Q + np.array([[0.0], [0.4]])
+    tool = stiffness(model, q)
+    halves = give_halves(model, q, tool, 700.0)
+    for pose in range(2):
+        for k in range(3):
+            load = Load(np.r_[700 * tool.axes[pose][:, k], 0, 0, 0], np.zeros(3))
+            own = half_widths(model, Stand(q[[pose]], [load]), Stand(q[[pose]]), np.zeros((1, 3)))
+            assert halves[pose, k] == pytest.approx(own.max())
+
+
+def of_spread(kr500, rng):
+    """The arm as drawn, its compliances unsure by a tenth."""
+    structure = all153(kr500.arm)
+    pi, d = structure.entries(kr500.arm.C_theta), np.sqrt(np.diag(kr500.arm.C_theta))
+    root = 0.1 * rng.normal(size=(153, 153)) / 12 * (d[structure.a] * d[structure.b])
+    spread = Linearised(pi, root, np.zeros((0, 153)), np.ones(153), np.inf, 0.0, on_boundary=False)
+    state = bending(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm))
+    return of_compliances(state, structure, spread, About("made up"))
