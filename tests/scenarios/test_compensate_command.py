@@ -2,11 +2,11 @@
 
 import csv
 import json
-import re
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, layer_of, said, times_of
+from read_figure import axes_of, named
 from run_here import here
 
 from testbench import files
@@ -262,23 +262,56 @@ def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words
 
 
-def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected):
-    """As many times as its title says, to the side that the file says."""
-    out, _ = corrected
-    with (out / "right.csv").open() as file:
+@pytest.fixture(scope="module")
+def told(corrected):
+    """What the corrected file says of every point: off as programmed, half widths, (points, 3) [m]."""
+    with (corrected[0] / "right.csv").open() as file:
         rows = list(csv.DictReader(file))
-    off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
-    text = (out / "right_report" / "report.html").read_text()
-    drawn = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
-        "scene"
-    ]
-    times = float(re.search(r"x (\S+)\.$", drawn["title"])[1])
-    layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
-    asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
-    np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
+    names = ([f"{what}_{x}_mm" for x in "xyz"] for what in ("before", "half_95"))
+    before, half = (
+        np.array([[float(row[key] or "nan") for key in keys] for row in rows]) / 1e3 for keys in names
+    )
+    return before, half
 
 
-def path(layer):
+def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected, told):
+    """As many times as its title says, to the side that the file says."""
+    drawn = drawn_in(corrected[0] / "right_report" / "report.html")
+    [times], group = times_of(drawn["scene"]["title"]), drawn["scene"]["groups"][0]
+    asked, programmed = (path(*layer_of(group, name)) for name in ("path asked", "as programmed"))
+    before, half = told
+    np.testing.assert_allclose((programmed - asked) / times, before, atol=2e-4 / times + 1e-7)
+    low, high = layer_of(group, "where it may be, 95 %")
+    np.testing.assert_allclose((high - low) / 2 / times, half[:, None] * np.eye(3), atol=2e-4 / times + 1e-7)
+    lines = {line["name"]: line["values"] for line in drawn["runs"][0]["lines"]}
+    np.testing.assert_allclose(lines["as programmed"], 1e3 * np.linalg.norm(before, axis=1), rtol=1e-3)
+    within = np.array(lines["corrected, within (95 %)"], dtype=float)
+    np.testing.assert_allclose(within, 1e3 * half.max(axis=1), rtol=1e-3)
+
+
+def test_the_figure_draws_the_columns_of_the_corrected_file(corrected, told, asked, kr500):
+    before, half = told
+    figure = corrected[0] / "right_report" / "compensation.png"
+    errors, where = named(figure, "How far off"), named(figure, "Where")
+    [size] = [y for label, _, _, _, y in errors.lines if label == "as programmed"]
+    np.testing.assert_allclose(size, 1e3 * np.linalg.norm(before, axis=1), atol=1e-6)
+    bars = [(x + wide / 2, high) for x, _, wide, high, _ in errors.bars]
+    wanted = np.column_stack([1 + np.arange(POINTS), np.nan_to_num(1e3 * half.max(axis=1))])
+    np.testing.assert_allclose(bars, wanted, atol=1e-6)
+    assert "[mm]" in errors.labels[1]
+    plane = ["xyz".index(label.removesuffix(" [m]")) for label in where.labels]
+    ways = {label: np.column_stack([x, y]) for label, _, _, x, y in where.lines}
+    [(label, off)] = [(name, way) for name, way in ways.items() if name.startswith("as programmed")]
+    straight = ways["asked, and corrected by the model"]
+    [times] = times_of(label)
+    np.testing.assert_allclose((off - straight) / times, before[:, plane], atol=1e-8)
+    found = read_program(corrected[0] / "right.csv", kr500.arm).q - asked[0]
+    strips = [one for one in axes_of(figure) if one.labels[1].endswith("[deg]")]
+    drawn = {one.labels[1].split("\n")[0]: one.lines[0][4] for one in strips}
+    for k, joint in enumerate(kr500.arm.joints):
+        np.testing.assert_allclose(drawn[joint.name], np.degrees(found[:, k]), atol=1e-5)
+
+
+def path(start, end):
     """Points of a line that is cut into pieces [m]."""
-    at, to = (np.array(layer[key][0]).reshape(-1, 3) / 1e4 for key in ("at", "to"))
-    return np.vstack([at, to[-1:]])
+    return np.vstack([start[0], end[0, -1:]])
