@@ -13,12 +13,14 @@ from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
 from testbench.bench.models import Model, named_models
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
+from testbench.identify.prior import cad_prior
 from testbench.identify.regression import reduce
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
@@ -38,12 +40,13 @@ def the_truth(vjm, structure, data):
 
 @pytest.fixture(scope="module")
 def folder(kr500, tmp_path_factory):
-    """Models of the true compliances, and of what weights say of joints alone."""
+    """Models of the true compliances, of what weights say of joints alone, and with a prior of all."""
     out = tmp_path_factory.mktemp("models")
     runs = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1, check_runs=3), 7).identification
     models = {
         "true": Model("truth", all153(kr500.arm), the_truth),
         "joints": named_models(kr500, ["Joints"])[0],
+        "sure": with_priors(named_models(kr500, ["MGCO56"]), cad_prior(kr500.arm))[0],
     }
     for name, model in models.items():
         (out / name).mkdir()
@@ -263,20 +266,29 @@ def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
 
 
 @pytest.fixture(scope="module")
-def told(corrected):
+def sure(folder, corrected):
+    """Folder of a program that was corrected by a model that bounds what is left."""
+    out = corrected[0] / "sure"
+    out.mkdir()
+    tip = ",".join(map(str, TIP))
+    done = run(folder / "sure", corrected[0] / "mill.csv", "--out", out / "right.csv", "--tip", tip)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def told(sure):
     """What the corrected file says of every point: off as programmed, half widths, (points, 3) [m]."""
-    with (corrected[0] / "right.csv").open() as file:
+    with (sure / "right.csv").open() as file:
         rows = list(csv.DictReader(file))
     names = ([f"{what}_{x}_mm" for x in "xyz"] for what in ("before", "half_95"))
-    before, half = (
-        np.array([[float(row[key] or "nan") for key in keys] for row in rows]) / 1e3 for keys in names
-    )
+    before, half = (np.array([[float(row[key]) for key in keys] for row in rows]) / 1e3 for keys in names)
     return before, half
 
 
-def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected, told):
+def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(sure, told):
     """As many times as its title says, to the side that the file says."""
-    drawn = drawn_in(corrected[0] / "right_report" / "report.html")
+    drawn = drawn_in(sure / "right_report" / "report.html")
     [times], group = times_of(drawn["scene"]["title"]), drawn["scene"]["groups"][0]
     asked, programmed = (path(*layer_of(group, name)) for name in ("path asked", "as programmed"))
     before, half = told
@@ -289,14 +301,14 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected,
     np.testing.assert_allclose(within, 1e3 * half.max(axis=1), rtol=1e-3)
 
 
-def test_the_figure_draws_the_columns_of_the_corrected_file(corrected, told, asked, kr500):
+def test_the_figure_draws_the_columns_of_the_corrected_file(sure, told, asked, kr500):
     before, half = told
-    figure = corrected[0] / "right_report" / "compensation.png"
+    figure = sure / "right_report" / "compensation.png"
     errors, where = named(figure, "How far off"), named(figure, "Where")
     [size] = [y for label, _, _, _, y in errors.lines if label == "as programmed"]
     np.testing.assert_allclose(size, 1e3 * np.linalg.norm(before, axis=1), atol=1e-6)
     bars = [(x + wide / 2, high) for x, _, wide, high, _ in errors.bars]
-    wanted = np.column_stack([1 + np.arange(POINTS), np.nan_to_num(1e3 * half.max(axis=1))])
+    wanted = np.column_stack([1 + np.arange(POINTS), 1e3 * half.max(axis=1)])
     np.testing.assert_allclose(bars, wanted, atol=1e-6)
     assert "[mm]" in errors.labels[1]
     plane = ["xyz".index(label.removesuffix(" [m]")) for label in where.labels]
@@ -305,7 +317,7 @@ def test_the_figure_draws_the_columns_of_the_corrected_file(corrected, told, ask
     straight = ways["asked, and corrected by the model"]
     [times] = times_of(label)
     np.testing.assert_allclose((off - straight) / times, before[:, plane], atol=1e-8)
-    found = read_program(corrected[0] / "right.csv", kr500.arm).q - asked[0]
+    found = read_program(sure / "right.csv", kr500.arm).q - asked[0]
     strips = [one for one in axes_of(figure) if one.labels[1].endswith("[deg]")]
     drawn = {one.labels[1].split("\n")[0]: one.lines[0][4] for one in strips}
     for k, joint in enumerate(kr500.arm.joints):
