@@ -36,7 +36,7 @@ def named(file: Path, title: str) -> SimpleNamespace:
 
 def _axes(axes: Axes) -> dict[str, object]:
     lines = [
-        (str(own.get_label()), own.get_marker(), to_hex(own.get_color()), *map(_plain, own.get_data()))
+        (str(own.get_label()), own.get_marker(), to_hex(own.get_color()), *map(_plain, own.get_xydata().T))
         for own in axes.lines
     ]
     dots = [own for own in axes.collections if isinstance(own, PathCollection)]
