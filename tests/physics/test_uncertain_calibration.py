@@ -13,6 +13,7 @@ from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.intervals import functionals
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.posterior import Belief, place, predict
+from testbench.identify.absolute.reduced import Point, equations
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import scatter
 from testbench.identify.absolute.state import Frame, Mount, nominal, targets, tell
@@ -63,6 +64,19 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
             np.testing.assert_allclose(W[0, row] @ dense @ W[0, row].T, np.eye(3), atol=1e-9)
             dense = turn**2 * (TURN**2 + times * OPEN_TURN**2) * np.eye(3)
             np.testing.assert_allclose(W[1, row] @ dense @ W[1, row].T, np.eye(3), atol=1e-9)
+
+
+def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500, rng):
+    """Their mean and differences mix them: one that is hardly believed is in each of these."""
+    series = read_by(state, still(6, rng, pose=np.repeat([0, 1], 3)))
+    unknowns = unknowns_of(kr500.vjm, (series,), JointErrors(), joints_only(kr500.arm))
+    at = Point(unknowns, state, Noise(OPEN))
+    pull = np.array([[1.0, 0.2, 0.6, 0.9, 1.0, 1.0]])
+    held, whole = (dict(equations(at, series, own)) for own in (pull, np.repeat([[0.2, 0.9]], 3, axis=1)))
+    for kind in (0, 2):
+        np.testing.assert_allclose(held[kind], whole[kind])
+    one = dict(equations(at, series, np.ones((1, 6))))
+    np.testing.assert_allclose(held[0], one[0] * np.tile([0.2, 0.9], 3))
 
 
 def drawn_at_random(rng, free=2, small=6, large=50, equations=(90, 40)):

@@ -16,8 +16,7 @@ from testbench.bench.campaign import Scenario, simulate
 from testbench.correct.arm_model import About, bending, of_compliances
 from testbench.correct.beyond import extent
 from testbench.correct.rest import rest
-from testbench.correct.stiffness import give_halves, stiffness
-from testbench.correct.sure import Stand, half_widths, rows_between
+from testbench.correct.sure import Stand, rows_between
 from testbench.data.series import Series
 from testbench.identify import reduce
 from testbench.identify.absolute import evidence as sizes
@@ -275,6 +274,18 @@ def test_moves_of_a_learnt_prior_are_differences_of_its_fit(kr500, campaign):
     np.testing.assert_allclose(moves.T @ moves, dense, atol=1e-3 * np.abs(dense).max())
 
 
+def test_the_fit_of_a_learnt_prior_is_the_posterior_mean_of_its_widths(kr500, campaign):
+    """x = s e + D A^T (kappa^2 + A D A^T)^-1 (y - A s e), D of templates by u and of couplings by c."""
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h = seen.start + np.linspace(-0.5, 0.5, len(seen.start))
+    s, (u, c, kappa) = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-3:])
+    D, expected = np.diag((s * np.where(own.couplings, c, u)) ** 2), s * own.expected
+    S = kappa**2 * np.eye(len(seen.y)) + seen.A @ D @ seen.A.T
+    mean = expected + D @ seen.A.T @ np.linalg.solve(S, seen.y - seen.A @ expected)
+    np.testing.assert_allclose(_mean(seen, h, weigh(seen, h)), mean, rtol=1e-6, atol=1e-9)
+
+
 def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
     """x = M z with M of the rigid unknowns and of the metric: covariance M (root^T root)^-1 M^T."""
     root, L = (
@@ -316,26 +327,3 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
     a = rng.normal(size=(5, 6))
     widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
     np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
-
-
-def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(kr500):
-    """Of every pose and principal axis, one by one."""
-    model = of_spread(kr500, np.random.default_rng(3))
-    q = Q + np.array([[0.0], [0.4]])
-    tool = stiffness(model, q)
-    halves = give_halves(model, q, tool, 700.0)
-    for pose in range(2):
-        for k in range(3):
-            load = Load(np.r_[700 * tool.axes[pose][:, k], 0, 0, 0], np.zeros(3))
-            own = half_widths(model, Stand(q[[pose]], [load]), Stand(q[[pose]]), np.zeros((1, 3)))
-            assert halves[pose, k] == pytest.approx(own.max())
-
-
-def of_spread(kr500, rng):
-    """The arm as drawn, its compliances unsure by a tenth."""
-    structure = all153(kr500.arm)
-    pi, d = structure.entries(kr500.arm.C_theta), np.sqrt(np.diag(kr500.arm.C_theta))
-    root = 0.1 * rng.normal(size=(153, 153)) / 12 * (d[structure.a] * d[structure.b])
-    spread = Linearised(pi, root, np.zeros((0, 153)), np.ones(153), np.inf, 0.0, on_boundary=False)
-    state = bending(kr500.vjm, kr500.arm.C_theta, read_weights(kr500.arm))
-    return of_compliances(state, structure, spread, About("made up"))
