@@ -260,3 +260,58 @@ def test_bodies_stand_in_a_page_where_their_frames_have_them_and_points_where_an
     np.testing.assert_allclose(seen, there, rtol=1e-9)
     assert (there[:, :2] > 0).all()
     assert (there[:, :2] < (width, height)).all()
+
+
+def layer(name, colour, kind, at, to=None, shown=True):
+    whole = [None if x is None else (1e4 * np.array(x)).tolist() for x in (at, to)]
+    own = dict(zip(("at", "to"), whole, strict=True))
+    return {"name": name, "colour": colour, "kind": kind, "labels": [], "shown": shown} | own
+
+
+SEEN = """([x, y, z, along, aside, dx, dy, dz]) => {
+  const canvas = scene.canvas, out = [0, 0, 0, 0, 0, 0], pen = canvas.getContext("2d");
+  const project = scene.camera.projector(canvas.width, canvas.height);
+  project(x, y, z, out, 0);
+  project(x + dx, y + dy, z + dz, out, 3);
+  const [u, v] = [out[3] - out[0], out[4] - out[1]], size = Math.hypot(u, v) || 1;
+  const at = [out[0] + (along * u - aside * v) / size, out[1] + (along * v + aside * u) / size];
+  return [...pen.getImageData(Math.floor(at[0]), Math.floor(at[1]), 1, 1).data.slice(0, 3)];
+}"""
+
+
+@pytest.mark.look
+def test_a_pose_shows_its_own_layers_and_words_and_those_that_are_ticked_alone(open_page, write):
+    """Dots at their places, arrows with their heads where they end."""
+    red, blue, green, still = [255, 0, 0], [0, 0, 255], [0, 255, 0], [[[0.0] * 6 + [1.0]]] * 2
+    dots, other = [[0, 0, 0], [0, 1, 0.5]], [[0, 0.5, 1], [0, 0.5, 1]]
+    start, end = [[0, 0, 2], [0, 0, 2]], [[0, 1, 2], [0, 1, 2]]
+    layers = [
+        layer("on", "#ff0000", "dots", dots),
+        layer("off", "#0000ff", "dots", other, shown=False),
+        layer("way", "#00ff00", "arrows", start, end),
+    ]
+    rigid = [(1e4 * np.array(pose)).ravel().tolist() for pose in still]
+    group = {"name": "g", "names": ["a", "b"], "words": ["One", "Two"], "first": 1, "near": None}
+    data = {"title": "T.", "solids": [], "groups": [group | {"rigid": rigid, "bent": None, "layers": layers}]}
+    made = "place.innerHTML = \"<canvas style='width:400px;height:400px'></canvas>\""
+    body = f"{made}; window.scene = new Scene(place, {json.dumps(data)})"
+    page = open_page(write(scripted(body))).page
+
+    def at(place, along=0, aside=0, way=(0, 1, 0)):
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+        return page.evaluate(SEEN, [*place, along, aside, *way])
+
+    def shown():
+        return [at(dots[0]) == red, at(dots[1]) == red, at(other[0]) == blue]
+
+    assert page.locator(".says").first.inner_text() == "b. Two"
+    assert shown() == [False, True, False]
+    assert min(at(end[0], -8, aside)[1] for aside in (2.6, -2.6)) > 200  # its head is wider
+    assert max(at(start[0], 8, aside)[1] for aside in (2.6, -2.6)) == 0
+    assert at(start[0], 20) == green
+    page.locator("input[type=range]").fill("0")
+    assert page.locator(".says").first.inner_text() == "a. One"
+    assert shown() == [True, False, False]
+    for name in ("on", "off"):
+        page.get_by_label(name, exact=True).click()
+    assert shown() == [False, False, True]
