@@ -27,7 +27,7 @@ from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import loads, nominal, tell
 from testbench.identify.doubts.loads import allowed, learnt
-from testbench.identify.hierarchy import _left_open, _mean, evidence, weigh
+from testbench.identify.hierarchy import _left_open, _mean, _scales, evidence, weigh
 from testbench.identify.in_base import in_base
 from testbench.identify.intervals import Linearised, linearise
 from testbench.identify.metric import Belief, metric
@@ -284,6 +284,17 @@ def test_the_fit_of_a_learnt_prior_is_the_posterior_mean_of_its_widths(kr500, ca
     S = kappa**2 * np.eye(len(seen.y)) + seen.A @ D @ seen.A.T
     mean = expected + D @ seen.A.T @ np.linalg.solve(S, seen.y - seen.A @ expected)
     np.testing.assert_allclose(_mean(seen, h, weigh(seen, h)), mean, rtol=1e-6, atol=1e-9)
+
+
+def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
+    C, K = A @ A.T, seen.blocks
+    of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
+    for scale, (i, j) in zip(_scales(seen, h, C), of, strict=True):
+        assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
+        assert scale.deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
 
 
 def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):

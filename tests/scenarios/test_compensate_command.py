@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from page_checks import check_page, drawn_in, layer_of, said, times_of
+from read_back import chunks_of, columns, on
 from read_figure import axes_of, named
 from run_here import here
 
@@ -299,6 +300,25 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(sure, told
     np.testing.assert_allclose(lines["as programmed"], 1e3 * np.linalg.norm(before, axis=1), rtol=1e-3)
     within = np.array(lines["corrected, within (95 %)"], dtype=float)
     np.testing.assert_allclose(within, 1e3 * half.max(axis=1), rtol=1e-3)
+
+
+def test_the_recordings_tool_is_off_by_the_columns_of_the_corrected_file(sure, told):
+    """At every point, to the side that the file says; the worst point first."""
+    file, (before, _) = sure / "right_report" / "recording.rrd", told
+    chunks = chunks_of(file)
+    drawn = drawn_in(sure / "right_report" / "report.html")
+    asked = path(*layer_of(drawn["scene"]["groups"][0], "path asked"))
+    [times] = columns(chunks, "/__properties/study")["error_magnification"][0]
+    tool = columns(chunks, "/world/tool/not_corrected")
+    at = np.array(tool["Points3D:positions"])[:, 0]
+    order = np.array(tool["point"]) - 1
+    np.testing.assert_allclose((at - asked[order]) / times, before[order], atol=1e-4 / times + 1e-7)
+    [way] = columns(chunks, "/world/ways/not_corrected/program")["LineStrips3D:strips"][0]
+    np.testing.assert_allclose((way - asked) / times, before, atol=1e-4 / times + 1e-7)
+    first = columns(on(chunks, "worst_first"), "/world/tool/not_corrected")
+    worst = np.array(first["Points3D:positions"])[np.argmin(first["worst_first"]), 0]
+    size = np.linalg.norm(before, axis=1)
+    assert np.linalg.norm(worst - asked, axis=1)[size.argmax()] == pytest.approx(times * size.max(), abs=2e-4)
 
 
 def test_the_figure_draws_the_columns_of_the_corrected_file(sure, told, asked, kr500):
