@@ -27,7 +27,7 @@ from testbench.identify.absolute.posterior import Placed, predict, without
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.shared import aligned
-from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.state import nominal, targets, tell
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.prior import cad_prior
 from testbench.plant import build_plant
@@ -434,6 +434,27 @@ def test_the_figure_draws_the_errors_of_every_series_and_the_spectra_of_the_join
         assert bars == pytest.approx(wanted)
     places = named(made[0] / "calibration.png", "Error by place")
     assert places.ticks[1] == list(dict.fromkeys(row["joint"] for row in report["places"]))
+
+
+def test_arrows_of_the_recording_lead_from_the_model_to_the_reading(made, readings):
+    """Of either model its own, in every pose and at rest, as many times as long as the properties say."""
+    chunks = chunks_of(made[0] / "recording.rrd")
+    [times] = columns(chunks, "/__properties/study")["error_magnification"][0]
+    state, _ = read_model(made[0])
+    series, _ = read_all(readings[:2], state.vjm.arm, None, None)
+    straight = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
+    for name, own in (("calibrated", state), ("drawn", straight)):
+        left = np.concatenate([residuals(own, one).transpose(2, 0, 1) for one in series])
+        told = [targets(tell(own, one.q, one.wrench, one.point), own.mount(one)) for one in series]
+        at = np.concatenate(told)
+        whole = columns(chunks, f"/world/errors/{name}")
+        for part, wanted in (("vectors", times * left), ("origins", at)):
+            found = whole[f"Arrows3D:{part}"][0]
+            np.testing.assert_allclose(found, wanted.reshape(-1, 3), atol=1e-5)
+        poses = columns(chunks, f"/world/pose_errors/{name}")
+        some = np.array(poses["run"]) - 1
+        for part, wanted in (("vectors", times * left), ("origins", at)):
+            np.testing.assert_allclose(poses[f"Arrows3D:{part}"], wanted[some], atol=1e-5)
 
 
 def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, report, readings):
