@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.linalg import helmert
+from scipy.linalg import block_diag, helmert
 from scipy.spatial.transform import Rotation
 
 from testbench.data.series import Series
@@ -158,9 +158,9 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     """Readings minus model are linear in what nobody knows: the arm, and noise here and before."""
     structure = joints_only(kr500.arm)
     unknowns = Unknowns(kr500.vjm, (), {}, JointErrors(), structure)
-    columns = np.arange(unknowns.starts["elastic"])
-    own = SimpleNamespace(unknowns=unknowns, columns=columns, elastic=None)
-    root = np.triu(rng.normal(size=(30, 30))) + 4 * np.eye(30)
+    L = 1e-7 * (np.tril(rng.normal(size=(6, 6))) + 2 * np.eye(6))  # joints give way together
+    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(36), elastic=SimpleNamespace(L=L))
+    root = np.triu(rng.normal(size=(36, 36))) + 4 * np.eye(36)
     noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
     belief = Belief(own, 1e4 * root, noise)
     series = read_by(state, still(20, rng))
@@ -169,10 +169,10 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     np.testing.assert_allclose(found.left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
     A = rows_of(every, state, series).A[0].transpose(2, 0, 1)  # row, axis, unknown
-    F, M = A[:, :, :9], A[:, :, 9:39]
+    F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
     scatter = noise.factor[0] ** 2 * (SIGMA**2 + OPEN**2)
     G = np.linalg.pinv(F[told].reshape(-1, 9))
-    fitted, V = M[told].reshape(-1, 30), np.linalg.inv(belief.root.T @ belief.root)
+    fitted, V = M[told].reshape(-1, 36), np.linalg.inv(belief.root.T @ belief.root)
     for row in rest:
         arm = M[row] - F[row] @ G @ fitted
         dense = arm @ V @ arm.T + scatter * (F[row] @ G @ G.T @ F[row].T + np.eye(3))
