@@ -22,7 +22,7 @@ from testbench.identify import reduce
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, _compliances, eliminate
-from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.absolute.intervals import deviations_root, placed
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import loads, nominal, tell
@@ -154,6 +154,21 @@ def test_a_calibrations_covariance_and_information_are_those_of_its_rows(calibra
     W = deviations_root(calibrated)
     scale = np.sqrt(np.diag(dense))
     np.testing.assert_allclose(W @ W.T / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6)
+
+
+def test_a_frame_goes_with_the_arm_as_the_precision_of_a_calibration_couples_them(calibrated):
+    """Given the arm its covariance is P_ff^-1, and it moves by P_ff^-1 P_fa with what the arm is off."""
+    f, root = calibrated.own.unknowns.starts["geometry"], calibrated.root
+    P = root.T @ root
+    found = placed(calibrated, calibrated.series[0])
+    size = np.sqrt(np.diag(P)[:f])
+    dense = np.linalg.inv(P[:f, :f] / size / size[:, None]) / size / size[:, None]
+    scale = np.sqrt(np.diag(dense))
+    np.testing.assert_allclose(
+        found.covariance / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
+    )
+    taken = dense @ P[:f, f:]
+    np.testing.assert_allclose(found.taken, taken, rtol=1e-4, atol=1e-6 * np.abs(taken).max())
 
 
 def errors_of(kr500):
