@@ -434,6 +434,9 @@ def test_the_figure_draws_the_errors_of_every_series_and_the_spectra_of_the_join
         assert bars == pytest.approx(wanted)
     places = named(made[0] / "calibration.png", "Error by place")
     assert places.ticks[1] == list(dict.fromkeys(row["joint"] for row in report["places"]))
+    own = [[row for row in report["places"] if row["joint"] == name] for name in places.ticks[1]]
+    ends = [f"{x:.0f} {rows[0]['unit']}" for rows in own for x in (rows[0]["low"], rows[-1]["high"])]
+    assert places.texts == ends
 
 
 def test_arrows_of_the_recording_lead_from_the_model_to_the_reading(made, readings):

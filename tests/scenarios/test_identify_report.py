@@ -18,6 +18,7 @@ from testbench.cli.program import program
 from testbench.model.load import Load
 from testbench.model.loaded import displacement, secant
 from testbench.model.vjm import chain
+from testbench.views.colours import SCALE, hexadecimal
 from testbench.views.recording.pen import snake
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -139,11 +140,19 @@ def test_the_error_map_of_the_recording_goes_to_its_places(made, report):
     chunks, errors = chunks_of(made[0] / "recording.rrd"), report["map"]["errors"]
     moving = {c.entity_path for c in chunks if "place" in c.timeline_names}
     assert {"/world/arm/link_1", "/this_pose", "/world/error_map/here"} <= moving
+    drawn, keys = [], ("radii", "colors")
     for name in errors["compared"]:
         worst, path = errors["worst"][name], f"/world/error_map/{snake(name)}"
         label = columns(chunks, f"{path}/worst")["Points3D:labels"]
         assert label == [[f"worst {worst['error_mm']:.3f} mm, place {worst['place'] + 1}"]]
-        assert len(columns(chunks, f"{path}/field")["Points3D:positions"][0]) == 200
+        balls = columns(chunks, f"{path}/field")
+        np.testing.assert_allclose(balls["Points3D:positions"][0], errors["position_m"], atol=1e-6)
+        drawn += zip(errors["error_mm"][name], *(balls[f"Points3D:{key}"][0] for key in keys), strict=True)
+    _, radii, shades = zip(*sorted(drawn), strict=True)  # one scale for all maps
+    assert (np.diff(radii) >= 0).all()
+    assert radii[-1] > 2 * radii[0]
+    ends = [int(hexadecimal(colour)[1:], 16) for colour in (SCALE[0], SCALE[-1])]
+    assert [shade >> 8 for shade in (shades[0], shades[-1])] == ends
     said = columns(on(chunks, "place"), "/this_pose")
     k = errors["worst"][report["recommended"]]["place"] + 1
     assert said["TextDocument:text"][said["place"].index(k)][0].startswith(f"**Place {k} of 200, where ")
