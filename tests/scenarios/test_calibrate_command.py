@@ -460,6 +460,15 @@ def test_arrows_of_the_recording_lead_from_the_model_to_the_reading(made, readin
             np.testing.assert_allclose(poses[f"Arrows3D:{part}"], wanted[some], atol=1e-5)
 
 
+def test_spectra_of_the_recording_are_those_of_the_report(made, report):
+    chunks = chunks_of(made[0] / "recording.rrd")
+    for row in report["spectrum"]:
+        bars = columns(chunks, f"/spectrum_urad/{row['joint']}")
+        order, amplitude = (bars[f"BarChart:{key}"][0][0]["buffer"] for key in ("abscissa", "values"))
+        assert list(order) == [one["order"] for one in row["orders"]]
+        np.testing.assert_allclose(amplitude, [one["amplitude_urad"] for one in row["orders"]], rtol=1e-6)
+
+
 def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, report, readings):
     """Arrows end at the reading, and are as long as the distances of the model that was written."""
     drawn = drawn_in(made[0] / "report.html")

@@ -324,6 +324,10 @@ def test_the_recording_draws_them_too(made, acted):
     axes = Rotation.from_quat(turn).as_matrix() * size[:, None]
     wanted = squared(1000 * G * C[order])
     np.testing.assert_allclose(squared(axes), wanted, atol=1e-5 * np.abs(wanted).max())
+    size, half = 1e3 * moved.size[:, 0], 1e3 * moved.widest[:, 0]
+    worst = np.argsort(-size)
+    for name, wanted in (("lower", np.maximum(size - half, 0)), ("upper", size + half)):
+        np.testing.assert_allclose(series(chunks, f"/deflection_mm/{name}"), wanted[worst], rtol=1e-6)
     arrows = columns(chunks, "/world/deflection")
     order = np.array(arrows["pose"]) - 1
     np.testing.assert_allclose(arrows["Arrows3D:vectors"], M * moved.deflection[order], atol=1e-5)
