@@ -44,6 +44,7 @@ from testbench.studies.solver_comparison.study import STUDY as SOLVERS
 from testbench.studies.study import Run
 from testbench.studies.wrong_inputs import trial as wrong_inputs
 from testbench.studies.wrong_inputs.study import STUDY as WRONG_INPUTS
+from testbench.trials.spread import Spread
 from testbench.views.colours import look
 from testbench.views.recording.compliance import colours
 from testbench.views.recording.stream import Header
@@ -364,6 +365,35 @@ def test_a_sweep_opens_where_the_best_gains_most_over_least_squares_and_says_so(
     assert "at load 10 N" in document(chunks, "/summary")
     assert swept(among=["worse"]).widest.best.model == "worse"
     assert swept(against=()).widest.theirs.model == "worse"
+
+
+def test_dots_of_a_chart_stand_at_their_values_between_the_ends_of_their_spread(tmp_path):
+    """Read back by the ticks of its logarithmic axis; in the colour of its model, on the line of its case."""
+    whole = swept(labels={1: "one", 10: "two", 100: "three"})
+    points = [replace(p, y=Spread(p.y, 0.7 * p.y, 1.6 * p.y)) for p in whole.points]
+    own = replace(whole, points=points)
+    write_sweep(tmp_path / "x.rrd", Header("name", "{}", 1), own, "### How much?")
+    chunks = chunks_of(tmp_path / "x.rrd")
+
+    def part(entity, what):
+        return columns(chunks, f"/{own.root}/{entity}")[what][0]
+
+    ticks = np.array([x for x, _ in part("ticks", "Points2D:positions")])
+    numbers = np.log([float(text) for text in part("ticks", "Points2D:labels")])
+    (at, up), colours = np.transpose(part("value", "Points2D:positions")), part("value", "Points2D:colors")
+    ends = np.array(part("spread", "LineStrips2D:strips"))
+    said = lambda x: np.exp(np.polyval(np.polyfit(ticks, numbers, 1), x))  # noqa: E731
+    order = sorted(points, key=lambda p: p.x)
+    np.testing.assert_allclose(said(at), [p.y.median for p in order], rtol=PLACED)
+    np.testing.assert_allclose(said(ends[:, :, 0]), [(p.y.p05, p.y.p95) for p in order], rtol=PLACED)
+    np.testing.assert_array_equal(ends[:, :, 1], np.column_stack([up, up]))
+    shades = [0x100 * int(own.looks[p.model].hex[1:], 16) + 0xFF for p in order]
+    assert colours == shades
+    names = dict(
+        zip(part("name", "Points2D:labels"), [y for _, y in part("name", "Points2D:positions")], strict=True)
+    )
+    nearest = [min(names, key=lambda name: abs(names[name] - y)) for y in up]
+    assert nearest == [own.labels[p.x] for p in order]
 
 
 def test_a_model_may_lack_values_of_a_sweep_and_has_none_twice():
