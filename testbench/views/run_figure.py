@@ -1,6 +1,7 @@
 """The picture of any run, made of what its page draws: the first poses from aside and above, its charts."""
 
 import re
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,9 +17,9 @@ from testbench.views.page.scene import Layer, Poses
 
 SIDES = {"from aside": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
-HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.3, 2.3
+HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.35, 2.3
 """Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
-KEYS = 4  #: Names on a line of the key.
+KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
@@ -63,7 +64,7 @@ def _poses(axes: Axes, own: Poses, plane: tuple[int, int]) -> None:
         if layer.shown:
             _layer(axes, layer, k, shown)
     axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.margins(WIDE)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
@@ -84,11 +85,14 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
 
 
 def _key(axes: Axes, layers: Sequence[Layer]) -> None:
-    """What each colour is."""
+    """What each colour is; layers that are drawn alike share their sign."""
     axes.axis("off")
+    signs: dict[tuple[str, str], list[str]] = {}
     for layer in layers:
-        style = "o" if layer.to is None else "-"
-        axes.plot([], [], style, color=hexadecimal(layer.colour), linewidth=2, label=short(layer.name, 34))
+        mark = ("." if layer.kind == "specks" else "o") if layer.to is None else "-"
+        signs.setdefault((hexadecimal(layer.colour), mark), []).append(layer.name)
+    for (colour, mark), names in signs.items():
+        axes.plot([], [], mark, color=colour, linewidth=2, label=textwrap.fill("; ".join(names), NAME))
     axes.legend(frameon=False, fontsize=SMALL, loc="center", ncols=KEYS)
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from testbench.views.checked.figure import picture
 
 from testbench.bench.checked import check
 from testbench.bench.sag import sag
@@ -177,15 +176,3 @@ def test_a_proposal_for_the_geometry_of_our_kr500_sags_within_three_times_as_it_
     np.testing.assert_array_equal(proposed.sag.q, sound.sag.q)
     ratio = proposed.sag.size / sound.sag.size
     assert 1 / 3 < ratio.min() <= ratio.max() < 3
-
-
-def test_bars_of_the_picture_are_as_long_as_their_per_cent_and_stand_below_their_words(sound):
-    *_, axes = picture(sound).axes
-    bars = {bar.get_y() + bar.get_height() / 2: bar.get_width() for bar in axes.patches}
-    texts = [(text.get_position()[1], text.get_text()) for text in axes.texts]
-    assert len(bars) > 3
-    for height, wide in bars.items():
-        [words] = [text for y, text in texts if abs(y + 0.2 - height) < 1e-9]
-        [item] = [item for item in sound.items if item.words == words]
-        assert wide == pytest.approx(100 * item.share)
-        assert f"{wide:.0f} %" in [text for y, text in texts if abs(y - height) < 1e-9]

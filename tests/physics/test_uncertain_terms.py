@@ -245,7 +245,8 @@ def test_readings_are_doubted_by_the_covariance_of_their_prior(kr500, campaign):
     assert abs(u / c - 1) > 0.1
     A = allowed(kr500.vjm, campaign.identification, own.structure.matrix(found.pi))
     dense = G * D**2 @ G.T + A @ A.T + kappa**2 * np.eye(len(G))
-    np.testing.assert_allclose(found.inverse @ dense, np.eye(len(G)), atol=1e-5)
+    inverse = np.eye(len(G)) / found.misfit**2 - found.shared @ found.shared.T
+    np.testing.assert_allclose(inverse @ dense, np.eye(len(G)), atol=1e-5)
 
 
 def test_what_is_unsure_turns_with_the_readings_into_the_base(campaign, rng):

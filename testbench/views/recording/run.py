@@ -108,7 +108,8 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
     ]
     if pictures and not tabs:
         pictures[0] = _beside(pictures[0], name="Overview")
-    views = [*tabs, *where, *pictures, text_view("tables", "Tables")]
+    lead = [] if tabs or pictures else [text_view("summary", "Summary")]
+    views = [*lead, *tabs, *where, *pictures, text_view("tables", "Tables")]
     places = len(groups[0].poses.names) if groups else 1
     with recording(path, "run", header, layout(*views, timeline=WORST, places=places)) as pen:
         pen.documents({"summary": summary(words), "tables": _tables(words, seen)})
