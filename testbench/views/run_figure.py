@@ -37,6 +37,7 @@ def overview(words: Told, seen: Seen) -> Figure:
     key = KEY * -(-len(layers) // KEYS)
     rows = [*([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
+    figure.set_layout_engine("constrained", rect=(0.02, 0, 0.98, 1))  # panes of equal scale stick out
     grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if seen.scene:
@@ -64,8 +65,11 @@ def _poses(axes: Axes, own: Poses, plane: tuple[int, int]) -> None:
         if layer.shown:
             _layer(axes, layer, k, shown)
     axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
-    axes.set_aspect("equal", adjustable="box")
-    axes.margins(WIDE)
+    low, high = np.array(axes.dataLim.min), np.array(axes.dataLim.max)
+    half = (0.5 + WIDE) * (float((high - low).max()) or 1.0)  # square: room for numbers
+    x, y = ((low + high) / 2).tolist()
+    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+    axes.set_aspect("equal")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
     quiet(axes)

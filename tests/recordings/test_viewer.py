@@ -107,7 +107,11 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     film(folder, gif, replace(at_2, at=None))
     assert list(places.iterdir()) == []  # the viewer keeps its data in files
     with Image.open(gif) as picture:
-        assert (picture.n_frames, picture.size) == (6, (640, 400 - BARS))  # two places of the seven look alike
+        frames = 6  # two places of the seven look alike
+        assert (picture.n_frames, picture.size) == (frames, (640, 400 - BARS))
+            6,
+            (640, 400 - BARS),
+        )  # two places of the seven look alike
 
 
 def busy(monkeypatch, answers):

@@ -304,7 +304,9 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(sure, told
     before, half = told
     np.testing.assert_allclose((programmed - asked) / times, before, atol=2e-4 / times + 1e-7)
     low, high = layer_of(group, "where it may be, 95 %")
-    np.testing.assert_allclose((high - low) / 2 / times, half[:, None] * np.eye(3), atol=2e-4 / times + 1e-7)
+    np.testing.assert_allclose(
+        (high - low).reshape(-1, 3, 3) / 2 / times, half[:, None] * np.eye(3), atol=2e-4 / times + 1e-7
+    )
     lines = {line["name"]: line["values"] for line in drawn["runs"][0]["lines"]}
     np.testing.assert_allclose(lines["as programmed"], 1e3 * np.linalg.norm(before, axis=1), rtol=1e-3)
     within = np.array(lines["corrected, within (95 %)"], dtype=float)
