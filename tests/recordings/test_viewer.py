@@ -109,9 +109,6 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     with Image.open(gif) as picture:
         frames = 6  # two places of the seven look alike
         assert (picture.n_frames, picture.size) == (frames, (640, 400 - BARS))
-            6,
-            (640, 400 - BARS),
-        )  # two places of the seven look alike
 
 
 def busy(monkeypatch, answers):
