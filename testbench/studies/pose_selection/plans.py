@@ -20,18 +20,22 @@ from testbench.design.refine import Reach
 from testbench.design.specification import Specification, task_rows, workspace_rows
 from testbench.errors import Array
 from testbench.plant import Payload
-from testbench.studies.pose_selection.rows import Angles, Certificate, Indices, PlanRow, Scene
+from testbench.studies.pose_selection.measure import specify, variants
 from testbench.studies.pose_selection.settings import (
     AWAY,
     FITS,
     HOME,
     PLANNED,
+    Angles,
+    Certificate,
     Fit,
+    Indices,
+    PlanRow,
+    Scene,
     Scope,
     Settings,
     elsewhere,
 )
-from testbench.studies.pose_selection.ways import specify, variants
 from testbench.studies.study import Everywhere
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
@@ -134,7 +138,7 @@ def certificate(best: Plan) -> Certificate:
     spec = best.specification
     tasks, around = overall(promise(best, task_rows(spec))), promise(best, workspace_rows(spec))
     return Certificate(
-        efficiency=best.efficiency,
+        efficiency_percent=100 * best.efficiency,
         examined=len(best.examined.q),
         directions_seen=indices.seen,
         directions_of_loads=indices.of,
