@@ -79,52 +79,42 @@ class Bench:
 def build_bench(cell: Cell, asked: Settings, truth: Truth = "nonlinear") -> Bench:
     """The true arm and its deflections where predictions are judged."""
     spec = specify(cell, asked, wrong_prior(cell, asked.seed))
-    places = (spec.tasks.q, spec.workspace)
-    tasks, workspace = (_read(spec, _settle(cell, truth, q, spec.tasks.load), None) for q in places)
+    places = [(q, spec.tasks.load) for q in (spec.tasks.q, spec.workspace)]
+    tasks, workspace = (_read(cell, truth, spec, place, None) for place in places)
     return Bench(cell, truth, spec, tasks, workspace)
 
 
 def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
     """Runs of the true arm, every pose once; without a source of noise they have none."""
-    return _read(spec, _settle(bench.cell, bench.truth, chosen.q, loads_of(spec, chosen.load)), rng)
+    return _read(bench.cell, bench.truth, spec, (chosen.q, loads_of(spec, chosen.load)), rng)
 
 
-@dataclass(frozen=True)
-class _Settled:
-    """The true arm in any poses, unloaded and loaded."""
-
-    q: Array
-    load: Load
-    before: Equilibrium
-    after: Equilibrium
-
-
-def _settle(cell: Cell, truth: Truth, q: Array, load: Load) -> _Settled:
-    wrench = np.array(np.broadcast_to(load.wrench, (len(q), 6)))
-    point = np.array(np.broadcast_to(load.point, (len(q), 3)))
-    return _Settled(q, Load(wrench, point), *settle_both(cell.plant, truth, q, wrench, point))
-
-
-def _read(spec: Specification, arm: _Settled, rng: np.random.Generator | None) -> Dataset:
-    """Its markers; those beyond the arm's own are fixed to its tool."""
-    own = spec.experiment.vjm.arm.markers
-    more = spec.experiment.targets[arm.before.markers.shape[1] :]
+def _read(
+    cell: Cell, truth: Truth, spec: Specification, at: tuple[Array, Load], rng: np.random.Generator | None
+) -> Dataset:
+    """Markers in poses under loads; those beyond the arm's own are fixed to its tool."""
+    q, load = at
+    wrench, point = (
+        np.array(np.broadcast_to(own, (len(q), own.shape[-1]))) for own in (load.wrench, load.point)
+    )
+    before, after = settle_both(cell.plant, truth, q, wrench, point)
+    more = spec.experiment.targets[before.markers.shape[1] :]
     tracker, source = Tracker(0.0 if rng is None else spec.experiment.sigma), rng or stream(0)
 
     def read(state: Equilibrium) -> Array:
         extra = state.tool[:, None] + more @ state.rotation.swapaxes(1, 2)
         return read_positions(tracker, np.hstack([state.markers, extra]), source)
 
-    ids = np.arange(len(arm.q)) + 1
+    ids = np.arange(len(q)) + 1
     return Dataset(
-        markers=own,
+        markers=spec.experiment.vjm.arm.markers,
         run=ids,
         pose=ids,
-        q=arm.q,
-        wrench=arm.load.wrench,
-        point=arm.load.point,
-        before=read(arm.before),
-        after=read(arm.after),
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=read(before),
+        after=read(after),
         sigma=spec.experiment.sigma,
     )
 

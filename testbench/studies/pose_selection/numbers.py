@@ -18,6 +18,7 @@ from testbench.trials.gain import gained
 from testbench.trials.spread import ends, middle, wins
 from testbench.views.schema import best_of
 
+ERRORS = ("tasks_mm", "workspace_mm")
 ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
 STEP, LITTLE = 4, 0.10
 """So many more poses that take less than this share off the error are not worth a hoist."""
@@ -86,7 +87,7 @@ def _errors(asked: Settings, measured: Trials) -> Row:
     """Errors by fit, by plan, by number of poses; of a plan with its forecast."""
     found = Row()
     for (fit, name, poses), own in measured.groups("fit", "plan", "poses"):
-        [level] = merged(own.keep("plan", "poses", "tasks_mm", "workspace_mm"))
+        [level] = merged(own.keep("plan", "poses", *ERRORS))
         plan = None if name == RANDOM else asked.scene.plan(name, poses, PLANNED.name)
         level |= {
             "tasks_best_tenth_mm": float(np.percentile(own["tasks_mm"], 10)),
@@ -150,14 +151,12 @@ def _anew(own: Trials) -> Row:
     plan, chance = (own.where(plan=name) for name in ("test", RANDOM))
     ours, theirs = plan["tasks_mm"], chance["tasks_mm"]
     return Row(
-        merged(plan.keep("certificate."))[0].certificate,
-        test=merged(plan.keep("tasks_mm", "workspace_mm"))[0],
-        random=merged(chance.keep("tasks_mm", "workspace_mm"))[0],
+        test=merged(plan.keep(*ERRORS))[0],
+        random=merged(chance.keep(*ERRORS))[0],
         seeds=len(plan),
-        random_best_tenth_mm=float(np.percentile(theirs, 10)),
         ratio_of_medians=float(np.median(ours) / np.median(theirs)),
         wins=wins(ours, theirs),
-        least_efficiency_percent=float(plan["certificate.efficiency_percent"].min()),
+        least_efficiency_percent=float(plan["efficiency_percent"].min()),
     )
 
 
@@ -211,11 +210,11 @@ def _variant(plan: s.PlanRow, trials: Trials) -> Row:
     return Row(
         variant=plan.variant,
         poses=plan.poses,
-        directions=plan.directions_of_loads,
+        directions=plan.observability.of,
         with_first_load=plan.load.count(0),
         efficiency_percent=plan.efficiency_percent,
         expected_tasks_mm=plan.expected_tasks_mm,
-        **merged(trials.where(plan=plan.variant).keep("tasks_mm", "workspace_mm"))[0],
+        **merged(trials.where(plan=plan.variant).keep(*ERRORS))[0],
     )
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,9 +27,7 @@ from testbench.studies.pose_selection.settings import (
     HOME,
     PLANNED,
     Angles,
-    Certificate,
     Fit,
-    Indices,
     PlanRow,
     Scene,
     Scope,
@@ -41,15 +39,9 @@ from testbench.studies.study import Everywhere
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
 
 
-@dataclass(frozen=True)
-class Job:
-    """A plan to be made."""
-
-    asked: Settings  #: The study on the plan's ground.
-    fit: Fit  #: What it is made for.
-    criterion: str  #: Key of planning.CRITERIA.
-    variant: str  #: Another way to measure; empty for the study's own.
-    spec: Specification  #: What it is for, as the design of experiments wants it.
+Job = tuple[Settings, Fit, str, str, Specification]
+"""A plan to be made: the study on the plan's ground, the fit that it is for, the criterion's key, another way
+to measure (empty for the study's own), and all that as the design of experiments wants it."""
 
 
 def prepare(asked: Settings, everywhere: Everywhere) -> Settings:
@@ -94,33 +86,42 @@ def _jobs(cell: Cell, asked: Settings) -> list[Job]:
     scope, prior = asked.scope, wrong_prior(cell, asked.seed)
     own = specify(cell, asked, prior)
     levels = [(name, poses) for name in scope.criteria for poses in scope.numbers(name)]
-    here = [Job(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
-    here += [Job(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
+    here: list[Job] = [(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
+    here += [(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
     grounds = [(asked, fit) for fit in FITS if fit != PLANNED] + [(elsewhere(asked), fit) for fit in FITS]
-    return here + [Job(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
+    return here + [(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
 
 
 def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
     """Plans by their numbers, one list each; `asked` holds the scene."""
-    cell, found = build_cell(find_arm(asked.arm)), []
-    for job in map(_jobs(cell, asked).__getitem__, numbers):
-        scope, drawn = job.asked.scope, (np.array(job.asked.scene.candidates), asked.seed)
-        start = time.perf_counter()
-        best = plan(cell, scope, job.spec, job.criterion, drawn)
-        seconds = time.perf_counter() - start
-        row = PlanRow(
-            **vars(certificate(best)),
-            ground=scope.ground.name,
-            fit=job.fit.name,
-            criterion=job.criterion,
-            variant=job.variant,
-            poses=job.spec.poses,
-            q_rad=tuple(best.q.ravel().tolist()),
-            load=tuple(best.load.tolist()),
-            seconds=seconds,
-        )
-        found.append([row])
-    return found
+    cell = build_cell(find_arm(asked.arm))
+    jobs = _jobs(cell, asked)
+    return [[_plan_row(cell, asked.seed, jobs[k])] for k in numbers]
+
+
+def _plan_row(cell: Cell, seed: int, job: Job) -> PlanRow:
+    there, fit, criterion, variant, spec = job
+    start = time.perf_counter()
+    best = plan(cell, there.scope, spec, criterion, (np.array(there.scene.candidates), seed))
+    seconds = time.perf_counter() - start
+    tasks = overall(promise(best, task_rows(spec)))
+    return PlanRow(
+        ground=there.scope.ground.name,
+        fit=fit.name,
+        criterion=criterion,
+        variant=variant,
+        poses=spec.poses,
+        q_rad=tuple(best.q.ravel().tolist()),
+        load=tuple(best.load.tolist()),
+        seconds=seconds,
+        efficiency_percent=100 * best.efficiency,
+        examined=len(best.examined.q),
+        expected_tasks_mm=tasks.expected,
+        expected_tasks_p05_mm=tasks.p05,
+        expected_tasks_p95_mm=tasks.p95,
+        expected_workspace_mm=MM * promise(best, workspace_rows(spec)).overall,
+        observability=observability(best.examined.problem, best.chosen),
+    )
 
 
 def plan(cell: Cell, scope: Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
@@ -130,21 +131,3 @@ def plan(cell: Cell, scope: Scope, spec: Specification, criterion: str, drawn: t
     """
     checks, (q, seed) = build_checks(cell, _conditions(scope)), drawn
     return make_plan(spec, criterion, q, Reach(lambda q: feasible(checks, q)), stream(seed, 2))
-
-
-def certificate(best: Plan) -> Certificate:
-    """What a plan is certified for, and what it forecasts."""
-    indices = observability(best.examined.problem, best.chosen)
-    spec = best.specification
-    tasks, around = overall(promise(best, task_rows(spec))), promise(best, workspace_rows(spec))
-    return Certificate(
-        efficiency_percent=100 * best.efficiency,
-        examined=len(best.examined.q),
-        directions_seen=indices.seen,
-        directions_of_loads=indices.of,
-        expected_tasks_mm=tasks.expected,
-        expected_tasks_p05_mm=tasks.p05,
-        expected_tasks_p95_mm=tasks.p95,
-        expected_workspace_mm=MM * around.overall,
-        observability=Indices(indices.o1, indices.o2, indices.o3, indices.o4, indices.o5),
-    )

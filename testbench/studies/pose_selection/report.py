@@ -26,7 +26,7 @@ from testbench.views.schema import Table, pivot
 
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
 PLANS = (
-    "criterion poses efficiency_percent directions_seen directions_of_loads expected_tasks_mm "
+    "criterion poses efficiency_percent observability.seen observability.of expected_tasks_mm "
     "expected_tasks_p05_mm expected_tasks_p95_mm expected_workspace_mm observability.o1 observability.o2 "
     "observability.o3 observability.o4 observability.o5 seconds"
 )

@@ -12,6 +12,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import Arm
 from testbench.bench.wrong_prior import UNCERTAINTY
 from testbench.data.dataset import Dataset
+from testbench.design.observability import Observability
 from testbench.identify import Estimate
 from testbench.identify.method import Method, gco, least_squares, with_prior
 from testbench.identify.prior import Prior, Strength
@@ -124,37 +125,8 @@ QUICK = Scope(
 
 
 @dataclass(frozen=True)
-class Indices:
-    """Observability indices of design.observability [1]."""
-
-    o1: float
-    o2: float
-    o3: float
-    o4: float
-    o5: float
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What a plan is certified for, and which error at the tasks it forecasts with its 90 % interval.
-
-    Efficiency is at least its share of the best that as many of the poses examined can reach.
-    """
-
-    efficiency_percent: float
-    examined: float
-    directions_seen: float
-    directions_of_loads: float
-    expected_tasks_mm: float
-    expected_tasks_p05_mm: float
-    expected_tasks_p95_mm: float
-    expected_workspace_mm: float
-    observability: Indices
-
-
-@dataclass(frozen=True)
-class PlanRow(Certificate):
-    """A plan."""
+class PlanRow:
+    """A plan, what it is certified for, and which error at the tasks it forecasts with its 90 % interval."""
 
     ground: str  #: Name of the ground that it is for.
     fit: str  #: Name of the fit that it is made for.
@@ -164,6 +136,13 @@ class PlanRow(Certificate):
     q_rad: tuple[float, ...]  #: Their joint angles, one pose after the other, (poses * n,) [rad].
     load: tuple[int, ...]  #: Which of the loads hangs in each, (poses,).
     seconds: float  #: Wall time of planning.
+    efficiency_percent: float  #: At least, of the best that as many of the poses examined can reach.
+    examined: int  #: Poses.
+    expected_tasks_mm: float
+    expected_tasks_p05_mm: float
+    expected_tasks_p95_mm: float
+    expected_workspace_mm: float
+    observability: Observability
 
 
 @dataclass(frozen=True)

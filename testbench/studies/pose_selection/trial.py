@@ -44,7 +44,7 @@ from testbench.studies.pose_selection.measure import (
     specify,
     variants,
 )
-from testbench.studies.pose_selection.plans import candidates, certificate, plan
+from testbench.studies.pose_selection.plans import candidates, plan
 from testbench.studies.pose_selection.settings import (
     FITS,
     INCUMBENT,
@@ -52,7 +52,6 @@ from testbench.studies.pose_selection.settings import (
     PLANNED,
     RANDOM,
     WHOLE,
-    Certificate,
     Settings,
     elsewhere,
 )
@@ -76,12 +75,11 @@ class Row:
     tasks_mm: float  #: At the tasks.
     workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
     ground: str = ""  #: Name of the ground, of that part.
-    #: Forecast of random poses, and of all poses on a drawn arm; the promise that was tried.
-    expected: Expected | None = None
+    expected: Expected | None = None  #: Forecast on a drawn arm; the promise that was tried.
     truth: str = ""  #: What a promise was tried on: one of truths.TRUTHS.
     prior: str = ""  #: One of wrong_prior.PRIORS.
     inside: float | None = None  #: Share of deflections along an axis inside the half widths of a promise.
-    certificate: Certificate | None = None  #: Of a plan made anew.
+    efficiency_percent: float | None = None  #: Of a plan made anew.
     model: Model | None = None  #: Of the featured number of poses.
     where: Where | None = None  #: Errors of the featured plan for the tasks, pose by pose.
 
@@ -168,8 +166,7 @@ def planned_anew(bench: Bench, asked: Settings, seed: int) -> list[Row]:
     for name, chosen in (("test", Chosen(best.q, best.load)), (RANDOM, chance)):
         estimate = PLANNED.identify(cell.vjm, prior, measure(bench, spec, chosen, stream(seed, 7)))
         rows.append(Row("planned anew", name, scope.featured, PLANNED.name, *bench.errors_mm([estimate])[0]))
-    forecast = promise_of(spec, chance.q, chance.load, task_rows(spec))
-    return [replace(rows[0], certificate=certificate(best)), replace(rows[1], expected=overall(forecast))]
+    return [replace(rows[0], efficiency_percent=100 * best.efficiency), rows[1]]
 
 
 def of_variants(bench: Bench, asked: Settings, seed: int) -> list[Row]:
