@@ -20,26 +20,15 @@ from testbench.design.refine import Reach
 from testbench.design.specification import Specification, task_rows, workspace_rows
 from testbench.errors import Array
 from testbench.plant import Payload
+from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.measure import specify, variants
-from testbench.studies.pose_selection.settings import (
-    AWAY,
-    FITS,
-    HOME,
-    PLANNED,
-    Angles,
-    Fit,
-    PlanRow,
-    Scene,
-    Scope,
-    Settings,
-    elsewhere,
-)
+from testbench.studies.pose_selection.settings import PLANNED, Settings
 from testbench.studies.study import Everywhere
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
 
 
-Job = tuple[Settings, Fit, str, str, Specification]
+Job = tuple[Settings, s.Fit, str, str, Specification]
 """A plan to be made: the study on the plan's ground, the fit that it is for, the criterion's key, another way
 to measure (empty for the study's own), and all that as the design of experiments wants it."""
 
@@ -48,19 +37,19 @@ def prepare(asked: Settings, everywhere: Everywhere) -> Settings:
     """The scenes and all plans, the same for all trials; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
     asked = replace(asked, scene=_scene(cell, asked, 0))
-    asked = replace(asked, away=_scene(cell, elsewhere(asked), AWAY_STREAM))
-    rows = everywhere(partial(plan_rows, asked), len(_jobs(cell, asked)), PlanRow, "plans")
-    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (HOME, AWAY))
+    asked = replace(asked, away=_scene(cell, s.elsewhere(asked), AWAY_STREAM))
+    rows = everywhere(partial(plan_rows, asked), len(_jobs(cell, asked)), s.PlanRow, "plans")
+    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (s.HOME, s.AWAY))
     return replace(asked, scene=replace(asked.scene, plans=home), away=replace(asked.away, plans=away))
 
 
-def _scene(cell: Cell, asked: Settings, first: int) -> Scene:
+def _scene(cell: Cell, asked: Settings, first: int) -> s.Scene:
     """Candidates, tasks and workspace of a ground; the streams of their randomness begin at `first`."""
     scope, rng = asked.scope, stream(asked.seed, first)
     areas = (scope.ground.area, scope.anywhere)
     inside, anywhere = (build_checks(cell, Conditions(area=area)) for area in areas)
     found = candidates(cell, scope, stream(asked.seed, first + 1))
-    return Scene(
+    return s.Scene(
         candidates=_plain(found.q),
         drawn=found.drawn,
         rejected=tuple(found.rejected.values()),
@@ -69,16 +58,16 @@ def _scene(cell: Cell, asked: Settings, first: int) -> Scene:
     )
 
 
-def _plain(q: Array) -> Angles:
+def _plain(q: Array) -> s.Angles:
     return tuple(map(tuple, q.tolist()))
 
 
-def candidates(cell: Cell, scope: Scope, rng: np.random.Generator) -> Candidates:
+def candidates(cell: Cell, scope: s.Scope, rng: np.random.Generator) -> Candidates:
     """Feasible poses to choose from."""
     return find(build_checks(cell, _conditions(scope)), scope.candidates, rng)
 
 
-def _conditions(scope: Scope) -> Conditions:
+def _conditions(scope: s.Scope) -> Conditions:
     return Conditions(station=Station(scope.ground.station), payload=Payload(scope.payload))
 
 
@@ -88,24 +77,26 @@ def _jobs(cell: Cell, asked: Settings) -> list[Job]:
     levels = [(name, poses) for name in scope.criteria for poses in scope.numbers(name)]
     here: list[Job] = [(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
     here += [(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
-    grounds = [(asked, fit) for fit in FITS if fit != PLANNED] + [(elsewhere(asked), fit) for fit in FITS]
+    grounds = [(asked, fit) for fit in s.FITS if fit != PLANNED] + [
+        (s.elsewhere(asked), fit) for fit in s.FITS
+    ]
     return here + [(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
 
 
-def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
+def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[s.PlanRow]]:
     """Plans by their numbers, one list each; `asked` holds the scene."""
     cell = build_cell(find_arm(asked.arm))
     jobs = _jobs(cell, asked)
     return [[_plan_row(cell, asked.seed, jobs[k])] for k in numbers]
 
 
-def _plan_row(cell: Cell, seed: int, job: Job) -> PlanRow:
+def _plan_row(cell: Cell, seed: int, job: Job) -> s.PlanRow:
     there, fit, criterion, variant, spec = job
     start = time.perf_counter()
     best = plan(cell, there.scope, spec, criterion, (np.array(there.scene.candidates), seed))
     seconds = time.perf_counter() - start
     tasks = overall(promise(best, task_rows(spec)))
-    return PlanRow(
+    return s.PlanRow(
         ground=there.scope.ground.name,
         fit=fit.name,
         criterion=criterion,
@@ -124,7 +115,7 @@ def _plan_row(cell: Cell, seed: int, job: Job) -> PlanRow:
     )
 
 
-def plan(cell: Cell, scope: Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
+def plan(cell: Cell, scope: s.Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
     """A plan of poses among those drawn, (candidates, n) [rad], by a criterion, a key of planning.CRITERIA.
 
     Beside the poses `drawn` has the root of the search's randomness.

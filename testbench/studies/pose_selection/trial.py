@@ -29,6 +29,7 @@ from testbench.identify.evaluate import deflections
 from testbench.identify.metric import Metric
 from testbench.model.vjm import chain
 from testbench.plant import Plant
+from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.measure import (
     Bench,
     Chosen,
@@ -45,16 +46,7 @@ from testbench.studies.pose_selection.measure import (
     variants,
 )
 from testbench.studies.pose_selection.plans import candidates, plan
-from testbench.studies.pose_selection.settings import (
-    FITS,
-    INCUMBENT,
-    ON_ARMS,
-    PLANNED,
-    RANDOM,
-    WHOLE,
-    Settings,
-    elsewhere,
-)
+from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Settings
 
 NOISE, DRAWN = 100, 200
 """Streams of a seed for noise, on the true arm and on a drawn one, plus the number of poses."""
@@ -87,7 +79,7 @@ class Row:
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
     """Rows of some seeds; `asked` holds the plans."""
     cell = build_cell(find_arm(asked.arm))
-    bench, places = build_bench(cell, asked), (asked, elsewhere(asked))
+    bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
     parts = (of_plans, planned_anew, of_drawn_arm, of_variants)
     return [
         [row for part in parts for row in part(bench, asked, seed)]
@@ -111,7 +103,7 @@ def of_plans(bench: Bench, asked: Settings, seed: int) -> list[Row]:
         measure(bench, bench.spec, own, stream(seed, NOISE + n))
         for own, (_, n) in zip(chosen, levels, strict=True)
     ]
-    for fit in FITS:
+    for fit in s.FITS:
         estimates = fit.each(bench.cell.vjm, prior, read)
         found = zip(levels, read, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
@@ -139,7 +131,7 @@ def of_ground(cell: Cell, asked: Settings, seed: int) -> list[Row]:
     drawn = poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, bench.spec, drawn, stream(seed, NOISE + n))
     rows = of_promise(bench, asked, seed, (RANDOM, drawn, chance))
-    for fit in FITS:
+    for fit in s.FITS:
         chosen = planned(asked.scene.plan("test", n, fit.name))
         runs = (measure(bench, bench.spec, chosen, stream(seed, NOISE + n)), chance)
         if fit == PLANNED:
@@ -192,9 +184,9 @@ def of_promise(bench: Bench, asked: Settings, seed: int, measured: tuple[str, Ch
     """
     (plan, chosen, data), name = measured, prior_in_turn(seed)
     prior = prior_of(bench.cell, name, seed)
-    whole = specify(bench.cell, asked, prior, WHOLE)
+    whole = specify(bench.cell, asked, prior, s.WHOLE)
     rows = []
-    for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
+    for fit, spec in ((s.WHOLE, whole), (s.INCUMBENT, joints_alone(whole, prior))):
         after = fitted(spec, prior, chosen.q, chosen.load)
         promise = promise_on(after, whole.tasks.q, whole.tasks.load)
         error, inside = _against(bench, promise, fit.identify(bench.cell.vjm, prior, data))
@@ -252,7 +244,7 @@ def of_drawn_arm(bench: Bench, asked: Settings, seed: int) -> list[Row]:
     read = [measure(arm, spec, own, stream(seed, DRAWN + n)) for _, n, own in levels]
     return [
         Row("drawn arm", name, n, fit.name, error, expected=forecast)
-        for fit in ON_ARMS
+        for fit in s.ON_ARMS
         for (name, n, _), forecast, (error, _) in zip(
             levels, forecasts, arm.errors_mm(fit.each(arm.cell.vjm, prior, read)), strict=True
         )
