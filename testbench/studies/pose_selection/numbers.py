@@ -49,7 +49,7 @@ def numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         tracker_m=scope.ground.station,
         dataset=_dataset(asked, featured.where(plan="test", seed=seeds[0])),
         candidates=Found(len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))),
-        models=[model | {"paper": None} for model in models],
+        models=[model | {"parameters": int(model.parameters), "paper": None} for model in models],
         where=merged(featured.where(plan="test").keep("where."))[0].where,
         plans=[plan for plan in plans if not plan.variant],
         errors=errors,

@@ -143,8 +143,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
     yield _number(f)
     if own.loses:
         yield say(
-            "Planning loses to random poses in {loses} of {n} cases, those of a ratio above 1 below: the "
-            "criterion counts the tasks only.",
+            "Planning loses to random poses in {loses} of {n} cases (table of grounds): the criterion "
+            "counts the tasks only.",
             loses=len(own.loses),
             n=2 * len(f.grounds),
         )
