@@ -55,7 +55,7 @@ def rows(seed, factors):
 
     def featured(name):
         where = Where(tuple(rng.uniform(1, 9, 4)), tuple(rng.uniform(1, 9, 5)))
-        model = of_one_trial(Model, rng, name=f"{name}, {PLANNED.name}", advice=())
+        model = of_one_trial(Model, rng, name=f"{name}, {PLANNED.name}", advice=(), parameters=68)
         return {"model": model, "where": where if name == "test" else None}
 
     for name, n, fit in [(name, n, fit) for fit in FITS for name in NAMES for n in POSES]:
@@ -98,6 +98,7 @@ def test_errors_and_forecasts_are_those_of_the_rows_that_are_meant(both):
     found, trials = both
     f, best = found.numbers, HERE.plans[1]
     check(found, ["criteria"])
+    assert [model["parameters"] for model in f["models"]] == 4 * [68]
     for fit, name, k in [(fit.name, name, k) for fit in FITS for name in NAMES for k in (0, 1)]:
         level, n = f["errors"][fit][name][k], POSES[k]
         tasks, area = (pick(trials, "measured", name, fit, n, f"{x}_mm") for x in ("tasks", "workspace"))
