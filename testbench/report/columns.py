@@ -136,7 +136,6 @@ EVERY = (
     Column("judged", "judged on"),
     Column("trained", "trained on"),
     Column("fit", "fit"),
-    Column("poses", "poses that train", form="d"),
     Column("draws", "draws", form="d"),
     Column("blocks_mm", "blocks", "mm"),
     Column("a_to_c_mm", "A to C", "mm"),
@@ -163,6 +162,46 @@ EVERY = (
     Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
     Column("prototype_mm", "prototype", "mm"),
     Column("here_mm", "here", "mm"),
+    # plans of poses, beside random ones
+    Column("plan", "poses by"),
+    Column("criterion", "criterion"),
+    Column("ground", "tasks"),
+    Column("variant", "measured"),
+    Column("poses", "poses", form="d"),
+    Column("efficiency_percent", "efficient, at least", "%", ".1f", short="effi-\ncient\n>= %"),
+    Column("observability.seen", "directions seen", form=".0f"),
+    Column("observability.of", "of", form=".0f"),
+    Column("directions", "directions", form=".0f"),
+    Column("with_first_load", "runs under first load", form="d"),
+    Column("tasks_mm", "error at the tasks", "mm", short="tasks\nmm"),
+    Column("workspace_mm", "error over the workspace", "mm", short="work-\nspace\nmm"),
+    Column("expected_tasks_mm", "forecast tasks", "mm", short="fore-\ncast\ntasks\nmm"),
+    Column("expected_tasks_p05_mm", "5 %", "mm"),
+    Column("expected_tasks_p95_mm", "95 %", "mm"),
+    Column("expected_workspace_mm", "forecast workspace", "mm"),
+    *(Column(f"observability.o{k}", f"O{k}", form=".1e") for k in range(1, 6)),
+    Column("expected_mm", "forecast", "mm", ".4f"),
+    Column("gco_mm", "simulated GCO", "mm", ".4f"),
+    Column("ls_mm", "simulated LS", "mm", ".4f"),
+    Column("gco_over_expected", "GCO over forecast"),
+    Column("cases", "promises"),
+    Column("count", "cases", form="d"),
+    Column("inside_90", "inside 90 % interval", form="yes"),
+    Column("below", "below", form="yes"),
+    Column("above", "above", form="yes"),
+    Column("inside_95", "deflections inside 95 % interval", form="yes"),
+    Column("ratio", "simulated over promised", form=".2f"),
+    *(
+        Column(f"{where}.{key}", f"{heading}, {where}", unit, form)
+        for where in ("tasks", "workspace")
+        for key, heading, unit, form in (
+            ("planned_mm", "planned", "mm", ".3f"),
+            ("random_mm", "random", "mm", ".3f"),
+            ("ratio", "planned over random", "", ".2f"),
+            ("wins", "planned better", "", "d"),
+            ("better_than_joints", "better than joints", "", "d"),
+        )
+    ),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -130,7 +130,7 @@ def dots(
     numbers = [value.text(middle(value.value(row))) for row in rows]
     axes.set_yticks(range(len(rows)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlabel(f"{value.heading} [{value.unit}]")
+    axes.set_xlabel(_labelled(value))
     quiet(axes)
 
 
@@ -210,7 +210,9 @@ def quiet(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def forest(table: Table, panes: Mapping[str, str], answer: str, reading: str, mark: str = "") -> Figure:
+def forest(
+    table: Table, panes: Mapping[str, str], answer: str, reading: str, mark: str | float = ""
+) -> Figure:
     """Dots of a table's rows side by side, a pane a column, on logarithmic axes.
 
     Args:
@@ -218,7 +220,7 @@ def forest(table: Table, panes: Mapping[str, str], answer: str, reading: str, ma
         panes: Titles by the keys of the columns that are drawn.
         answer: See `say`.
         reading: The same.
-        mark: Name of the row to beat: a dotted line.
+        mark: Name of the row to beat, or a number to beat: a dotted line.
     """
     figure, columns = page(1.9 + 0.3 * len(table.rows)), {column.key: column for column in table.columns}
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
@@ -230,34 +232,41 @@ def forest(table: Table, panes: Mapping[str, str], answer: str, reading: str, ma
         for row, shade in zip(table.rows, shades, strict=True):
             if name.cell(row) == mark:
                 axes.axvline(middle(columns[key].value(row)), color=shade.hex, linewidth=0.8, linestyle=":")
+        if isinstance(mark, float):
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set_title(title, fontsize="medium")
     say(figure, answer, reading)
     return figure
 
 
-def curves(table: Table, x: Column, panes: Mapping[str, str], answer: str, reading: str) -> Figure:
+def curves(
+    table: Table, panes: Mapping[str, str], answer: str, reading: str, bands: Sequence[str] = ()
+) -> Figure:
     """Lines of a table's models over a swept quantity, a pane a column, on logarithmic ordinates.
 
     Args:
-        table: Rows that are of models, see `schema.looks`; those of one name are one line.
-        x: What is swept.
+        table: Rows that are of models, see `schema.looks`; those of one name are one line over the second
+            column.
         panes: Titles by the keys of the columns that are drawn.
         answer: See `say`.
         reading: The same.
+        bands: Names of the lines whose spread is drawn.
     """
-    figure, columns, name = page(4.2), {column.key: column for column in table.columns}, table.columns[0]
-    known = table.looks or looks(table.rows, name)
-    for axes, (key, title) in zip(
-        figure.subplots(1, len(panes), squeeze=False)[0], panes.items(), strict=True
-    ):
-        for called, own in known.items():
-            rows = [row for row in table.rows if name.cell(row) == called]
-            draw_line(axes, x, columns[key], Line(rows, own, called, band=False))
+    down = -(-len(panes) // 2)
+    figure, (name, x, *_) = page(0.8 + 3.6 * down), table.columns
+    columns = {column.key: column for column in table.columns}
+    part, known = body(figure), table.looks or looks(table.rows, name)
+    lines = {called: [row for row in table.rows if name.cell(row) == called] for called in known}
+    sides = part.subplots(down, 2, squeeze=False).flat
+    for axes, (key_, title) in zip(sides, panes.items(), strict=True):
+        for called, rows in lines.items():
+            if rows:
+                draw_line(axes, x, columns[key_], Line(rows, known[called], called, called in bands))
         log_ticks(axes, "y", *axes.dataLim.intervaly)
-        axes.set(xlabel=x.title, ylabel=columns[key].title)
+        axes.set(xlabel=x.title, ylabel=_labelled(columns[key_]))
         axes.set_title(title, fontsize="medium")
-        axes.legend(frameon=False, fontsize=SMALL)
         quiet(axes)
+    key(part, axes.get_legend_handles_labels(), columns=7)
     say(figure, answer, reading)
     return figure
 

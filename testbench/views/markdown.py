@@ -17,7 +17,7 @@ from testbench.bench.truths import CALLED
 from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.errors import shown
 from testbench.trials.duel import Duel
-from testbench.trials.spread import middle, most_trials, span, twins_once
+from testbench.trials.spread import middle, span, twins_once
 from testbench.views.gains import less, more, ratio
 from testbench.views.schema import Table, brackets, show, show_truth, written_out
 
@@ -194,7 +194,6 @@ def _environment(folder: Path) -> Environment:
     found.filters |= {
         "counted": counted,
         "span": span,
-        "most_trials": most_trials,
         "once": lambda texts: twins_once([texts]),
     }
     found.filters["ended"] = ended

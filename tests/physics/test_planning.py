@@ -27,7 +27,7 @@ from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant import collisions
-from testbench.studies.pose_selection.arms import draw, with_compliance
+from testbench.studies.pose_selection.trial import draw, with_compliance
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))

@@ -99,7 +99,7 @@ def check_files(quick, *figures):
     """A quick run leaves the files of the contract and these figures, says where, and no word of trouble."""
     out, done = quick
     files = FILES | set(figures)
-    assert {p.name for p in out.iterdir()} == files
+    assert {p.name for p in out.iterdir() if p.is_file()} == files
     assert done.stderr == ""
     for name in files - {"manifest.json"}:
         assert str(out / name) in done.stdout

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,51 +20,36 @@ from testbench.design.refine import Reach
 from testbench.design.specification import Specification, task_rows, workspace_rows
 from testbench.errors import Array
 from testbench.plant import Payload
-from testbench.studies.pose_selection.rows import Angles, Certificate, Indices, PlanRow, Scene
-from testbench.studies.pose_selection.settings import (
-    AWAY,
-    FITS,
-    HOME,
-    PLANNED,
-    Fit,
-    Scope,
-    Settings,
-    elsewhere,
-)
-from testbench.studies.pose_selection.ways import specify, variants
+from testbench.studies.pose_selection import settings as s
+from testbench.studies.pose_selection.measure import specify, variants
+from testbench.studies.pose_selection.settings import PLANNED, Settings
 from testbench.studies.study import Everywhere
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
 
 
-@dataclass(frozen=True)
-class Job:
-    """A plan to be made."""
-
-    asked: Settings  #: The study on the plan's ground.
-    fit: Fit  #: What it is made for.
-    criterion: str  #: Key of planning.CRITERIA.
-    variant: str  #: Another way to measure; empty for the study's own.
-    spec: Specification  #: What it is for, as the design of experiments wants it.
+Job = tuple[Settings, s.Fit, str, str, Specification]
+"""A plan to be made: the study on the plan's ground, the fit that it is for, the criterion's key, another way
+to measure (empty for the study's own), and all that as the design of experiments wants it."""
 
 
 def prepare(asked: Settings, everywhere: Everywhere) -> Settings:
     """The scenes and all plans, the same for all trials; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
     asked = replace(asked, scene=_scene(cell, asked, 0))
-    asked = replace(asked, away=_scene(cell, elsewhere(asked), AWAY_STREAM))
-    rows = everywhere(partial(plan_rows, asked), len(_jobs(cell, asked)), PlanRow, "plans")
-    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (HOME, AWAY))
+    asked = replace(asked, away=_scene(cell, s.elsewhere(asked), AWAY_STREAM))
+    rows = everywhere(partial(plan_rows, asked), len(_jobs(cell, asked)), s.PlanRow, "plans")
+    home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (s.HOME, s.AWAY))
     return replace(asked, scene=replace(asked.scene, plans=home), away=replace(asked.away, plans=away))
 
 
-def _scene(cell: Cell, asked: Settings, first: int) -> Scene:
+def _scene(cell: Cell, asked: Settings, first: int) -> s.Scene:
     """Candidates, tasks and workspace of a ground; the streams of their randomness begin at `first`."""
     scope, rng = asked.scope, stream(asked.seed, first)
     areas = (scope.ground.area, scope.anywhere)
     inside, anywhere = (build_checks(cell, Conditions(area=area)) for area in areas)
     found = candidates(cell, scope, stream(asked.seed, first + 1))
-    return Scene(
+    return s.Scene(
         candidates=_plain(found.q),
         drawn=found.drawn,
         rejected=tuple(found.rejected.values()),
@@ -73,16 +58,16 @@ def _scene(cell: Cell, asked: Settings, first: int) -> Scene:
     )
 
 
-def _plain(q: Array) -> Angles:
+def _plain(q: Array) -> s.Angles:
     return tuple(map(tuple, q.tolist()))
 
 
-def candidates(cell: Cell, scope: Scope, rng: np.random.Generator) -> Candidates:
+def candidates(cell: Cell, scope: s.Scope, rng: np.random.Generator) -> Candidates:
     """Feasible poses to choose from."""
     return find(build_checks(cell, _conditions(scope)), scope.candidates, rng)
 
 
-def _conditions(scope: Scope) -> Conditions:
+def _conditions(scope: s.Scope) -> Conditions:
     return Conditions(station=Station(scope.ground.station), payload=Payload(scope.payload))
 
 
@@ -90,57 +75,50 @@ def _jobs(cell: Cell, asked: Settings) -> list[Job]:
     scope, prior = asked.scope, wrong_prior(cell, asked.seed)
     own = specify(cell, asked, prior)
     levels = [(name, poses) for name in scope.criteria for poses in scope.numbers(name)]
-    here = [Job(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
-    here += [Job(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
-    grounds = [(asked, fit) for fit in FITS if fit != PLANNED] + [(elsewhere(asked), fit) for fit in FITS]
-    return here + [Job(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
+    here: list[Job] = [(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
+    here += [(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
+    grounds = [(asked, fit) for fit in s.FITS if fit != PLANNED] + [
+        (s.elsewhere(asked), fit) for fit in s.FITS
+    ]
+    return here + [(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
 
 
-def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[PlanRow]]:
+def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[s.PlanRow]]:
     """Plans by their numbers, one list each; `asked` holds the scene."""
-    cell, found = build_cell(find_arm(asked.arm)), []
-    for job in map(_jobs(cell, asked).__getitem__, numbers):
-        scope, drawn = job.asked.scope, (np.array(job.asked.scene.candidates), asked.seed)
-        start = time.perf_counter()
-        best = plan(cell, scope, job.spec, job.criterion, drawn)
-        seconds = time.perf_counter() - start
-        row = PlanRow(
-            **vars(certificate(best)),
-            ground=scope.ground.name,
-            fit=job.fit.name,
-            criterion=job.criterion,
-            variant=job.variant,
-            poses=job.spec.poses,
-            q_rad=tuple(best.q.ravel().tolist()),
-            load=tuple(best.load.tolist()),
-            seconds=seconds,
-        )
-        found.append([row])
-    return found
+    cell = build_cell(find_arm(asked.arm))
+    jobs = _jobs(cell, asked)
+    return [[_plan_row(cell, asked.seed, jobs[k])] for k in numbers]
 
 
-def plan(cell: Cell, scope: Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
+def _plan_row(cell: Cell, seed: int, job: Job) -> s.PlanRow:
+    there, fit, criterion, variant, spec = job
+    start = time.perf_counter()
+    best = plan(cell, there.scope, spec, criterion, (np.array(there.scene.candidates), seed))
+    seconds = time.perf_counter() - start
+    tasks = overall(promise(best, task_rows(spec)))
+    return s.PlanRow(
+        ground=there.scope.ground.name,
+        fit=fit.name,
+        criterion=criterion,
+        variant=variant,
+        poses=spec.poses,
+        q_rad=tuple(best.q.ravel().tolist()),
+        load=tuple(best.load.tolist()),
+        seconds=seconds,
+        efficiency_percent=100 * best.efficiency,
+        examined=len(best.examined.q),
+        expected_tasks_mm=tasks.expected,
+        expected_tasks_p05_mm=tasks.p05,
+        expected_tasks_p95_mm=tasks.p95,
+        expected_workspace_mm=MM * promise(best, workspace_rows(spec)).overall,
+        observability=observability(best.examined.problem, best.chosen),
+    )
+
+
+def plan(cell: Cell, scope: s.Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
     """A plan of poses among those drawn, (candidates, n) [rad], by a criterion, a key of planning.CRITERIA.
 
     Beside the poses `drawn` has the root of the search's randomness.
     """
     checks, (q, seed) = build_checks(cell, _conditions(scope)), drawn
     return make_plan(spec, criterion, q, Reach(lambda q: feasible(checks, q)), stream(seed, 2))
-
-
-def certificate(best: Plan) -> Certificate:
-    """What a plan is certified for, and what it forecasts."""
-    indices = observability(best.examined.problem, best.chosen)
-    spec = best.specification
-    tasks, around = overall(promise(best, task_rows(spec))), promise(best, workspace_rows(spec))
-    return Certificate(
-        efficiency=best.efficiency,
-        examined=len(best.examined.q),
-        directions_seen=indices.seen,
-        directions_of_loads=indices.of,
-        expected_tasks_mm=tasks.expected,
-        expected_tasks_p05_mm=tasks.p05,
-        expected_tasks_p95_mm=tasks.p95,
-        expected_workspace_mm=MM * around.overall,
-        observability=Indices(indices.o1, indices.o2, indices.o3, indices.o4, indices.o5),
-    )

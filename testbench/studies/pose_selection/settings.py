@@ -12,16 +12,17 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import Arm
 from testbench.bench.wrong_prior import UNCERTAINTY
 from testbench.data.dataset import Dataset
+from testbench.design.observability import Observability
 from testbench.identify import Estimate
 from testbench.identify.method import Method, gco, least_squares, with_prior
 from testbench.identify.prior import Prior, Strength
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure, all153, joints_only, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.pose_selection.rows import Scene
 
 NAME = "pose_selection"
 RANDOM = "random"  #: Poses without a plan, beside the criteria of planning.CRITERIA.
+Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,44 @@ QUICK = Scope(
     variants=1,
     anew=1,
 )
+
+
+@dataclass(frozen=True)
+class PlanRow:
+    """A plan, what it is certified for, and which error at the tasks it forecasts with its 90 % interval."""
+
+    ground: str  #: Name of the ground that it is for.
+    fit: str  #: Name of the fit that it is made for.
+    criterion: str  #: Key of planning.CRITERIA.
+    variant: str  #: Another way to measure than the study's own; empty for that.
+    poses: int  #: How many.
+    q_rad: tuple[float, ...]  #: Their joint angles, one pose after the other, (poses * n,) [rad].
+    load: tuple[int, ...]  #: Which of the loads hangs in each, (poses,).
+    seconds: float  #: Wall time of planning.
+    efficiency_percent: float  #: At least, of the best that as many of the poses examined can reach.
+    examined: int  #: Poses.
+    expected_tasks_mm: float
+    expected_tasks_p05_mm: float
+    expected_tasks_p95_mm: float
+    expected_workspace_mm: float
+    observability: Observability
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What all plans and trials share: feasible poses, and where predictions are wanted."""
+
+    candidates: Angles = ()  #: Feasible poses to choose from.
+    drawn: int = 0  #: Poses drawn to find them.
+    rejected: tuple[int, ...] = ()  #: How many each reason refused, in the order of candidates.REASONS.
+    tasks: Angles = ()  #: Poses where the robot works.
+    workspace: Angles = ()  #: Poses all over the workspace.
+    plans: tuple[PlanRow, ...] = ()  #: By criterion and number of poses, then by variant.
+
+    def plan(self, criterion: str, poses: int, fit: str, variant: str = "") -> PlanRow:
+        """The plan by a criterion of so many poses for a fit."""
+        wanted = (criterion, poses, fit, variant)
+        return next(p for p in self.plans if (p.criterion, p.poses, p.fit, p.variant) == wanted)
 
 
 EMPTY = Scene()

@@ -324,7 +324,7 @@ def figures(found: Report) -> dict[str, Figure]:
     tried = f"Medians of {counted(len(f.order.seeds), 'seed')}."
     return {
         "six_dof_arm.png": forest(Table(drawn, rows), PANES, answer, reading, JOINTS),
-        "order.png": curves(found.tables["order"], KNOWN["m"], orders, f.which_m, tried),
+        "order.png": curves(found.tables["order"], orders, f.which_m, tried),
         "error_map.png": error_map(f.map, f"{f.arm}, check runs under linear truth", f.seed),
     }
 

@@ -1,22 +1,17 @@
-"""What pose selection leaves beside its report: dataset of the featured plan, and the plan on the arm."""
+"""What the page and the recording draw: the featured plan on the arm, and where errors remain."""
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import Cell, build_cell
+from testbench.bench.campaign import Cell
 from testbench.bench.rows import MM
-from testbench.data.csvfile import write_csv
 from testbench.design.rows import deflection_rows
 from testbench.design.specification import promise_of
 from testbench.errors import Array
 from testbench.model.vjm import chain
-from testbench.studies.pose_selection.measure import Bench, build_bench
-from testbench.studies.pose_selection.report import PoseReport
-from testbench.studies.pose_selection.rows import Angles
-from testbench.studies.pose_selection.settings import PLANNED, Settings
-from testbench.studies.pose_selection.trial import first_runs
-from testbench.studies.pose_selection.ways import poses_of
+from testbench.report.report import Report
+from testbench.studies.pose_selection.measure import Bench, poses_of
+from testbench.studies.pose_selection.settings import PLANNED, Angles, Settings
 from testbench.studies.study import Run
 from testbench.trials.spread import middle
 from testbench.views.page.charts import Line, PlaceMap, RunChart
@@ -29,16 +24,7 @@ ERRORS = "Error to expect after identification, in each planned pose (mm)"
 OVER = "Error of the predicted deflection, median over the trials (mm)"
 
 
-def write(run: Run[Settings, PoseReport]) -> Seen:
-    """dataset.csv of the first seed; what is drawn: the featured plan, and where errors remain."""
-    cell = build_cell(find_arm(run.settings.arm))
-    bench = build_bench(cell, run.settings)
-    first = first_runs(bench, run.settings, run.seeds[0])
-    write_csv(first, cell.arm, run.folder / "dataset.csv")
-    return seen(run, bench)
-
-
-def seen(run: Run[Settings, PoseReport], bench: Bench) -> Seen:
+def drawn(run: Run[Settings, Report], bench: Bench) -> Seen:
     """The featured plan: its poses with what is hung, and the workspace with the errors that remain."""
     asked, spec, cell = run.settings, bench.spec, bench.cell
     chosen = poses_of(asked, "test", spec.poses, run.seeds[0])
@@ -57,7 +43,7 @@ def seen(run: Run[Settings, PoseReport], bench: Bench) -> Seen:
     plan = world.around(
         Poses(ORDER, names, words, world.rigid(chosen.q), None, world.measured(chosen.q, force))
     )
-    left = np.array([middle(value) for value in run.report.where.workspace_mm])
+    left = np.array([middle(value) for value in run.report.numbers["where"].workspace_mm])
     texts = [f"Error {mm:.3f} mm. {cell.arm.words(q)}." for q, mm in zip(all_over, left, strict=True)]
     line = Line(PLANNED.name, OURS, left)
     return Seen(
