@@ -163,6 +163,19 @@ EVERY = (
     Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
     Column("prototype_mm", "prototype", "mm"),
     Column("here_mm", "here", "mm"),
+    # a corrected program
+    Column("line", "line", form="d"),
+    Column("label", "point"),
+    Column("before_mm", "as programmed, off by", "mm", short="as\nprogrammed\nmm"),
+    Column("half_95_mm", "corrected, within (95 %)", "mm", short="corrected\n(95 %)\nmm"),
+    Column("turn_left_mrad", "turn that is left", "mrad", short="turn\nleft\nmrad"),
+    Column("reason", "left as it is because"),
+    Column("largest_correction", "largest correction", form=".4f"),
+    Column("unit", "unit"),
+    Column("held", "points at its limit", form="d"),
+    Column("median_mm", "median", "mm"),
+    Column("p95_mm", "95 %", "mm"),
+    Column("max_mm", "largest", "mm"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -87,7 +87,7 @@ def _key(axes: Axes, layers: Sequence[Layer]) -> None:
     """What each colour is."""
     axes.axis("off")
     for layer in layers:
-        style = "o" if layer.to is None else "-"
+        style = "o" if layer.to is None else ".-" if layer.kind == "arrows" else "-"
         axes.plot([], [], style, color=hexadecimal(layer.colour), linewidth=2, label=short(layer.name, 34))
     axes.legend(frameon=False, fontsize=SMALL, loc="center", ncols=KEYS)
 

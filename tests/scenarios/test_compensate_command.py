@@ -8,18 +8,23 @@ from functools import partial
 import numpy as np
 import pytest
 from page_checks import check_page, said
-from read_back import PLACED, chunks_of, columns, document, plotted, views
+from read_back import columns, document, on, series, sound
+from reports import check
 from run_here import here
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.compensate import correct_program
 from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
+from testbench.bench.load_model import load_model
 from testbench.bench.models import Model, named_models
 from testbench.bench.stiffness_write import write_stiffness
-from testbench.cli.program import program
+from testbench.cli.program import program as app
+from testbench.commands.compensate import report
+from testbench.correct.newton import Aim
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
 from testbench.identify.prior import Strength, cad_prior
@@ -30,6 +35,7 @@ from testbench.plant import settle
 
 TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
 FEED, CROSS, AXIAL = -700.0, 500.0, -900.0
+OFF = "/charts/path_from_near/how_far_the_loaded_tool_is_off_at_each_point_mm"
 START = np.array([0.3, -1.2, 1.6, 0.3, -0.5, 0.1])
 POINTS = 12
 
@@ -84,7 +90,7 @@ def joints_csv(path, q, end=""):
 
 
 def run(*flags):
-    return here(program(["compensate"]), "compensate", *flags)
+    return here(app(["compensate"]), "compensate", *flags)
 
 
 def tip_of(rest):
@@ -145,7 +151,7 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     first = table[0].split(",").index("correction_joint_1_deg")
     moved = np.array([row.split(",")[first : first + 6] for row in table[1:]], dtype=float)
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
-    assert f"{report['before_mm']['max']:.3f} mm at most" in done.stdout
+    assert f"off by {report['before_mm']['max']:.3f} mm as programmed" in " ".join(done.stdout.split())
     about = json.loads((out / "right_report" / "manifest.json").read_text())
     assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
@@ -308,32 +314,39 @@ def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
     at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
     wanted = 2 * half[:, :, None] * np.eye(3)
     np.testing.assert_allclose((to - at) / times, wanted, atol=2e-4 / times)
-    file = out / "right_report" / "recording.rrd"
-    chunks, titles = chunks_of(file), " ".join(name for *_, name in views(file))
-    scale = float(re.search(r"how far it is off, x (\S+)", titles)[1])
-    strips = np.array(columns(chunks, "/world/ways/interval_95")["LineStrips3D:strips"][0])
-    drawn = (strips[:, 1] - strips[:, 0]).reshape(-1, 3, 3) / scale
-    np.testing.assert_allclose(drawn, wanted, atol=1e-6)
+    chunks = on(sound(out / "right_report" / "recording.rrd", "As programmed"), "worst_first")
+    lines = columns(chunks, "/world/path_from_near/where_it_may_be_95")["LineStrips3D:strips"][0]
+    strips = np.array(lines).reshape(-1, 3, 2, 3)
+    np.testing.assert_allclose((strips[:, :, 1] - strips[:, :, 0]) / times, wanted, atol=1e-6)
 
 
-def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(
-    folder, corrected, bounded, tmp_path
-):
+def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(folder, bounded, tmp_path):
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
-    lines = plotted(chunks_of(bounded / "right_report" / "recording.rrd"), "/off_mm")
+    chunks = sound(bounded / "right_report" / "recording.rrd", "As programmed")
     report = json.loads((bounded / "right_report" / "report.json").read_text())
-    assert list(lines) == ["not corrected", "corrected, within (95 %)"]
-    rows = [[row["before_mm"], row["half_95_mm"]] for row in report["rows"]]
-    for values, wanted in zip(lines.values(), np.transpose(rows), strict=True):
-        np.testing.assert_allclose(values[:, 0], np.maximum(wanted, 1e-3), rtol=PLACED)
-    unseen = run(folder / "joints", corrected[0] / "mill.csv", "--out", tmp_path / "right.csv")
+    for name, key in (("as_programmed", "before_mm"), ("corrected_within_95", "half_95_mm")):
+        found = series(chunks, f"{OFF}/{name}", "pose")
+        np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
+    assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
+        f"{OFF}/as_programmed",
+        f"{OFF}/corrected_within_95",
+    }
+    unseen = run(folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
     assert unseen.stdout.startswith("Do not run this: ")
-    chunks = chunks_of(tmp_path / "right_report" / "recording.rrd")
-    assert columns(chunks, "/off_mm/name")["Points2D:labels"][0] == ["not corrected"]
-    assert "**Do not run this: " in document(chunks, "/summary")
+    chunks = sound(tmp_path / "right_report" / "recording.rrd", "**Do not run this: ")
+    assert np.isnan(series(chunks, f"{OFF}/corrected_within_95")).all()
+    assert "nothing bounds the error at 12 points" in document(chunks, "/summary")
     for name in ("report.html", "report.md"):
         text = (tmp_path / "right_report" / name).read_text()
         assert text.index("Do not run this: ") < text.index("As programmed"), name
+
+
+def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
+    """Of a model that is sure, and of one that has not seen what decides."""
+    for name in ("sure", "joints"):
+        model = load_model(folder / name, None)
+        program = read_program(bounded / "mill.csv", model.arm)
+        check(report(correct_program(model, program, Aim()), "right.csv"), ["worst"])
 
 
 def path(layer):
