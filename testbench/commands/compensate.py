@@ -29,7 +29,7 @@ from testbench.report.table import Row
 from testbench.trials.spread import ENOUGH
 from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
 from testbench.views.magnified import arrow_scale
-from testbench.views.markdown import Markdown, ended
+from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.page.charts import Line, RunChart
 from testbench.views.page.page import Seen
 from testbench.views.page.scene import Layer, Poses, Scene
@@ -258,12 +258,8 @@ def _answer(f: Row) -> Iterator[str]:
             "{there} it is within {half_95_mm.median:.3f} mm (median), {half_95_mm.max:.3f} mm at most: "
             "95 % intervals along each axis.",
             f,
-            there=_upper(there),
+            there=capital(there),
         )
-
-
-def _upper(text: str) -> Markdown:
-    return Markdown(text[0].upper() + text[1:])
 
 
 def _claims(f: Row) -> Iterator[Markdown]:
@@ -285,7 +281,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
         )
     for sentence in f.extrapolated:
         yield say(
-            "{text}. Intervals do not count what a model does not foresee there.", text=_upper(sentence)
+            "{text}. Intervals do not count what a model does not foresee there.", text=capital(sentence)
         )
     if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
         advice = ": identify it under loads that turn it" if f.open.joint else ""

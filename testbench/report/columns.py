@@ -176,6 +176,14 @@ EVERY = (
     Column("median_mm", "median", "mm"),
     Column("p95_mm", "95 %", "mm"),
     Column("max_mm", "largest", "mm"),
+    # a prediction
+    Column("pose", "pose"),
+    Column("deflection_mm", "tool moves", "mm", short="moves\nmm"),
+    Column("half_words", "+- (95 %)", "mm", short="+- 95 %\nmm"),
+    *(Column(f"deflections_mm.{k}", axis, "mm", short=f"{axis}\nmm") for k, axis in enumerate("xyz")),
+    Column("turn_mrad", "turns", "mrad", ".2f", short="turns\nmrad"),
+    Column("stiffness_n_per_um.0", "least stiffness", "N/um", ".3g", short="softest\nN/um"),
+    Column("softest", "where softest", short="direction"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

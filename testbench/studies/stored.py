@@ -12,7 +12,6 @@ from typing import Any, Generic, TypeVar, get_type_hints
 from pydantic import JsonValue, TypeAdapter, ValidationError
 
 from testbench.bench.absolute_report import AbsoluteReport
-from testbench.bench.prediction_report import PredictionReport
 from testbench.errors import InputError
 from testbench.output.finished import Finished, read_plain, told_as
 from testbench.report.report import Report, read
@@ -20,7 +19,6 @@ from testbench.report.table import rows
 from testbench.studies.study import AnyStudy, Study, TypedStudy
 from testbench.views.absolute import words as absolute
 from testbench.views.markdown import Words
-from testbench.views.predicted import words as predicted
 from testbench.views.schema import Table
 
 HERE = Path(__file__).parent
@@ -54,7 +52,6 @@ class Kind(Generic[C]):
 
 COMMANDS: Mapping[str, Callable[[Path, JsonValue], Stored]] = {
     "testbench calibrate": Kind(AbsoluteReport, absolute.tables, absolute.words).read,
-    "testbench predict": Kind(PredictionReport, predicted.tables, predicted.words).read,
 }
 """Commands whose reports have tables of their own."""
 

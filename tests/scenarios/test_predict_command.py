@@ -2,13 +2,14 @@
 
 import csv
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from page_checks import check_page, said
 from read_back import columns, on, series, sound
+from reports import check
 from run_here import here
 
 import testbench as tb
@@ -19,9 +20,9 @@ from testbench.bench.fits import Runs, fit
 from testbench.bench.models import named_models
 from testbench.bench.predict_input import read_asked
 from testbench.bench.prediction import Wanted, predicted
-from testbench.bench.prediction_report import reported
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
+from testbench.commands.predict import report
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
@@ -103,10 +104,9 @@ def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(
     report = json.loads((out / "report.json").read_text())
     assert {path.name for path in out.iterdir()} == FILES
     worst = report["worst"][0]
-    assert said.startswith("kr500_l480 under 0 to 300 kg and 0 to 9,500 N in 8 poses: the tool moves ")
-    assert (
-        f"most in pose {worst['label']}: {worst['deflection_mm']:.3f} mm +- {worst['half_mm']:.3f} mm" in said
-    )
+    assert said.startswith("Under 0 to 300 kg and 0 to 9,500 N the tool moves up to ")
+    most = f"{worst['deflection_mm']:.3f} mm +- {worst['half_mm']:.3f} mm, in pose {worst['pose']} of 8. It"
+    assert f" up to {most} is softest " in said
     ratio = PULL / (460.3 * GRAVITY)
     assert f"Extrapolated: 9,500 N are {ratio:.1f} times the largest force" in said
     assert report["force_ratio"] == pytest.approx(ratio, rel=1e-6)
@@ -115,7 +115,7 @@ def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(
     softest = f"{place['worst_mm']:.3f} mm +- {place['half_mm']:.3f} mm, hardly seen by the data"
     assert f"N move the tool by {softest}" in said
     page = (out / "report.md").read_text()
-    assert all(f"| {row['label']} | {row['deflection_mm']:.3f} |" in page for row in report["worst"])
+    assert all(f"| {row['pose']} | {row['deflection_mm']:.3f} |" in page for row in report["worst"])
 
 
 def test_the_recording_shows_every_pose_the_farthest_first(made):
@@ -218,10 +218,10 @@ def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tm
     loaded = tb.load_model(model)
     bare = replace(loaded, about=replace(loaded.about, force=0.0, moment=0.0))
     file = poses_file(tmp_path / "poses.csv", q[:2], ["0,0,-900,0"] * 2)
-    report = reported(predicted(bare, read_asked(file, bare, None, lambda: MASS), Wanted(1000.0)))
-    json.dumps(asdict(report), allow_nan=False)
-    assert report.force_ratio is None
-    assert "own weight alone" in report.extrapolated[0]
+    said = report(predicted(bare, read_asked(file, bare, None, lambda: MASS), Wanted(1000.0)))
+    check(said, ["worst"])
+    assert said.json()["force_ratio"] is None
+    assert "own weight alone" in said.claims[0]
 
 
 def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_said(model, tmp_path, q):
@@ -247,6 +247,6 @@ def test_the_page_shows_every_pose_and_the_softest_place(made, open_page):
     report = json.loads((made[0] / "report.json").read_text())
     told = [f"{row['deflection_mm']:.3f}" for row in report["worst"]]
     shown = check_page(open_page, made[0] / "report.html", told)
-    assert said(shown).startswith(f"Pose {report['worst'][0]['label']}.")
+    assert said(shown).startswith(f"Pose {report['worst'][0]['pose']}.")
     shown.page.locator("#map button").click()
     assert f"{report['map']['worst_mm']:.3f} mm" in said(shown)
