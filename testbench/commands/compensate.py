@@ -352,26 +352,16 @@ def _tables(f: Row) -> dict[str, Table]:
         for name, own in errors.items()
         if own
     ]
-    percentile = "p95_mm" if f.loaded >= ENOUGH else ""
+    sizes_of = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
     turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""
+    points = columns(f"line label before_mm half_95_mm {turn} {reason}")
     held = "held" if any(joint.held for joint in f.joints) else ""
+    joints = columns(f"joint largest_correction unit {held}")
+    title = "How far the loaded tool is off"
     return {
-        "sizes": Table(
-            columns(f"what median_mm {percentile} max_mm"),
-            off,
-            "How far the loaded tool is off",
-            headline="median_mm",
-            looks=LOOKS,
-        ),
-        "worst": Table(
-            columns(f"line label before_mm half_95_mm {turn} {reason}"),
-            _worst(f.rows),
-            "Worst points",
-            headline="before_mm",
-        ),
-        "joints": Table(
-            columns(f"joint largest_correction unit {held}"), f.joints, "Corrections of the joints"
-        ),
+        "sizes": Table(sizes_of, off, title, headline="median_mm", looks=LOOKS),
+        "worst": Table(points, _worst(f.rows), "Worst points", headline="before_mm"),
+        "joints": Table(joints, f.joints, "Corrections of the joints"),
     }
 
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -347,6 +348,37 @@ def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
         model = load_model(folder / name, None)
         program = read_program(bounded / "mill.csv", model.arm)
         check(report(correct_program(model, program, Aim()), "right.csv"), ["worst"])
+
+
+def test_what_joints_cannot_do_is_said_with_its_numbers(folder, bounded):
+    """One point is refused, a joint stops in three, one turn is left, and a correction jumps."""
+    model = load_model(folder / "sure", None)
+    program = read_program(bounded / "mill.csv", model.arm)
+    found = correct_program(model, program, Aim())
+    own = found.found
+    held, turned, q = np.zeros_like(own.held), np.zeros_like(own.turned), own.q.copy()
+    held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
+    refused = (*own.refused[:3], "out of reach", *own.refused[4:])
+    own = replace(own, held=held, turned=turned, q=q, refused=refused)
+    said = report(replace(found, found=own), "right.csv")
+    off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
+    k, text = off.argmax(), check(said, ["worst"])
+    assert said.answer.startswith("As programmed the loaded tool is off by ")
+    assert "At 11 of 12 points corrected it is within " in said.answer
+    for sentence in (
+        "**Not corrected**: 1 point stays as programmed, the reason beside each.",
+        "is not turned back: 1 point, 2.000 mrad at most.",
+        "joint_5 stops at its limit in 3 points; there the tool keeps its position alone.",
+        f"**The correction of joint_4 jumps** by {moved:.2f} deg",
+        "from line 9 to the next: a singular pose lies between.",
+        f"| 5 | 4 | {1e3 * off[3]:.3f} |",
+        f"Worst at line {k + 2}, point {k + 1}: off by {1e3 * off[k]:.3f} mm as programmed, corrected ",
+    ):
+        assert sentence in text, sentence
+    free = replace(found, aim=Aim("position"), found=replace(own, held=0 * held > 1))
+    assert (
+        "Its orientation is not held: the tool turns by 2.000 mrad at most." in report(free, "x.csv").whole()
+    )
 
 
 def path(layer):
