@@ -350,6 +350,27 @@ def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
         check(report(correct_program(model, program, Aim()), "right.csv"), ["worst"])
 
 
+def test_tables_have_the_numbers_of_the_corrected_file(bounded):
+    with (bounded / "right.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
+    half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
+    moved = [max(abs(float(row[f"correction_joint_{k}_deg"])) for row in rows) for k in range(1, 7)]
+    sizes = {"as programmed": before, "corrected, within (95 %)": half}
+    text = (bounded / "right_report" / "report.md").read_text()
+    for line in (
+        "| line | point | as programmed, off by, mm | corrected, within (95 %), mm |",
+        *(
+            f"| {k + 2} | {k + 1} | {a:.3f} | {b:.3f} |"
+            for k, (a, b) in enumerate(zip(before, half, strict=True))
+        ),
+        "| what | median, mm | largest, mm |",
+        *(f"| {name} | {np.median(mm):.3f} | {max(mm):.3f} |" for name, mm in sizes.items()),
+        *(f"| joint_{k} | {x:.4f} | deg |" for k, x in enumerate(moved, 1)),
+    ):
+        assert f"{line}\n" in f"{text}\n", line
+
+
 def test_what_joints_cannot_do_is_said_with_its_numbers(folder, bounded):
     """One point is refused, a joint stops in three, one turn is left, and a correction jumps."""
     model = load_model(folder / "sure", None)

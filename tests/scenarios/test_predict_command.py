@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checks import tables_of
 from page_checks import check_page, said
 from read_back import columns, on, series, sound
 from reports import check
@@ -26,6 +27,7 @@ from testbench.commands.predict import report
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
+from testbench.views.schema import show
 
 ROOT = Path(__file__).resolve().parents[2]
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
@@ -114,8 +116,26 @@ def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(
     assert place["half_mm"] > place["worst_mm"] / 2  # a hung weight never turned joint 1
     softest = f"{place['worst_mm']:.3f} mm +- {place['half_mm']:.3f} mm, hardly seen by the data"
     assert f"N move the tool by {softest}" in said
-    page = (out / "report.md").read_text()
-    assert all(f"| {row['pose']} | {row['deflection_mm']:.3f} |" in page for row in report["worst"])
+
+
+def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(made):
+    with (made[0] / "predictions.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["point"] == "tool"]
+
+    def of(row, name):
+        return [float(row[name.replace("*", axis)]) for axis in "xyz"]
+
+    wanted = []
+    for row in rows:
+        moved = 1e3 * np.array(of(row, "deflection_*_m"))
+        cells = [f"{x:.3f}" for x in (np.linalg.norm(moved), 1e3 * max(of(row, "half_95_*_m")), *moved)]
+        cells += [f"{1e3 * np.linalg.norm(of(row, 'rotation_*_rad')):.2f}"]
+        wanted.append([row["pose"], *cells, show(1e-6 * float(row["stiffness_1_N_per_m"]), ".3g")])
+    wanted.sort(key=lambda cells: -float(cells[1]))
+    head, found = tables_of((made[0] / "report.md").read_text())[0]
+    assert head[1:7] == ["tool moves, mm", "+- (95 %), mm", "x, mm", "y, mm", "z, mm", "turns, mrad"]
+    assert head[7] == "least stiffness, N/um"
+    assert [row[:-1] for row in found] == wanted
 
 
 def test_the_recording_shows_every_pose_the_farthest_first(made):
