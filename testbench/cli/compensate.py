@@ -10,12 +10,12 @@ import typer
 from testbench import files
 from testbench.bench.campaign import build_cell
 from testbench.bench.compensate import NAMED, CorrectedProgram, correct_program
-from testbench.bench.compensate_report import report
 from testbench.bench.load_model import load_model
 from testbench.bench.payload import payload_of
 from testbench.bench.plan_input import joints_of, place
 from testbench.bench.predict_input import with_payload
 from testbench.cli.arguments import Load, MapFile
+from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
 from testbench.data.motion.formats import format_of
@@ -24,8 +24,6 @@ from testbench.errors import InputError
 from testbench.output.place import claim_file, inside
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.compensate.files import COMMAND, WRITTEN, Places, kind_of, write
-from testbench.views.compensate.words import tables, words
 from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
 
 SIGNS = {"": 1.0, "-": -1.0}
@@ -77,7 +75,7 @@ def command(asked: Options) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     to, given = _places(asked), [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
     with (
-        claim_file(to.program, kind_of(to.format), inputs=given, force=asked.force),
+        claim_file(to.program, to.kind, inputs=given, force=asked.force),
         claim_folder(to.report, COMMAND, own=frozenset(), inputs=given, force=asked.force),
     ):
         aim = _aim(asked)
@@ -91,12 +89,12 @@ def command(asked: Options) -> None:
             raise _unreached(asked, found)
         said = report(found, to.program.name)
         write(cell, found, said, _plain(asked), to)
-        console, text = plain_console(), words(said)
+        console = plain_console()
         for note in notes:
             console.print(note, soft_wrap=True)
-        print_answer(console, text)
-        console.print(grid(tables(said)["worst"]))
-        print_statements(console, text)
+        print_answer(console, said)
+        console.print(grid(said.tables["worst"]))
+        print_statements(console, said)
         lines = [
             f"corrected  {to.program}",
             f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",

@@ -13,15 +13,13 @@ from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box
 from testbench.bench.predict_input import read_asked
 from testbench.bench.prediction import Wanted, predicted
-from testbench.bench.prediction_report import reported
 from testbench.bench.stiffness_map import FORCE
 from testbench.cli.arguments import Load, MapFile
+from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.predicted.files import COMMAND, write
-from testbench.views.predicted.words import tables, words
 from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
 
 
@@ -61,18 +59,17 @@ def command(asked: Options) -> None:
         console = plain_console()
         with console.status("predicting") as status:
             made = predicted(model, poses, Wanted(_push(model, asked.push), area, asked.linear))
-            report = reported(made)
+            said, out = report(made), asked.out
             status.update("writing")
-            write(made, report, _plain(asked), asked.out)
-        text, out = words(report), asked.out
-        print_answer(console, text)
-        console.print(grid(tables(report)["few"]))
-        print_statements(console, text)
+            write(made, said, _plain(asked), out)
+        print_answer(console, said)
+        console.print(grid(printed(said)))
+        print_statements(console, said)
         heavy = overloaded(model.arm, poses.hung.tolist())
         lines = [
             *([f"- {heavy}"] if heavy else []),
-            f"poses      {out / 'predictions.csv'}",
-            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'predict.png'}",
+            f"poses      {out / TABLE}",
+            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
             *looked_at(out),
         ]
         console.print("\n".join(lines), soft_wrap=True)

@@ -202,6 +202,27 @@ EVERY = (
             ("better_than_joints", "better than joints", "", "d"),
         )
     ),
+    # a corrected program
+    Column("line", "line", form="d"),
+    Column("label", "point"),
+    Column("before_mm", "as programmed, off by", "mm", short="as\nprogrammed\nmm"),
+    Column("half_95_mm", "corrected, within (95 %)", "mm", short="corrected\n(95 %)\nmm"),
+    Column("turn_left_mrad", "turn that is left", "mrad", short="turn\nleft\nmrad"),
+    Column("reason", "left as it is because"),
+    Column("largest_correction", "largest correction", form=".4f"),
+    Column("unit", "unit"),
+    Column("held", "points at its limit", form="d"),
+    Column("median_mm", "median", "mm"),
+    Column("p95_mm", "95 %", "mm"),
+    Column("max_mm", "largest", "mm"),
+    # a prediction
+    Column("pose", "pose"),
+    Column("deflection_mm", "tool moves", "mm", short="moves\nmm"),
+    Column("half_words", "+- (95 %)", "mm", short="+- 95 %\nmm"),
+    *(Column(f"deflections_mm.{k}", axis, "mm", short=f"{axis}\nmm") for k, axis in enumerate("xyz")),
+    Column("turn_mrad", "turns", "mrad", ".2f", short="turns\nmrad"),
+    Column("stiffness_n_per_um.0", "least stiffness", "N/um", ".3g", short="softest\nN/um"),
+    Column("softest", "where softest", short="direction"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

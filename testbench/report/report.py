@@ -10,17 +10,28 @@ from testbench.report.table import Row, plain
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
 from testbench.views.gains import less, more, ratio
-from testbench.views.markdown import MOST, Markdown, as_markdown, grid, listed, place
+from testbench.views.markdown import MOST, Markdown, as_markdown, counted, grid, listed, place
 from testbench.views.schema import Column, Table, looks, show, show_truth, written_out
 
-FORMS = {"yes": show_truth, "list": listed, "less": less, "more": more, "ratio": ratio, "place": place}
+FORMS = {
+    "yes": show_truth,
+    "list": listed,
+    "less": less,
+    "more": more,
+    "ratio": ratio,
+    "place": place,
+    "counted": counted,
+}
 """What a sentence may ask for beside a format of numbers."""
 PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
 LISTS = ("statements", "more", "body")
 
 
 class _Sentence(Formatter):
-    """{x:.3f} is a number with its spread, {x:~.3f} its median, {gain:less} a ratio; words are escaped."""
+    """{x:.3f} is a number with its spread, {x:~.3f} its median, {gain:less} a ratio; words are escaped.
+
+    {n:counted pose} is such as "1 pose" or "5,132 poses".
+    """
 
     def format_field(self, value: Any, spec: str) -> str:
         name, _, rest = spec.partition(" ")

@@ -12,17 +12,13 @@ from typing import Any, Generic, TypeVar, get_type_hints
 from pydantic import JsonValue, TypeAdapter, ValidationError
 
 from testbench.bench.absolute_report import AbsoluteReport
-from testbench.bench.compensate_report import CompensationReport
-from testbench.bench.prediction_report import PredictionReport
 from testbench.errors import InputError
 from testbench.output.finished import Finished, read_plain, told_as
 from testbench.report.report import Report, read
 from testbench.report.table import rows
 from testbench.studies.study import AnyStudy, Study, TypedStudy
 from testbench.views.absolute import words as absolute
-from testbench.views.compensate import words as compensate
 from testbench.views.markdown import Words
-from testbench.views.predicted import words as predicted
 from testbench.views.schema import Table
 
 HERE = Path(__file__).parent
@@ -56,8 +52,6 @@ class Kind(Generic[C]):
 
 COMMANDS: Mapping[str, Callable[[Path, JsonValue], Stored]] = {
     "testbench calibrate": Kind(AbsoluteReport, absolute.tables, absolute.words).read,
-    "testbench predict": Kind(PredictionReport, predicted.tables, predicted.words).read,
-    "testbench compensate": Kind(CompensationReport, compensate.tables, compensate.words).read,
 }
 """Commands whose reports have tables of their own."""
 

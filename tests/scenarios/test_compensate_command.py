@@ -2,23 +2,30 @@
 
 import csv
 import json
+import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from page_checks import check_page, drawn_in, layer_of, said, times_of
-from read_back import columns, on, series, sound
+from page_checks import check_page, said
+from read_back import columns, document, on, series, sound
+from reports import check
 from run_here import here
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, simulate
+from testbench.bench.compensate import correct_program
 from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
+from testbench.bench.load_model import load_model
 from testbench.bench.models import Model, named_models
 from testbench.bench.stiffness_write import write_stiffness
-from testbench.cli.program import program
+from testbench.cli.program import program as app
+from testbench.commands.compensate import report
+from testbench.correct.newton import Aim
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
 from testbench.identify.prior import Strength, cad_prior
@@ -29,6 +36,7 @@ from testbench.plant import settle
 
 TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
 FEED, CROSS, AXIAL = -700.0, 500.0, -900.0
+OFF = "/charts/path_from_near/how_far_the_loaded_tool_is_off_at_each_point_mm"
 START = np.array([0.3, -1.2, 1.6, 0.3, -0.5, 0.1])
 POINTS = 12
 
@@ -41,7 +49,7 @@ def the_truth(C_theta, vjm, structure, data):
 
 @pytest.fixture(scope="module")
 def folder(kr500, tmp_path_factory):
-    """Models of the true compliances, of what weights say of joints alone, and with a prior of all."""
+    """Models of the true compliances, and of what weights say of joints alone."""
     out = tmp_path_factory.mktemp("models")
     runs = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1, check_runs=3), 7).identification
     models = {
@@ -83,7 +91,7 @@ def joints_csv(path, q, end=""):
 
 
 def run(*flags):
-    return here(program(["compensate"]), "compensate", *flags)
+    return here(app(["compensate"]), "compensate", *flags)
 
 
 def tip_of(rest):
@@ -144,7 +152,7 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     first = table[0].split(",").index("correction_joint_1_deg")
     moved = np.array([row.split(",")[first : first + 6] for row in table[1:]], dtype=float)
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
-    assert f"{report['before_mm']['max']:.3f} mm at most" in done.stdout
+    assert f"off by {report['before_mm']['max']:.3f} mm as programmed" in " ".join(done.stdout.split())
     about = json.loads((out / "right_report" / "manifest.json").read_text())
     assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
@@ -275,58 +283,126 @@ def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words
 
 
-@pytest.fixture(scope="module")
-def sure(folder, corrected):
-    """Folder of a program that was corrected by a model that bounds what is left."""
-    out = corrected[0] / "sure"
-    out.mkdir()
-    tip = ",".join(map(str, TIP))
-    done = run(folder / "sure", corrected[0] / "mill.csv", "--out", out / "right.csv", "--tip", tip)
-    assert done.returncode == 0, done.stderr
-    return out
-
-
-@pytest.fixture(scope="module")
-def told(sure):
-    """What the corrected file says of every point: off as programmed, half widths, (points, 3) [m]."""
-    with (sure / "right.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    names = ([f"{what}_{x}_mm" for x in "xyz"] for what in ("before", "half_95"))
-    before, half = (np.array([[float(row[key]) for key in keys] for row in rows]) / 1e3 for keys in names)
-    return before, half
-
-
-def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(sure, told):
+def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected):
     """As many times as its title says, to the side that the file says."""
-    drawn = drawn_in(sure / "right_report" / "report.html")
-    [times], group = times_of(drawn["scene"]["title"]), drawn["scene"]["groups"][0]
-    asked, programmed = (path(*layer_of(group, name)) for name in ("path asked", "as programmed"))
-    before, half = told
-    np.testing.assert_allclose((programmed - asked) / times, before, atol=2e-4 / times + 1e-7)
-    low, high = layer_of(group, "where it may be, 95 %")
-    np.testing.assert_allclose(
-        (high - low).reshape(-1, 3, 3) / 2 / times, half[:, None] * np.eye(3), atol=2e-4 / times + 1e-7
-    )
-    lines = {line["name"]: line["values"] for line in drawn["runs"][0]["lines"]}
-    np.testing.assert_allclose(lines["as programmed"], 1e3 * np.linalg.norm(before, axis=1), rtol=1e-3)
-    within = np.array(lines["corrected, within (95 %)"], dtype=float)
-    np.testing.assert_allclose(within, 1e3 * half.max(axis=1), rtol=1e-3)
+    out, _ = corrected
+    with (out / "right.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
+    text = (out / "right_report" / "report.html").read_text()
+    drawn = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
+        "scene"
+    ]
+    times = float(re.search(r"x (\S+)\.$", drawn["title"])[1])
+    layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
+    asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
+    np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
 
 
-def test_the_recording_draws_the_interval_and_no_success_that_nobody_measured(sure, told):
+def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
+    """Lines along each axis of the world, as far as the file says, as many times as all else is drawn."""
+    out = bounded
+    with (out / "right.csv").open() as file:
+        half = (
+            np.array([[float(row[f"half_95_{x}_mm"]) for x in "xyz"] for row in csv.DictReader(file)]) / 1e3
+        )
+    text = (out / "right_report" / "report.html").read_text()
+    page = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
+        "scene"
+    ]
+    times = float(re.search(r"x (\S+)\.$", page["title"])[1])
+    [layer] = [own for own in page["groups"][0]["layers"] if own["name"].startswith("where it may be")]
+    at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
+    wanted = 2 * half[:, :, None] * np.eye(3)
+    np.testing.assert_allclose((to - at) / times, wanted, atol=2e-4 / times)
+    chunks = on(sound(out / "right_report" / "recording.rrd", "As programmed"), "worst_first")
+    lines = columns(chunks, "/world/path_from_near/where_it_may_be_95")["LineStrips3D:strips"][0]
+    strips = np.array(lines).reshape(-1, 3, 2, 3)
+    np.testing.assert_allclose((strips[:, :, 1] - strips[:, :, 0]) / times, wanted, atol=1e-6)
+
+
+def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(folder, bounded, tmp_path):
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
-    chunks, (before, half) = sound(sure / "right_report" / "recording.rrd", "As programmed"), told
-    chart = "/charts/path_from_near/how_far_the_loaded_tool_is_off_at_each_point_mm"
-    size = 1e3 * np.linalg.norm(before, axis=1)
-    worst = np.array(columns(on(chunks, "worst_first"), f"{chart}/as_programmed")["pose"]) - 1
-    rank = columns(on(chunks, "worst_first"), f"{chart}/as_programmed")["worst_first"]
-    order = worst[np.argsort(rank)]
-    np.testing.assert_allclose(series(chunks, f"{chart}/as_programmed"), size[order], rtol=1e-6)
-    np.testing.assert_allclose(
-        series(chunks, f"{chart}/corrected_within_95"), 1e3 * half.max(axis=1)[order], rtol=1e-6
+    chunks = sound(bounded / "right_report" / "recording.rrd", "As programmed")
+    report = json.loads((bounded / "right_report" / "report.json").read_text())
+    for name, key in (("as_programmed", "before_mm"), ("corrected_within_95", "half_95_mm")):
+        found = series(chunks, f"{OFF}/{name}", "pose")
+        np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
+    assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
+        f"{OFF}/as_programmed",
+        f"{OFF}/corrected_within_95",
+    }
+    unseen = run(folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
+    assert unseen.stdout.startswith("Do not run this: ")
+    chunks = sound(tmp_path / "right_report" / "recording.rrd", "**Do not run this: ")
+    assert np.isnan(series(chunks, f"{OFF}/corrected_within_95")).all()
+    assert "nothing bounds the error at 12 points" in document(chunks, "/summary")
+    for name in ("report.html", "report.md"):
+        text = (tmp_path / "right_report" / name).read_text()
+        assert text.index("Do not run this: ") < text.index("As programmed"), name
+
+
+def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
+    """Of a model that is sure, and of one that has not seen what decides."""
+    for name in ("sure", "joints"):
+        model = load_model(folder / name, None)
+        program = read_program(bounded / "mill.csv", model.arm)
+        check(report(correct_program(model, program, Aim()), "right.csv"), ["worst"])
+
+
+def test_tables_have_the_numbers_of_the_corrected_file(bounded):
+    with (bounded / "right.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
+    half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
+    moved = [max(abs(float(row[f"correction_joint_{k}_deg"])) for row in rows) for k in range(1, 7)]
+    sizes = {"as programmed": before, "corrected, within (95 %)": half}
+    text = (bounded / "right_report" / "report.md").read_text()
+    for line in (
+        "| line | point | as programmed, off by, mm | corrected, within (95 %), mm |",
+        *(
+            f"| {k + 2} | {k + 1} | {a:.3f} | {b:.3f} |"
+            for k, (a, b) in enumerate(zip(before, half, strict=True))
+        ),
+        "| what | median, mm | largest, mm |",
+        *(f"| {name} | {np.median(mm):.3f} | {max(mm):.3f} |" for name, mm in sizes.items()),
+        *(f"| joint_{k} | {x:.4f} | deg |" for k, x in enumerate(moved, 1)),
+    ):
+        assert f"{line}\n" in f"{text}\n", line
+
+
+def test_what_joints_cannot_do_is_said_with_its_numbers(folder, bounded):
+    """One point is refused, a joint stops in three, one turn is left, and a correction jumps."""
+    model = load_model(folder / "sure", None)
+    program = read_program(bounded / "mill.csv", model.arm)
+    found = correct_program(model, program, Aim())
+    own = found.found
+    held, turned, q = np.zeros_like(own.held), np.zeros_like(own.turned), own.q.copy()
+    held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
+    refused = (*own.refused[:3], "out of reach", *own.refused[4:])
+    own = replace(own, held=held, turned=turned, q=q, refused=refused)
+    said = report(replace(found, found=own), "right.csv")
+    off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())
+    k, text = off.argmax(), check(said, ["worst"])
+    assert said.answer.startswith("As programmed the loaded tool is off by ")
+    assert "At 11 of 12 points corrected it is within " in said.answer
+    for sentence in (
+        "**Not corrected**: 1 point stays as programmed, the reason beside each.",
+        "is not turned back: 1 point, 2.000 mrad at most.",
+        "joint_5 stops at its limit in 3 points; there the tool keeps its position alone.",
+        f"**The correction of joint_4 jumps** by {moved:.2f} deg",
+        "from line 9 to the next: a singular pose lies between.",
+        f"| 5 | 4 | {1e3 * off[3]:.3f} |",
+        f"Worst at line {k + 2}, point {k + 1}: off by {1e3 * off[k]:.3f} mm as programmed, corrected ",
+    ):
+        assert sentence in text, sentence
+    free = replace(found, aim=Aim("position"), found=replace(own, held=0 * held > 1))
+    assert (
+        "Its orientation is not held: the tool turns by 2.000 mrad at most." in report(free, "x.csv").whole()
     )
 
 
-def path(start, end):
+def path(layer):
     """Points of a line that is cut into pieces [m]."""
-    return np.vstack([start[0], end[0, -1:]])
+    at, to = (np.array(layer[key][0]).reshape(-1, 3) / 1e4 for key in ("at", "to"))
+    return np.vstack([at, to[-1:]])

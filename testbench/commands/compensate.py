@@ -1,0 +1,435 @@
+"""What `testbench compensate` writes, says and draws: how far off a program is, and what puts it right."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from testbench import files
+from testbench.bench.campaign import Cell
+from testbench.bench.compensate import CorrectedProgram, more_columns
+from testbench.bench.rows import MM
+from testbench.correct.beyond import extent
+from testbench.correct.open import most_open
+from testbench.correct.rest import rest
+from testbench.correct.sure import Stand, fitted_half_widths
+from testbench.data.dataset import Ids
+from testbench.data.motion.formats import CSV, WRITERS, write_moves
+from testbench.data.program import unread
+from testbench.data.program_corrected import write_program
+from testbench.errors import Array
+from testbench.output.place import Kind
+from testbench.output.whole import whole_file
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, lines, say
+from testbench.report.table import Row
+from testbench.trials.spread import ENOUGH
+from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
+from testbench.views.magnified import arrow_scale
+from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.page.charts import Line, RunChart
+from testbench.views.page.page import Seen
+from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.picked import of_all, picked
+from testbench.views.schema import Table
+
+COMMAND = "testbench compensate"  #: As manifest.json names it.
+WRITTEN = ("report.md", "report.json", "compensation.png")  #: For people.
+MRAD = 1e3
+FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
+SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
+TURNED = 1e-2  #: A turn that is left counts from here [mrad].
+JUMPS = 0.2  #: Change of a correction from a point to the next that is said [deg, mm].
+OPEN = 0.25  #: Width of what is left over the error from which it is said what keeps it open [1].
+ALL, FEW = 20, 8  #: Points up to which a table lists all, and how many of more.
+SHARE, LEAST = 0.15, 0.3  #: Length of most errors over the size of the path, which counts this at least [m].
+FORCE = 0.25  #: Length of the force's arrow over that size [1].
+MEANT = {
+    "unloaded": "where the model has the tool without the process load",
+    "drawn": "where the drawn arm has the tool",
+}
+HELD = {
+    "pose": "position and orientation",
+    "axis": "position and the spindle's axis",
+    "position": "position alone",
+}
+BEFORE, AFTER = "as programmed", "corrected, within (95 %)"
+FAINT = (150, 205, 190)  #: Of intervals: pale green.
+LOOKS = {BEFORE: Look(MEASURED, 1, prior=True), AFTER: Look(GCO, 0, prior=True)}
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where results go."""
+
+    program: Path  #: The corrected program.
+    format: str  #: "csv" or a robots' language, as of `format_of`.
+    report: Path  #: Folder of the report.
+
+    @property
+    def kind(self) -> Kind:
+        """What a corrected program looks like."""
+        if self.format == CSV:
+            return Kind("a corrected program", rb"[^\n]*correction_")
+        own = WRITERS[self.format]
+        return Kind(f"a program in {own.title}", own.begins)
+
+
+def write(cell: Cell, found: CorrectedProgram, said: Report, flags: Mapping[str, object], to: Places) -> None:
+    """The corrected program and the folder of its report; InputError when they cannot be written."""
+    program, q = found.program, found.found.q
+    with whole_file(to.program) as part:
+        if to.format == CSV:
+            write_program(part, program, q, more_columns(found))
+        else:
+            write_moves(part, WRITERS[to.format], q, found.model.arm.joints, program.labels)
+        digest = {to.program.name: files.digest(part)}  # a kill may leave the earlier one beside the report
+        arm, name = [cell.arm.rigid.parent], program.path.name
+        asked = Asked(COMMAND, name, flags, arm, WRITTEN[-1], more=lambda _: {"corrected": digest})
+        leave(to.report, asked, said, seen(cell, found, said))
+
+
+def report(found: CorrectedProgram, output: str) -> Report:
+    """What there is to say of a corrected program, written to a file of this name."""
+    f = _numbers(found, output)
+    tables = _tables(f)
+    after = " after those that are not corrected" if f.corrected < f.points else ""
+    note = f"Of every stretch of the program the point of the largest error{after}." if f.points > ALL else ""
+    return Report(
+        scenario="compensate",
+        question=Markdown("Where does the loaded tool go, and what puts it right?"),
+        title=say("{program} corrected for {arm}, {points:counted point}", f),
+        answer=lines(_answer(f)),
+        worst=say(
+            "Worst at line {line}, point {label}: off by {before_mm:.3f} mm as programmed, {after}.",
+            f.worst,
+            after="left as it is" if f.worst.reason else _within(f.worst.half_95_mm),
+        ),
+        claims=list(_claims(f)),
+        numbers=f,
+        tables=tables,
+        body=[Markdown("## What was asked"), _asked(f), "sizes", "worst", Markdown(note), "joints"],
+    )
+
+
+def _within(half: float | None) -> str:
+    return "corrected without a bound" if half is None else f"corrected within {half:.3f} mm"
+
+
+def _numbers(found: CorrectedProgram, output: str) -> Row:
+    own, model, program = found.found, found.model, found.program
+    points = _points(found)
+    loaded = [row for row in points if row.before_mm > 0]
+    before, half = ([row[key] for row in loaded or points] for key in ("before_mm", "half_95_mm"))
+    unseen = sum(row.half_95_mm is None for row in points)
+    force = np.linalg.norm(sum(load.wrench[:, :3] for load in found.loads), axis=1)
+    absolute = model.absolute and own.asked == "drawn"
+    before_mm, half_mm = sizes(before), None if unseen else sizes(half)
+    return Row(
+        program=program.path.name,
+        arm=model.arm.name,
+        method=model.about.method,
+        absolute=model.absolute,
+        asked=own.asked,
+        hold=found.aim.hold,
+        points=program.points,
+        corrected=int(own.corrected.sum()),
+        force_n=[float(force.min()), float(force.max())],
+        before_mm=before_mm,
+        half_95_mm=half_mm,
+        harmful=bool(loaded) and (half_mm is None or half_mm.median >= before_mm.median),
+        half_fitted_mm=_fitted(found) if absolute else None,
+        loaded=len(loaded),
+        unseen=unseen,
+        solver_mm=float(MM * np.linalg.norm(own.after, axis=1)[own.corrected].max(initial=0.0)),
+        **_turns(found),
+        jump=_jump(found),
+        worst=max(points, key=lambda row: float(row.before_mm)),
+        extrapolated=extent(model, own.start, found.loads).sentences,
+        open=most_open(model, own.q, found.loads, np.array(found.aim.point), absolute),
+        data=model.about.data,
+        doubts=model.about.doubts,
+        unread=unread(program),
+        output=output,
+        joints=_joints(found),
+        rows=points,
+    )
+
+
+def _points(found: CorrectedProgram) -> list[Row]:
+    """A row a point: `half_95_mm` along its worst axis, None if nothing bounds it; corrections in deg, mm."""
+    own, program = found.found, found.program
+    shown = np.array([joint.shown for joint in found.model.arm.joints])
+    before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
+    return [
+        Row(
+            line=int(program.line[k]),
+            label=program.labels[k],
+            before_mm=float(before[k]),
+            half_95_mm=float(half[k]) if np.isfinite(half[k]) else None,
+            correction=(shown * (own.q[k] - own.start[k])).tolist(),
+            turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
+            reason=own.refused[k],
+        )
+        for k in range(program.points)
+    ]
+
+
+def _joints(found: CorrectedProgram) -> list[Row]:
+    """A row a joint: its largest correction [deg, mm], and the points at which it stops at its limit."""
+    own = found.found
+    most, held = np.abs(own.q - own.start).max(axis=0), (own.held & own.corrected[:, None]).sum(axis=0)
+    return [
+        Row(joint=joint.name, largest_correction=float(joint.shown * x), unit=joint.shown_unit, held=int(n))
+        for joint, x, n in zip(found.model.arm.joints, most, held, strict=True)
+    ]
+
+
+def sizes(values: Sequence[float] | Array) -> Row:
+    """Median, 95th percentile and largest of errors."""
+    return Row(zip(("median", "p95", "max"), np.percentile(values, (50, 95, 100)).tolist(), strict=True))
+
+
+def _turns(found: CorrectedProgram) -> Row:
+    """How far the tool turns where nothing holds it, and what is left of its turn where that is held."""
+    own = found.found
+    turned = MRAD * np.linalg.norm(own.turned, axis=1) * own.corrected
+    free = turned * (found.aim.hold == "position")
+    left = (turned - free) * ~own.held.any(axis=1)
+    return Row(
+        turns_mrad=float(free.max()), turned=int((left > TURNED).sum()), turn_left_mrad=float(left.max())
+    )
+
+
+def _jump(found: CorrectedProgram) -> Row | None:
+    """Where a correction changes most from a point to the next; None with one point."""
+    own, joints = found.found, found.model.arm.joints
+    if len(own.q) < 2:
+        return None
+    steps = np.abs(np.diff(own.q - own.start, axis=0))
+    k, j = np.unravel_index(int(steps.argmax()), steps.shape)
+    load = np.sum([load.wrench[:, :3] for load in found.loads], axis=0)
+    change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
+    return Row(
+        joint=joints[j].name,
+        size=joints[j].shown * float(steps[k, j]),
+        unit=joints[j].shown_unit,
+        line=int(found.program.line[k]),
+        load=bool(change > SUDDEN * size),
+    )
+
+
+def _fitted(found: CorrectedProgram) -> Row | None:
+    """Intervals relative to one another, a frame fitted to the points; None for few points."""
+    own, count = found.found, len(found.found.q)
+    if count < FITTED:
+        return None
+    some = np.unique(np.linspace(0, count - 1, min(MOST, count)).round().astype(int))
+    stand = Stand(own.q[some], [load.of(some) for load in found.loads])
+    half = MM * fitted_half_widths(found.model, stand, np.array(found.aim.point)).max(axis=1)
+    return sizes(half) if np.isfinite(half).all() else None
+
+
+def _answer(f: Row) -> Iterator[str]:
+    if not f.loaded:
+        yield "Nothing acts at any point: the program stays as it is."
+        return
+    if f.harmful:
+        yield "Do not run this: the model does not know enough to promise an improvement."
+    tool = "loaded tool" if f.force_n[1] else "tool"
+    off = say(
+        f"As programmed the {tool} is off by {{before_mm.median:.3f}} mm (median{{which}})",
+        f,
+        which=f" of the {f.loaded} points where something acts" if f.loaded < f.points else "",
+    )
+    there = "corrected" if f.corrected == f.points else say("at {corrected} of {points} points corrected", f)
+    if f.half_95_mm is None:
+        yield say(
+            "{off}; {there}, nothing bounds the error at {unseen:counted point}.", f, off=off, there=there
+        )
+    elif f.harmful:
+        yield say("{off}; {there} it is within {half_95_mm.median:.3f} mm (95 %).", f, off=off, there=there)
+    else:
+        yield say("{off}, {before_mm.max:.3f} mm at most.", f, off=off)
+        yield say(
+            "{there} it is within {half_95_mm.median:.3f} mm (median), {half_95_mm.max:.3f} mm at most: "
+            "95 % intervals along each axis.",
+            f,
+            there=capital(there),
+        )
+
+
+def _claims(f: Row) -> Iterator[Markdown]:
+    if f.unseen:
+        yield say("**Not seen**: the model has not seen what decides at {unseen:counted point}.", f)
+    for sentence in f.unread:
+        yield say("{text}.", text=sentence)
+    if f.half_fitted_mm:
+        yield say(
+            "Relative to one another, as a work frame fitted to these points sees them, the points are "
+            "within {half_fitted_mm.median:.3f} mm (median), {half_fitted_mm.max:.3f} mm at most.",
+            f,
+        )
+    if left := f.points - f.corrected:
+        stay = "stays" if left == 1 else "stay"
+        yield say(
+            f"**Not corrected**: {{left:counted point}} {stay} as programmed, the reason beside each.",
+            left=left,
+        )
+    for sentence in f.extrapolated:
+        yield say(
+            "{text}. Intervals do not count what a model does not foresee there.", text=capital(sentence)
+        )
+    if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
+        advice = ": identify it under loads that turn it" if f.open.joint else ""
+        yield say(
+            f"What stays open is mostly {{open.name}}, {{share:.0f}} % of it{advice}.",
+            f,
+            share=100 * f.open.share,
+        )
+    yield from _moves(f)
+    for doubt in f.doubts:
+        yield say("Doubt of the model: {text}", text=ended(doubt))
+
+
+def _moves(f: Row) -> Iterator[Markdown]:
+    """What joints cannot do, and what they do suddenly."""
+    if f.turned:
+        yield say(
+            "Near singular poses the tool keeps its position and is not turned back: {turned:counted point}, "
+            "{turn_left_mrad:.3f} mrad at most.",
+            f,
+        )
+    if f.turns_mrad:
+        yield say("Its orientation is not held: the tool turns by {turns_mrad:.3f} mrad at most.", f)
+    for joint in (joint for joint in f.joints if joint.held):
+        yield say(
+            "{joint} stops at its limit in {held:counted point}; there the tool keeps its position alone.",
+            joint,
+        )
+    if f.jump and f.jump.load and f.points > 2:
+        yield say("The load jumps, and the correction with it: most from line {line} to the next.", f.jump)
+    elif f.jump and f.jump.size > JUMPS:
+        yield say(
+            "**The correction of {joint} jumps** by {size:.2f} {unit} from line {line} to the next: a "
+            "singular pose lies between.",
+            f.jump,
+        )
+
+
+def _asked(f: Row) -> Markdown:
+    """What the program means, what acts, and by which model."""
+    knows = "It knows compliances: what loads do is corrected, errors of geometry stay."
+    if f.absolute:
+        knows = "It knows geometry, joint errors and own weight too."
+    elif f.asked == "drawn":
+        knows = (
+            "It knows compliances: what loads and own weight do is corrected, by the masses of the arm's "
+            "folder; errors of geometry stay."
+        )
+    low, high = f.force_n
+    most = f" to {high:.0f}" if high > 1.001 * low else ""
+    data = ", from {data:list}" if f.data else ""
+    texts = (
+        f"A point of the program asks for {MEANT[f.asked]}.",
+        "Written to {output}.",
+        f"Put right: {HELD[f.hold]}.",
+        f"Forces on the tool: {low:.0f}{most} N.",
+        f"Model: {{method}}{data}. {knows}",
+        "By the model the solver leaves {solver_mm:.1e} mm.",
+    )
+    return Markdown("\n".join(f"- {say(text, f)}" for text in texts))
+
+
+def _tables(f: Row) -> dict[str, Table]:
+    """How far the tool is off, the worst points, and the joints."""
+    errors = {BEFORE: f.before_mm, AFTER: f.half_95_mm}
+    off = [
+        Row(what=name, median_mm=own.median, p95_mm=own.p95, max_mm=own.max)
+        for name, own in errors.items()
+        if own
+    ]
+    sizes_of = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
+    turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""
+    points = columns(f"line label before_mm half_95_mm {turn} {reason}")
+    held = "held" if any(joint.held for joint in f.joints) else ""
+    joints = columns(f"joint largest_correction unit {held}")
+    title = "How far the loaded tool is off"
+    return {
+        "sizes": Table(sizes_of, off, title, headline="median_mm", looks=LOOKS),
+        "worst": Table(points, _worst(f.rows), "Worst points", headline="before_mm"),
+        "joints": Table(joints, f.joints, "Corrections of the joints"),
+    }
+
+
+def _worst(points: Sequence[Row]) -> list[Row]:
+    """Points that are not corrected, then the one of the largest error in every stretch of the program."""
+    stretches = np.array_split(np.arange(len(points)), len(points) if len(points) <= ALL else FEW)
+    most = [max((points[k] for k in part), key=lambda row: float(row.before_mm)) for part in stretches]
+    return [row for row in points if row.reason][:FEW] + [row for row in most if not row.reason]
+
+
+def seen(cell: Cell, found: CorrectedProgram, said: Report) -> Seen:
+    """The path, where loads draw the tool off it, and the arm that does so."""
+    points = said.numbers["rows"]
+    some = picked(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
+    rows = [points[k] for k in some]
+    before, half = (np.array([row[key] for row in rows], dtype=float) for key in ("before_mm", "half_95_mm"))
+    errors = [Line(name, LOOKS[name], mm) for name, mm in ((BEFORE, before), (AFTER, half))]
+    title, note = (
+        "How far the loaded tool is off at each point (mm)",
+        of_all(len(some), len(points), "points"),
+    )
+    scale, groups = _groups(cell, found, rows, some)
+    return Seen(
+        scene=Scene(cell, f"What is off, and how the arm bends, x {scale:g}.", groups),
+        runs=[RunChart(title, 0, [row.label for row in rows], errors, note=note)],
+    )
+
+
+def _groups(cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids) -> tuple[float, list[Poses]]:
+    """The arm along its program, seen from near and as a whole; how much is magnified."""
+    own, q = found.found, found.found.start[some]
+    asked = own.target.position[some]
+    size = max(LEAST, float(np.linalg.norm(np.ptp(asked, axis=0))))
+    M = arrow_scale(own.before[some], SHARE * size)
+    off, back = (asked + M * metres[some] for metres in (own.before, own.after))
+    force = np.sum([load.wrench[some, :3] for load in found.loads], axis=0)
+    most = float(np.linalg.norm(force, axis=1).max()) or 1.0
+    ways = {"path asked": (asked, TASK), BEFORE: (off, MEASURED), "corrected, by the model": (back, GCO)}
+    half = M * np.where(np.isfinite(own.half[some]), own.half[some], np.nan)
+    spans = half[:, None, :] * np.eye(3)  # along each axis of the world
+    low, high = ((back[:, None] + side * spans).reshape(1, -1, 3) for side in (-1, 1))
+    near = Poses(
+        name="Path, from near",
+        names=[f"Point {row.label}, line {row.line}" for row in rows],
+        words=[_said(row) for row in rows],
+        rigid=rigid_frames(cell.room, q),
+        bent=elastic_frames(cell.plant, q, M * _bent(found, some)),
+        layers=[
+            Layer("where it may be, 95 %", FAINT, "lines", low, high),
+            *(Layer(name, colour, "lines", x[None, :-1], x[None, 1:]) for name, (x, colour) in ways.items()),
+            Layer("tool asked", TASK, "dots", asked[:, None]),
+            Layer("tool drawn off", MEASURED, "arrows", asked[:, None], off[:, None]),
+            Layer("force", LOAD, "arrows", (off - FORCE * size / most * force)[:, None], off[:, None]),
+        ],
+        first=int(np.argmax([row.before_mm for row in rows])),
+        near=np.vstack([asked, off, asked.mean(axis=0) + LEAST / 2 * np.vstack([np.eye(3), -np.eye(3)])]),
+    )
+    return M, [replace(near, bent=None), replace(near, name="Whole arm", near=None)]
+
+
+def _bent(found: CorrectedProgram, some: Ids) -> Array:
+    """Virtual joints as programmed, less what the program knows of, (points, n_theta) [m, rad]."""
+    state, q = found.model.state, found.found.start[some]
+    loaded = rest(state, q, [load.of(some) for load in found.loads]).theta
+    return loaded if found.found.asked == "drawn" else loaded - rest(state, q).theta
+
+
+def _said(row: Row) -> str:
+    after = "nothing bounds what is left" if row.half_95_mm is None else f"{_within(row.half_95_mm)} (95 %)"
+    after = f"left as it is: {row.reason}" if row.reason else after
+    return f"{row.before_mm:.3f} mm off as programmed; {after}."

@@ -1,1 +1,0 @@
-"""What `testbench compensate` shows: words, a picture, a recording."""

@@ -1,1 +1,0 @@
-"""A prediction in words, a table of all poses, a figure and files."""
