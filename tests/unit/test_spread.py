@@ -9,7 +9,6 @@ from testbench.trials.spread import Number, Share, Spread, merge, most_trials, s
 from testbench.views import terminal
 from testbench.views.figure import of_seeds
 from testbench.views.page import html
-from testbench.views.recording.swept import Point, Sweep
 from testbench.views.schema import Column, Table, brackets
 
 
@@ -80,13 +79,6 @@ def test_captions_and_titles_of_few_seeds_speak_of_no_percentile():
     """What a study says above its tables and below its figures, with three seeds and with a hundred."""
     assert of_seeds(range(3)) == "Dots: medians, lines: range of 3 seeds"
     assert of_seeds(range(100)) == "Dots: medians, lines: 5 % to 95 % of 100 seeds"
-    error, pose = Column("y", "error", "mm"), Column("x", "poses")
-    for trials, words in ((3, "range of 3 trials"), (100, "5 to 95 % of 100 trials")):
-        ys = [spread(np.arange(1.0, trials + 1)), spread(np.arange(2.0, trials + 2))]
-        points = [Point(8, name, y) for name, y in zip("ab", ys, strict=True)]
-        sweep = Sweep(pose, error, points, {})
-        assert f"bars: {words}." in sweep.words.block("how_to_read")
-        assert f"error, mm ({words})" in sweep.words.block("step", step=sweep.steps[0]).lower()
 
 
 def test_a_win_is_more_than_a_solvers_last_digits():
