@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from testbench.bench.truths import CALLED
+from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.views.schema import Column
 
 ROUNDING_UM, ROUNDING_PERCENT = 1e-3, 1e-5  #: Errors below are rounding.
@@ -163,6 +164,31 @@ EVERY = (
     Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
     Column("prototype_mm", "prototype", "mm"),
     Column("here_mm", "here", "mm"),
+    # a family of true arms and priors
+    Column("prior_error", "prior", called=PRIORS_CALLED),
+    Column("seed", "seed", form="d"),
+    Column("cases", "cases", form="d"),
+    Column("where", "which cases"),
+    Column("over_joints", "over joints alone", form=".2f"),
+    Column("over_best", "over the best fixed", form=".2f"),
+    Column("over_least", "over the best of the case", form=".2f"),
+    Column("loses", "loses to joints alone", form="yes"),
+    Column("wins", "is the best in", form="yes"),
+    Column("misfit", "F_M over floor", form=".2f"),
+    Column("chosen", "what the default chose"),
+    Column("share", "share of cases", form="yes"),
+    Column("covered_percent", "covered", "%", ".1f"),
+    Column("by_case_percent", "covered, case by case", "%", ".1f"),
+    Column("half_mm", "half width", "mm"),
+    Column("ideal_mm", "of the ideal", "mm"),
+    Column("over_ideal", "half width over the ideal", form=".2f"),
+    Column("doubted", "any doubt", form="yes"),
+    Column("told", "what is wrong is contradicted", form="yes"),
+    Column("unchecked", "is named as unchecked", form="yes"),
+    Column("otherwise", "where another one is wrong", form="yes"),
+    Column("either", "contradicted or unchecked", form="yes"),
+    Column("off_tubes_percent", "off tubes", "%", ".0f"),
+    Column("cad_mm", "error of the folder's values", "mm"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
