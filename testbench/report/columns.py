@@ -189,6 +189,26 @@ EVERY = (
     Column("either", "contradicted or unchecked", form="yes"),
     Column("off_tubes_percent", "off tubes", "%", ".0f"),
     Column("cad_mm", "error of the folder's values", "mm"),
+    # faults that are planted in data sets
+    Column("planted", "planted"),
+    Column("names", "right doubt"),
+    Column("kind", "data sets"),
+    Column("right.of", "with a fault", form="d", short="with\nfault"),
+    Column("right.share_percent", "right first", "%", ".1f"),
+    Column("right.low_percent", "at least", "%", ".1f", short="at\nleast\n%"),
+    Column("right.high_percent", "at most", "%", ".1f"),
+    Column("alarms.of", "sound", form="d"),
+    Column("alarms.share_percent", "doubted", "%", ".1f"),
+    Column("alarms.high_percent", "doubted at most", "%", ".1f", short="at\nmost\n%"),
+    Column("anywhere_percent", "right anywhere", "%", ".1f"),
+    Column("other_percent", "another first", "%", ".1f"),
+    Column("silent_percent", "not noticed", "%", ".1f"),
+    Column("before_percent", "noticed by the two checks before", "%", ".1f"),
+    Column("instead", "instead"),
+    Column("first", "first doubt"),
+    Column("evidence", "evidence in nats", form=".0f"),
+    Column("said", "what was said"),
+    Column("found_out", "right", form="yes"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -17,7 +17,6 @@ from testbench.studies.wrong_inputs.before import noticed
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.sound import PAYLOAD, Sound, sound
 
-NAME = "wrong_inputs"
 SOUND = "sound"  #: Case of a data set without a fault.
 REFUSED = "refused"  #: What is said first where no frame is found, and no mistake that explains it.
 QUICK = 8  #: With --quick: trials at most, each with every eighth fault.
