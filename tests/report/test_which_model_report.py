@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_spread, ends_of, tables_of, unit_in
+from checks import check_pivot, check_spread, ends_of, tables_of, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.truths import TRUTHS
-from testbench.bench.wrong_prior import PRIORS
+from testbench.bench.truths import CALLED, TRUTHS
+from testbench.bench.wrong_prior import PRIORS, PRIORS_CALLED
 from testbench.studies.which_model.judge import Cover, Doubted, Error
 from testbench.studies.which_model.report import figures, report
 from testbench.studies.which_model.trial import COVERED, POSES, FitRow, Settings, pairs
@@ -167,6 +167,8 @@ def test_intervals_are_counted_over_all_cases_and_over_parts(of_all):
             ]
             assert own.cases == len(covers)
             assert own.covered_percent == pytest.approx(np.mean([c.covered_percent for c in covers]))
+            check_spread(own.half_mm, [c.half_mm for c in covers])
+            check_spread(own.ideal_mm, [c.ideal_mm for c in covers])
             check_spread(own.over_ideal, [c.half_mm / c.ideal_mm for c in covers])
     methods = set(COVERED) & set(METHODS)
     parts = 1 + len(POSES) + len(TRUTHS) + len(PRIORS)
@@ -267,8 +269,12 @@ def test_tables_show_each_method_by_poses_by_true_arm_and_by_prior(of_all):
     assert head[:2] == ["true arm", "right"]
     assert cells[0][0] == "links of tubes"
     assert cells[0][1].startswith(f"{mm['tubes', 'right']:.3f} (")
-    [(head, cells)] = tables_of(grid(found.tables["prior_20"]))
-    assert [c[0].strip("*") for c in cells] == [DEFAULT, "MLS56 + prior", "ALL153 + prior"]
+    by_arm, by_prior = ([m for m in f[key] if m.poses == 20] for key in ("by_truth", "by_prior"))
+    path = "workspace.rms_mm"
+    check_pivot(found.tables["truth_20"], by_arm, ("name", "true_arm", path), called=({}, CALLED))
+    check_pivot(found.tables["prior_20"], by_prior, ("name", "prior_error", path), called=({}, PRIORS_CALLED))
+    check_pivot(found.tables["covered"], f.cover, ("where", "name", "covered_percent"))
+    check_pivot(found.tables["widths"], f.cover, ("where", "name", "over_ideal"))
 
 
 def test_the_figure_draws_the_numbers_in_the_colour_of_each_method(of_all):
