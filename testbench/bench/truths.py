@@ -115,6 +115,18 @@ CALLED = {
     "joints": "unequal joints",
 }
 """The same for readers."""
+TRUTH_WORDS = {
+    "tubes": "the folder's: every link a straight tube, which the template contains",
+    **{
+        f"off_{percent}": f"every link {percent} % off any tube along its axes, and these turned by "
+        f"{np.rad2deg(percent / 100):.0f} degrees"
+        for percent in (10, 20, 40)
+    },
+    "cast": "every link a cast box, tapered, bowed, beside its joints, half of them with an open side; as "
+    "long as the tube and in the mean as compliant under moments",
+    "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
+}
+"""What they are."""
 
 
 def member(family: str, seed: int) -> str:

@@ -126,3 +126,12 @@ PRIORS_CALLED = {
     "uncoupled": "no couplings",
 }
 """The same for readers."""
+PRIOR_WORDS = {
+    "right": "the folder's compliances",
+    "scaled": f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
+    "link": f"one link {FAR:g} times too soft or too stiff",
+    "joints": f"all joints {FAR:g} times too soft or too stiff",
+    "axes": f"beam axes of every link turned by {np.rad2deg(TURN):.0f} degrees",
+    "uncoupled": "no couplings inside a link",
+}
+"""What is wrong with them."""

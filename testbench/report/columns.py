@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from testbench.bench.truths import CALLED
+from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.views.schema import Column
 
 ROUNDING_UM, ROUNDING_PERCENT = 1e-3, 1e-5  #: Errors below are rounding.
@@ -184,7 +185,7 @@ EVERY = (
     Column("gco_mm", "simulated GCO", "mm", ".4f"),
     Column("ls_mm", "simulated LS", "mm", ".4f"),
     Column("gco_over_expected", "GCO over forecast"),
-    Column("cases", "promises"),
+    Column("promised", "promises"),
     Column("count", "cases", form="d"),
     Column("inside_90", "inside 90 % interval", form="yes"),
     Column("below", "below", form="yes"),
@@ -223,6 +224,51 @@ EVERY = (
     Column("turn_mrad", "turns", "mrad", ".2f", short="turns\nmrad"),
     Column("stiffness_n_per_um.0", "least stiffness", "N/um", ".3g", short="softest\nN/um"),
     Column("softest", "where softest", short="direction"),
+    # a family of true arms and priors
+    Column("prior_error", "prior", called=PRIORS_CALLED),
+    Column("seed", "seed", form="d"),
+    Column("cases", "cases", form="d"),
+    Column("where", "which cases"),
+    Column("over_joints", "over joints alone", form=".2f"),
+    Column("over_best", "over the best fixed", form=".2f"),
+    Column("over_least", "over the best of the case", form=".2f"),
+    Column("loses", "loses to joints alone", form="yes"),
+    Column("wins", "is the best in", form="yes"),
+    Column("misfit", "F_M over floor", form=".2f"),
+    Column("chosen", "what the default chose"),
+    Column("share", "share of cases", form="yes"),
+    Column("covered_percent", "covered", "%", ".1f"),
+    Column("by_case_percent", "covered, case by case", "%", ".1f"),
+    Column("half_mm", "half width", "mm"),
+    Column("ideal_mm", "of the ideal", "mm"),
+    Column("over_ideal", "half width over the ideal", form=".2f"),
+    Column("doubted", "any doubt", form="yes"),
+    Column("told", "what is wrong is contradicted", form="yes"),
+    Column("unchecked", "is named as unchecked", form="yes"),
+    Column("otherwise", "where another one is wrong", form="yes"),
+    Column("either", "contradicted or unchecked", form="yes"),
+    Column("off_tubes_percent", "off tubes", "%", ".0f"),
+    Column("cad_mm", "error of the folder's values", "mm"),
+    # faults that are planted in data sets
+    Column("planted", "planted"),
+    Column("names", "right doubt"),
+    Column("kind", "data sets"),
+    Column("right.of", "with a fault", form="d", short="with\nfault"),
+    Column("right.share_percent", "right first", "%", ".1f"),
+    Column("right.low_percent", "at least", "%", ".1f", short="at\nleast\n%"),
+    Column("right.high_percent", "at most", "%", ".1f"),
+    Column("alarms.of", "sound", form="d"),
+    Column("alarms.share_percent", "doubted", "%", ".1f"),
+    Column("alarms.high_percent", "doubted at most", "%", ".1f", short="at\nmost\n%"),
+    Column("anywhere_percent", "right anywhere", "%", ".1f"),
+    Column("other_percent", "another first", "%", ".1f"),
+    Column("silent_percent", "not noticed", "%", ".1f"),
+    Column("before_percent", "noticed by the two checks before", "%", ".1f"),
+    Column("instead", "instead"),
+    Column("first", "first doubt"),
+    Column("evidence", "evidence in nats", form=".0f"),
+    Column("said", "what was said"),
+    Column("found_out", "right", form="yes"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

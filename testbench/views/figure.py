@@ -216,7 +216,7 @@ def forest(
     """Dots of a table's rows side by side, a pane a column, on logarithmic axes.
 
     Args:
-        table: Rows that are of models, see `schema.looks`.
+        table: Rows that are of models, see `schema.looks`; the one that it marks has a band.
         panes: Titles by the keys of the columns that are drawn.
         answer: See `say`.
         reading: The same.
@@ -229,9 +229,11 @@ def forest(
     for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
         dots(axes, table.rows, None if k else name, columns[key], shades)
         log_ticks(axes, "x", *axes.dataLim.intervalx)
-        for row, shade in zip(table.rows, shades, strict=True):
+        for y, (row, shade) in enumerate(zip(table.rows, shades, strict=True)):
             if name.cell(row) == mark:
                 axes.axvline(middle(columns[key].value(row)), color=shade.hex, linewidth=0.8, linestyle=":")
+            if name.cell(row) == table.bold:
+                axes.axhspan(y - 0.5, y + 0.5, color=shade.hex, alpha=0.1, linewidth=0, zorder=0)
         if isinstance(mark, float):
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set_title(title, fontsize="medium")

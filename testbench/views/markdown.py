@@ -14,7 +14,6 @@ from typing import Protocol
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
 
 from testbench.bench.truths import CALLED
-from testbench.bench.wrong_prior import PRIORS_CALLED
 from testbench.errors import shown
 from testbench.trials.duel import Duel
 from testbench.trials.spread import middle, span, twins_once
@@ -189,7 +188,6 @@ def _environment(folder: Path) -> Environment:
         "place": place,
         "true_arm": true_arm,
     }
-    found.filters["prior"] = prior
     found.filters |= {"told": told, "untold": untold}
     found.filters |= {
         "counted": counted,
@@ -238,11 +236,6 @@ def listed(names: list[str]) -> str:
 def true_arm(name: str) -> str:
     """What a true arm is called."""
     return CALLED.get(name, name)
-
-
-def prior(name: str) -> str:
-    """What a prior is called."""
-    return PRIORS_CALLED.get(name, name)
 
 
 def place(metres: Sequence[float]) -> str:

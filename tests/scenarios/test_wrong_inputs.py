@@ -42,7 +42,7 @@ def test_every_trial_is_a_sound_set_and_its_faults(rows, report):
         )
     assert report["right"]["of"] == report["alarms"]["of"] == 2
     assert report["shown"] == 303
-    assert report["dataset"]["runs"] == rows[0]["runs"]
+    assert report["dataset"]["runs"] == rows[0]["measured.runs"]
 
 
 def test_faults_are_planted_in_the_first_trials_by_turns_with_quick():

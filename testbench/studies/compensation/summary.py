@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
-from testbench.bench.truths import TRUTHS
+from testbench.bench.truths import TRUTH_WORDS, TRUTHS
 from testbench.errors import Array
 from testbench.studies.compensation.jobs import job, way_along
 from testbench.studies.compensation.report import (
@@ -41,7 +41,6 @@ from testbench.studies.compensation.settings import (
     Way,
 )
 from testbench.studies.study import Rows
-from testbench.studies.which_model.words import TRUTH_WORDS
 from testbench.trials.gain import gained
 from testbench.trials.spread import grouped, spread
 

@@ -190,12 +190,12 @@ def _all_kept(promises: Trials) -> Iterator[Row]:
             yield _kept(f"{what}: {name}", groups[name])
 
 
-def _kept(cases: str, own: Trials) -> Row:
+def _kept(promised: str, own: Trials) -> Row:
     """Shares of 90 % intervals that hold the error, of errors beside them, of 95 % intervals that hold."""
     error = own["tasks_mm"]
     below, above = (float(np.mean(x)) for x in (error < own["expected.p05"], error > own["expected.p95"]))
     return Row(
-        cases=cases,
+        promised=promised,
         count=len(own),
         inside_90=1 - below - above,
         below=below,

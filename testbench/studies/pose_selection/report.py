@@ -31,7 +31,7 @@ PLANS = (
     "observability.o3 observability.o4 observability.o5 seconds"
 )
 FORECASTS = "plan poses expected_mm gco_mm ls_mm gco_over_expected inside_90"
-KEPT = "cases count inside_90 below above inside_95 ratio"
+KEPT = "promised count inside_90 below above inside_95 ratio"
 VARIANTS = (
     "variant poses directions with_first_load efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
 )
@@ -228,7 +228,7 @@ def _more(f: Row) -> Iterator[Markdown]:
         true=", ".join(f"{ratio:.2f} ({poses} poses)" for poses, ratio in own.true_arm),
     )
     yield say(
-        "Promises hold least often with {least.cases}: {least.inside_90:yes} and {least.inside_95:yes}. "
+        "Promises hold least often with {least.promised}: {least.inside_90:yes} and {least.inside_95:yes}. "
         "Simulated over promised error is {whole.ratio:.2f} in all cases, of joints alone "
         "{joints.ratio:.2f}: a promise takes the links to be of any shape, and all to be as soft as the "
         "prior is.",

@@ -1,7 +1,7 @@
 """What an estimate is judged by: errors over the workspace, its intervals, what is said of the prior."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,45 @@ from testbench.identify.hierarchy import KIND
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.studies.which_model.rows import Case, Cover, Doubted
+
+
+@dataclass(frozen=True)
+class Error:
+    """Of predicted deflections, against the truth."""
+
+    rms_mm: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """A true arm, and a prior that is known of it."""
+
+    true_arm: str  #: Its name.
+    prior_error: str  #: Name of what is wrong with the prior, which not every method knows.
+    off_tubes_percent: float  #: Median distance of the true links from tubes.
+    #: RMS error over the workspace of the folder's compliances as they are [mm].
+    cad_mm: float
+    wrong: str | None  #: What is ten times off in the prior: a link's name, or "joints"; None for nothing.
+    #: Of a wrong link: RMS of the true deflection over the workspace that is its own, over the whole [1].
+    link_share: float | None
+
+
+@dataclass(frozen=True)
+class Cover:
+    """95 % intervals of the components of deflection over the workspace."""
+
+    covered_percent: float  #: Share of the true components that lie inside.
+    half_mm: float  #: Median half width.
+    ideal_mm: float  #: Half width of the narrowest intervals, all alike, that cover 95 %.
+
+
+@dataclass(frozen=True)
+class Doubted:
+    """What the readings are said to tell of the prior."""
+
+    contradicted: tuple[str, ...]  #: Links and joints, or "joints", whose scales they contradict.
+    #: Links and joints that may be off as the wrong link is; None where no link of the prior is wrong.
+    unchecked: tuple[str, ...] | None
 
 
 def case_of(cell: Cell, names: tuple[str, str], campaign: Campaign, estimate: Estimate) -> Case:
@@ -29,17 +67,17 @@ def case_of(cell: Cell, names: tuple[str, str], campaign: Campaign, estimate: Es
     wrong = cell.arm.links[link].name if link is not None else None
     return Case(
         *names,
-        off_tubes=_off_tubes(cell),
-        cad_mm=errors_mm(cell, [as_it_is], truth)[0],
+        off_tubes_percent=100 * _off_tubes(cell),
+        cad_mm=errors(cell, [as_it_is], truth)[0].rms_mm,
         wrong=KIND if far == "joints" else wrong,
-        share=None if link is None else _share(cell, link, truth, estimate),
+        link_share=None if link is None else _share(cell, link, truth, estimate),
     )
 
 
-def errors_mm(cell: Cell, estimates: Sequence[Estimate], truth: Dataset) -> list[float]:
-    """RMS errors against true deflections [mm]."""
+def errors(cell: Cell, estimates: Sequence[Estimate], truth: Dataset) -> list[Error]:
+    """Of each estimate, against true deflections."""
     moved = all_deflections(cell.vjm, estimates, truth)
-    return [MM * score(own, truth.deflection).rms for own in moved]
+    return [Error(MM * score(own, truth.deflection).rms) for own in moved]
 
 
 def cover(cell: Cell, estimate: Estimate, truth: Dataset) -> Cover:
@@ -52,7 +90,7 @@ def covers(centre: Array, half: Array, true: Array) -> Cover:
     """How well intervals of these half widths cover what is true, arrays of one shape [m]."""
     error = np.abs(centre - true)
     return Cover(
-        covered=float(np.mean(error <= half)),
+        covered_percent=100 * float(np.mean(error <= half)),
         half_mm=MM * float(np.median(half)),
         ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
     )
@@ -72,7 +110,7 @@ def doubted(cell: Cell, case: Case, estimate: Estimate, prior: Prior) -> Doubted
     return Doubted(
         contradicted=tuple(scale.name for scale in contradicted(estimate.belief)),
         unchecked=None
-        if case.share is None
+        if case.link_share is None
         else _open(cell, case, prior, unchecked(estimate.regression, own)),
     )
 

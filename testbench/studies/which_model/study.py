@@ -1,24 +1,20 @@
 """Which method an engineer should use by default, whatever the true arm and the prior are."""
 
-from pathlib import Path
-
 from testbench.arm.catalogue import find_arm
-from testbench.studies.study import TypedStudy
-from testbench.studies.which_model import figure, recording, rows, summary, tables, trial
+from testbench.studies.study import Study
+from testbench.studies.which_model import report, trial
 
-STUDY = TypedStudy(
-    name=trial.NAME,
+STUDY = Study(
+    name="which_model",
     about="Identify a family of true arms with every method, from few and many poses and with wrong priors.",
-    folder=Path(__file__).parent,
     options=trial.Options,
     settings=trial.settings,
     seeds=(102, 6),
     arms=lambda asked: [find_arm(asked.arm)],
-    row=rows.FitRow,
+    row=trial.FitRow,
     trials=trial.trials,
-    summary=summary.summary,
-    tables=tables.tables,
-    printed=("family_short",),
-    figures={"which_model.png": figure.methods},
-    write=recording.write,
+    report=report.report,
+    printed=("short",),
+    figures=report.figures,
+    write=report.write,
 )

@@ -6,31 +6,33 @@ meets every prior once: a Latin square.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import typer
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS, equal_fit
 from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.bench.default import choose, with_priors
 from testbench.bench.judged import identify_each
-from testbench.bench.models import Model
+from testbench.bench.models import MODELS, Model, named_models
 from testbench.bench.truths import TRUTHS, true_cell
 from testbench.bench.wrong_prior import PRIORS, prior_of
 from testbench.data.dataset import Dataset, select
-from testbench.identify import Estimate
+from testbench.identify import Constraint, Estimate, least_squares
 from testbench.identify.prior import Prior
 from testbench.studies.noise_sensitivity.fits import reread
-from testbench.studies.which_model.judge import case_of, cover, doubted, errors_mm
-from testbench.studies.which_model.methods import CHOSEN, COVERED, to_fill, without_prior
-from testbench.studies.which_model.rows import Case, FitRow
+from testbench.studies.which_model.judge import Case, Cover, Doubted, Error, case_of, cover, doubted, errors
+from testbench.trials.spread import Share
 
-NAME = "which_model"
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3
 RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
+CHOSEN = "default"  #: What `bench.default` chooses from the readings.
+COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
+"""Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,31 @@ class Fit:
     chosen: str | None = None  #: Of the default: the method that it chose.
 
 
+@dataclass(frozen=True)
+class FitRow:
+    """One method in one case; the case as in `Case`."""
+
+    true_arm: str
+    prior_error: str
+    off_tubes_percent: float
+    cad_mm: float
+    wrong: str | None
+    link_share: float | None
+    poses: int  #: From how many was identified.
+    name: str  #: Of the method.
+    structure: str
+    constraint: Constraint
+    prior: bool  #: Whether it knows the prior.
+    workspace: Error
+    check_true: Error
+    misfit: float  #: F_M over the floor to expect of noise [1].
+    conservative: Share
+    solved: Share  #: Whether the method found what it looks for.
+    chosen: str | None  #: Of the default: the method that it chose.
+    cover: Cover | None  #: Of the methods whose intervals are judged.
+    doubted: Doubted | None  #: Of the default.
+
+
 def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for."""
     workspace = QUICK_WORKSPACE if quick else Settings.workspace
@@ -84,6 +111,24 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
             rows += _rows(true, case, campaign, fits, prior)
         found.append(rows)
     return found
+
+
+def without_prior(cell: Cell) -> list[Model]:
+    """Methods that know of no prior."""
+    joints, mls56, *others = named_models(cell, (JOINTS, "MLS56", "MGCO56", "MGCO68"))
+    return [joints, mls56, equal_fit(cell), *others]
+
+
+def to_fill(cell: Cell) -> list[Model]:
+    """Methods that are fitted with a prior, learnt from the readings."""
+    mgco56 = MODELS["MGCO56"](cell)
+    return [
+        MODELS[JOINTS](cell),
+        replace(mgco56, name="MLS56", estimator=least_squares),
+        mgco56,
+        MODELS["MGCO68"](cell),
+        MODELS["ALL153"](cell),
+    ]
 
 
 def pairs(seed: int) -> list[tuple[str, str]]:
@@ -125,17 +170,17 @@ def identified(cell: Cell, models: Sequence[Model], data: Sequence[Dataset], pri
 
 def _rows(cell: Cell, case: Case, campaign: Campaign, fits: Sequence[Fit], prior: Prior) -> Iterator[FitRow]:
     estimates = [fit.estimate for fit in fits]
-    workspace, check = (errors_mm(cell, estimates, own) for own in (campaign.truth, campaign.check))
+    workspace, check = (errors(cell, estimates, own) for own in (campaign.truth, campaign.check))
     for k, (fit, estimate) in enumerate(zip(fits, estimates, strict=True)):
         yield FitRow(
-            case,
+            **vars(case),
             poses=POSES[k % len(POSES)],
-            method=fit.method,
+            name=fit.method,
             structure=estimate.structure.name,
             constraint=estimate.constraint,
-            filled=estimate.belief is not None,
-            workspace_mm=workspace[k],
-            check_mm=check[k],
+            prior=estimate.belief is not None,
+            workspace=workspace[k],
+            check_true=check[k],
             misfit=estimate.f_m / estimate.f_m_floor,
             conservative=estimate.conservative,
             solved=estimate.status == "solved",

@@ -17,7 +17,6 @@ from testbench.studies.wrong_inputs.before import noticed
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.sound import PAYLOAD, Sound, sound
 
-NAME = "wrong_inputs"
 SOUND = "sound"  #: Case of a data set without a fault.
 REFUSED = "refused"  #: What is said first where no frame is found, and no mistake that explains it.
 QUICK = 8  #: With --quick: trials at most, each with every eighth fault.
@@ -60,13 +59,11 @@ class SetRow:
     true_arm: str  #: One of TRUTHS.
     loads: str  #: One of LOADS.
     targets: int
-    runs: int
     tracker: bool  #: Whether the sound set is in a tracker's frames, and said so.
     disturbed: bool  #: Whether the true arm does what models do not know.
     first: str | None  #: Name of the first doubt.
     said: str | None  #: Its sentence.
     evidence: float | None  #: By how many nats the readings are likelier with the mistake.
-    doubts: int
     right: bool  #: Whether the first doubt names the fault; of a sound set, whether there is none.
     anywhere: bool  #: Whether any does.
     before: bool  #: Whether one of the two checks before notices anything.
@@ -120,13 +117,11 @@ def row(case: str, own: Sound) -> SetRow:
         true_arm=own.true_arm,
         loads=own.loads,
         targets=len(own.data.markers),
-        runs=own.data.runs,
         tracker=own.tracker,
         disturbed=own.disturbed,
         first=first.name if first else None,
         said=first.sentence if first else None,
         evidence=first.evidence if first else None,
-        doubts=len(found),
         right=first.name in names if first else case == SOUND,
         anywhere=any(doubt.name in names for doubt in found) or (case == SOUND and not found),
         before=noticed(own.cell, own.data),
