@@ -43,6 +43,21 @@ EVERY = (
     Column("theirs_mm", "the other's", "mm"),
     Column("times", "the other's over its", form=".2f"),
     Column("won", "better in", form="yes"),
+    # a map of noise by poses: GCO beside others, fit by fit
+    Column("cell", "structure and poses"),
+    Column("level", "expected error"),
+    Column("uncertainty", "uncertainty"),
+    Column("sigma_um", "noise of a reading", "um", "g"),
+    Column("share", "of the fits", form="yes"),
+    Column("gco_over_ls", "GCO over least squares", form=".2f"),
+    Column("gco_over_equal", "GCO over PSD of equal fit", form=".2f"),
+    Column("gco_over_lent", "GCO over least squares, same free directions", form=".2f"),
+    Column("gco_over_joints", "GCO over joints alone", form=".2f"),
+    Column("fitted", "GCO over least squares in the fitted runs", form=".2f"),
+    Column("where_it_binds", "where it binds", form=".2f"),
+    Column("better_in", "GCO better", form="yes"),
+    Column("beats_joints_in", "beats joints", form="yes"),
+    Column("binds_in", "cone binds", form="yes"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
