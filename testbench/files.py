@@ -29,7 +29,7 @@ def write_manifest(
     scenario: Any,
     seeds: range,
     models: Mapping[str, Mapping[str, str]],
-    **measured: float | Mapping[str, str],
+    **measured: object,
 ) -> None:
     """manifest.json: what it takes to run again, and all files of the run, their SHA-256; so it comes last.
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from testbench.errors import InputError
 from testbench.studies.stored import Stored, read_report
-from testbench.studies.study import Study
+from testbench.studies.study import AnyStudy
 from testbench.views.markdown import grid, lines
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -48,7 +48,7 @@ def _put(mark: str, new: str, old: str, end: str) -> str:
 def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
     name = mark[2]
     try:
-        study: Study[Any, Any, Any, Any] = importlib.import_module(f"testbench.studies.{name}.study").STUDY
+        study: AnyStudy = importlib.import_module(f"testbench.studies.{name}.study").STUDY
     except ImportError as err:
         raise InputError(page, mark[1].strip(), f"no study {name!r}") from err
     if not (runs / name / "report.json").is_file():

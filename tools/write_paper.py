@@ -7,7 +7,7 @@ The template is jinja2's; under a study's name it finds its `report`, its `table
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from jinja2 import TemplateError
@@ -20,13 +20,13 @@ from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF_ARM
 from testbench.studies.solver_comparison.study import STUDY as SOLVER_COMPARISON
 from testbench.studies.stored import read_report
-from testbench.studies.study import Study
+from testbench.studies.study import AnyStudy
 from testbench.views.markdown import Words
 
 ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"
 TEMPLATE = ROOT / "docs" / "paper.md.in"
-STUDIES: tuple[Study[Any, Any, Any, Any], ...] = (
+STUDIES: tuple[AnyStudy, ...] = (
     SINGLE_LINK,
     SIX_DOF_ARM,
     SOLVER_COMPARISON,

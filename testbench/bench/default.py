@@ -2,8 +2,9 @@
 
 Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
 8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
-default. Joints alone stand beside it as a guard against a prior that is wrong in ways which nobody thought
-of: where they predict poses held out clearly better, they are taken.
+default. It is averaged with joints alone by evidence (`identify.average`), so that links which the readings
+do not see add no noise. Beside it stand joints alone without a prior, as a guard against a prior that is
+wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,10 +15,12 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell
+from testbench.bench.judged import of_model
 from testbench.bench.models import EVERY, MODELS, Model, named_models, own_name, right_name
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, check_array
+from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
+from testbench.identify.average import words
 from testbench.identify.crossval import (
     Candidate,
     Divided,
@@ -102,7 +105,13 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
-    return Choice(model.name, model.estimator(cell.vjm, model.structure, data), found.why)
+    estimate = of_model(cell, model, data)
+    return Choice(model.name, estimate, why(found, estimate))
+
+
+def why(found: Recommendation, estimate: Estimate) -> str:
+    """Why a model is taken, and how much of it is joints alone."""
+    return found.why if estimate.average is None else f"{words(estimate.average)}; {found.why}"
 
 
 def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:
@@ -150,9 +159,8 @@ def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
     folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
     if isinstance(method, Method):
         return errors_of(cell, method, folds)
-    each = [method(cell.vjm, model.structure, fold.runs).pi for fold in folds]
-    pi = check_array(np.array(each), (len(folds), model.structure.n), f"parameters found by {model.name}")
-    return np.array([f_m(fold.held_out, p) for fold, p in zip(folds, pi, strict=True)])
+    each = [of_model(cell, model, fold.runs).pi for fold in folds]
+    return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, each, strict=True)])
 
 
 def errors_of(cell: Cell, method: Method, folds: Sequence[Fold | Divided]) -> Array:

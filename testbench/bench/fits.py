@@ -4,17 +4,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammainc
 
 from testbench.bench.campaign import Cell
-from testbench.bench.default import Recommendation, default_name, recommend
+from testbench.bench.default import Recommendation, default_name, recommend, why
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
-from testbench.bench.judged import of_model
+from testbench.bench.judged import EstimatorFailed, of_model
 from testbench.bench.looks import UNSEEN, Looks
 from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, error_row, fit_row
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
+from testbench.data.stream import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked
@@ -22,8 +24,13 @@ from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
+from testbench.identify.regression import BLOCK_RUNS, ROUNDING
+from testbench.model.vjm import chain, generalised_load
 
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
+
+QUIET, CHANCE = 0.6, 1e-6
+"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,8 @@ class Identified:
 
 Judged = tuple[ErrorRow, ErrorRow | None]
 """Errors on the runs that were fitted, and on those held back."""
+AllFits = tuple[Runs, list[tuple[Estimate, float]], Recommendation, list[Judged]]
+"""Runs that are looked at one by one; estimates and their times; which to take; errors of every model."""
 
 
 def fit(
@@ -80,9 +89,10 @@ def fit(
     """
     looks = runs.looks.doubts
     try:
-        models, lost = _working(cell, models, runs)
+        models, still = _moved(cell, models, runs.used)
+        runs = replace(runs, notes=(*runs.notes, *still))
+        models, lost, (runs, found, taken, scores) = _working(cell, models, runs, clock)
         looks = (*looks, *lost)
-        runs, found, taken, scores = _all(cell, models, runs, clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in looks), str(err)])) from err
     # beside a prior, intervals that count noise alone would look the surest
@@ -92,6 +102,9 @@ def fit(
         for model, (estimate, _) in zip(models, found, strict=True)
     ]
     widest = runs.check or runs.used
+    if widths and runs.many is None and widest.runs > SHOWN:
+        runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
+        widest = in_order(widest, some(np.arange(widest.runs)))
     spread = [
         _intervals(cell, estimate, widest) if own else None
         for (estimate, _), own in zip(found, wanted, strict=True)
@@ -108,9 +121,9 @@ def fit(
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
         models=tuple(fitted),
         recommended=taken.name,
-        why=taken.why,
+        why=why(taken, best),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
-        doubts=(*looks, *_of_prior(models, found, taken.name, default_name(cell.arm))),
+        doubts=(*looks, *_of_noise(found), *_of_prior(models, found, taken.name, default_name(cell.arm))),
         unchecked=_unchecked(cell, model, best),
         notes=runs.notes,
         registration=runs.registration,
@@ -119,28 +132,45 @@ def fit(
     return Identified(fits, runs, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
 
 
-def _working(cell: Cell, models: Sequence[Model], runs: Runs) -> tuple[Sequence[Model], list[Doubt]]:
-    """The models without estimators of one's own that fail, and what is said of these.
+def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
+    """The models that the loads move, and a sentence on each other one.
+
+    Loads along z turn no hinge about z and push no slide along y: an arm of these alone bends in its links.
+
+    Raises:
+        BenchError: When they move none.
+    """
+    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
+    u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
+    acts = u > ROUNDING * u.max()
+    moved = [m for m in models if acts[np.concatenate([m.structure.a, m.structure.b])].any()]
+    still = [m.name for m in models if m not in moved]
+    if not moved:
+        raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")
+    return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
+
+
+def _working(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
+) -> tuple[Sequence[Model], list[Doubt], AllFits]:
+    """What is found without estimators of one's own that fail: the other models, and a doubt on each failure.
 
     Raises:
         BenchError: When none is left.
     """
-    lost: dict[str, Doubt] = {}
-    for model in models:
-        if not isinstance(model.estimator, Method):
-            try:
-                of_model(cell, model, runs.used)
-            except BenchError as err:
-                lost[model.name] = Doubt("estimator", f"left out: {err}")
-    if len(lost) == len(models):
-        raise BenchError("; ".join(doubt.sentence for doubt in lost.values()))
-    return [model for model in models if model.name not in lost], list(lost.values())
+    lost: list[Doubt] = []
+    while True:
+        try:
+            return models, lost, _all(cell, models, runs, clock)
+        except EstimatorFailed as err:
+            models = [model for model in models if model.name != err.model]
+            lost.append(Doubt("estimator", f"left out: {err}"))
+            if not models:
+                raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
 
 
-def _all(
-    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
-) -> tuple[Runs, list[tuple[Estimate, float]], Recommendation, list[Judged]]:
-    """Runs that are looked at one by one; estimates and their times; which to take; errors of every model."""
+def _all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]) -> AllFits:
     if runs.many is None:
         found = [_timed(cell, model, runs.used, clock) for model in models]
         used = [_judged(cell, estimate, runs.used) for estimate, _ in found]
@@ -168,6 +198,22 @@ def _judged(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
     return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
 
 
+def _of_noise(found: Sequence[tuple[Estimate, float]]) -> list[Doubt]:
+    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
+    quiet = [e for e, _ in found if e.f_m < QUIET * e.f_m_floor]
+    if not quiet:
+        return []
+    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
+    free = least.regression.equations - least.regression.rank
+    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
+        return []
+    words = (
+        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
+        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
+    )
+    return [Doubt("noise", words)]
+
+
 def _of_prior(
     models: Sequence[Model], found: Sequence[tuple[Estimate, float]], taken: str, default: str
 ) -> list[Doubt]:
@@ -191,7 +237,7 @@ def _unchecked(cell: Cell, model: Model, estimate: Estimate) -> Unchecked:
 
 def _timed(cell: Cell, model: Model, data: Dataset, clock: Callable[[], float]) -> tuple[Estimate, float]:
     start = clock()
-    return model.estimator(cell.vjm, model.structure, data), clock() - start
+    return of_model(cell, model, data), clock() - start
 
 
 def _fit(

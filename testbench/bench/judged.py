@@ -1,7 +1,7 @@
 """Models identified from a campaign and judged: against its readings, and by the truth."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method
 from testbench.identify.evaluate import Score, all_deflections, score
+from testbench.model.vjm import Vjm
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,40 @@ def identify(
     return [Result(**vars(errors), model=m, estimate=e, seconds=taken) for m, e, taken, errors in found]
 
 
+class EstimatorFailed(BenchError):
+    """An estimator of one's own that failed, or whose answer is none."""
+
+    def __init__(self, model: str, why: str) -> None:
+        super().__init__(f"{model}: its estimator failed: {why}")
+        self.model = model
+
+
 def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """What a model makes of runs; BenchError names an estimator of one's own that fails."""
-    try:
+    """What a model makes of runs; an estimator of one's own does not see the folder's compliances.
+
+    Raises:
+        EstimatorFailed: When an estimator of one's own does.
+    """
+    if isinstance(model.estimator, Method):
         return model.estimator(cell.vjm, model.structure, data)
+    try:
+        found = model.estimator(unseen(cell.vjm), model.structure, data)
     except Exception as err:
-        if isinstance(model.estimator, Method) or isinstance(err, BenchError):
-            raise
-        raise BenchError(f"{model.name}: its estimator failed: {type(err).__name__}: {err}") from err
+        why = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
+        raise EstimatorFailed(model.name, " ".join(why.split())) from err
+    if not isinstance(found, Estimate):
+        raise EstimatorFailed(model.name, f"expected an Estimate, got {type(found).__name__}")
+    n = model.structure.n
+    if found.pi.shape != (n,) or not (np.isfinite(found.pi).all() and np.isfinite(found.C_theta).all()):
+        raise EstimatorFailed(model.name, f"expected {n} finite parameters, got shape {found.pi.shape}")
+    return found
+
+
+def unseen(vjm: Vjm) -> Vjm:
+    """An arm without compliances, NaN in their place: in simulations the folder's may be the true ones."""
+    links = tuple(replace(link, compliance=np.full((6, 6), np.nan)) for link in vjm.arm.links)
+    joints = tuple(replace(joint, compliance=np.nan) for joint in vjm.arm.joints)
+    return replace(vjm, arm=replace(vjm.arm, links=links, joints=joints))
 
 
 def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:

@@ -9,7 +9,7 @@ from testbench.arm.document import Strict
 from testbench.correct.arm_model import About
 from testbench.errors import Array
 from testbench.model.load import Load, resultant
-from testbench.model.vjm import Vjm, chain
+from testbench.model.vjm import Vjm, tool_pose
 from testbench.model.weights import Weights
 
 LARGEST = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
@@ -79,7 +79,7 @@ def weights_row(weights: Weights) -> WeightsRow:
 
 def loaded_by(vjm: Vjm, q: Array, load: Load) -> tuple[float, float]:
     """Largest force [N] and largest moment about the tool's origin [N m] over some poses, (poses, n)."""
-    total = resultant(chain(vjm, q), [load])
+    total = resultant(tool_pose(vjm, q)[1], [load])
     return float(np.linalg.norm(total[:, :3], axis=1).max()), float(
         np.linalg.norm(total[:, 3:], axis=1).max()
     )

@@ -7,6 +7,7 @@ import numpy as np
 from testbench.arm.decimal import read_decimals
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
+from testbench.bench.payload import read_mass
 from testbench.bench.plan_settings import LOAD_RANGE, PULL_RANGE, Place
 from testbench.data.columns import Columns, find_columns, joint_coordinates
 from testbench.data.components import vector
@@ -125,11 +126,14 @@ def _column(table: Table, name: str) -> Array:
 
 
 def read_masses(text: str) -> list[float]:
-    """Masses, KG,KG ...; BenchError for anything but different numbers that can hang."""
-    masses, (low, high) = _numbers(text, text.count(",") + 1, "--loads"), LOAD_RANGE
-    if len(set(masses)) < len(masses) or not all(low <= mass <= high for mass in masses):
-        raise BenchError(f"--loads: expected different masses of {low:g} to {high:g} kg, got {text[:80]!r}")
-    return list(masses)
+    """Masses, MASS,MASS ... [kg]; BenchError for anything but different ones that can hang."""
+    try:
+        masses = [read_mass(part) for part in text.split(",")]
+    except BenchError as err:
+        raise BenchError(f"--loads: {err}, got {text[:80]!r}") from err
+    if len(set(masses)) < len(masses):
+        raise BenchError(f"--loads: expected different masses, got {text[:80]!r}")
+    return masses
 
 
 def place(text: str, flag: str = "--tracker") -> Place:

@@ -25,7 +25,6 @@ class Predicted:
     asked: Asked
     linear: bool  #: Whether by Eq. (6).
     found: Prediction
-    other: Prediction  #: By the other of Eq. (6) and Eq. (7).
     stiffness: Stiffness  #: Of the loaded tool.
     #: Half widths of how far the map's force moves the loaded tool along its principal axes, the softest
     #: first, (poses, 3) [m].
@@ -61,18 +60,14 @@ def predicted(model: ArmModel, asked: Asked, wanted: Wanted) -> Predicted:
         PoseError: When too few poses have their tool in the area of the map.
     """
     cell = Cell(model.arm, model.vjm)
-
-    def by(linear: bool) -> Prediction:
-        return carried(asked, lambda q, loads: predict(model, q, loads, linear=linear))
-
+    found = carried(asked, lambda q, loads: predict(model, q, loads, linear=wanted.linear))
     tool = carried(asked, lambda q, loads: stiffness(model, q, loads))
     return Predicted(
         model=model,
         cell=cell,
         asked=asked,
         linear=wanted.linear,
-        found=by(wanted.linear),
-        other=by(not wanted.linear),
+        found=found,
         stiffness=tool,
         give_half=give_halves(model, asked.q, tool, wanted.force),
         extent=extent(model, asked.q, asked.loads),

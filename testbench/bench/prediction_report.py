@@ -105,7 +105,7 @@ class PredictionReport:
 def reported(made: Predicted) -> PredictionReport:
     """What there is to say of a prediction."""
     found, size = made.found, MM * made.found.size
-    about, extent, other = made.model.about, made.extent, made.other
+    about, extent = made.model.about, made.extent
     point = int(size.max(axis=0).argmax())
     worst = [pose_row(made, int(k)) for k in made.worst_first[:WORST]]
     return PredictionReport(
@@ -124,7 +124,7 @@ def reported(made: Predicted) -> PredictionReport:
         farthest=made.names[point],
         farthest_mm=float(size[:, point].max()),
         unseen_percent=float(100 * np.isinf(found.half).any(axis=2).mean()),
-        other_off_mm=float(MM * np.linalg.norm(found.deflection - other.deflection, axis=2)[:, 0].max()),
+        other_off_mm=float(MM * found.apart.max()),
         position_half_mm=finite(MM * np.median(found.position_half[:, 0].max(axis=1))),
         force_n=extent.force,
         moment_nm=extent.moment,

@@ -122,13 +122,19 @@ def member(family: str, seed: int) -> str:
     return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
 
 
-def true_cell(cell: Cell, name: str, seed: int) -> Cell:
+def stiffened(arm: Arm, times: float) -> Arm:
+    """The arm with links so many times stiffer, joints as they are."""
+    return replace(arm, links=tuple(replace(k, compliance=k.compliance / times) for k in arm.links))
+
+
+def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
     """The same model of another true arm, a new one for every seed.
 
     Args:
         cell: The arm of the model.
         name: One of TRUTHS.
         seed: Of its dimensions.
+        stiffer: How many times stiffer its links are than the folder's.
 
     Raises:
         BenchError: When there is no such truth.
@@ -137,4 +143,4 @@ def true_cell(cell: Cell, name: str, seed: int) -> Cell:
 
     if name not in TRUTHS:
         raise BenchError(f"no truth {name!r}; truths are {', '.join(TRUTHS)}")
-    return replace(cell, truth=build_plant(TRUTHS[name](cell.arm, stream(seed, 8))))
+    return replace(cell, truth=build_plant(TRUTHS[name](stiffened(cell.arm, stiffer), stream(seed, 8))))

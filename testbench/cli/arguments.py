@@ -1,37 +1,21 @@
 """Arguments that several commands take."""
 
-import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from testbench.arm.decimal import is_decimal
-from testbench.arm.mjcf import GRAVITY
-from testbench.data.units import UNITS, find_unit
-
-MASSES = tuple(unit.name for unit in UNITS if unit.si in ("kg", "N"))
-LEAST, MOST = 0.001, 10_000.0
-"""Of a mass that can hang [kg]."""
-QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
+from testbench.bench.payload import read_mass
+from testbench.errors import BenchError
 
 
 def mass(text: str) -> float:
-    """A hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg].
-
-    Raises:
-        BadParameter: When it is none, or out of range.
-    """
-    parts = QUANTITY.fullmatch(text)
-    if parts is None or not is_decimal(parts[1]):
-        raise typer.BadParameter("expected a mass such as 240, 240kg or 530lb")
-    unit = find_unit(parts[2] or "kg")
-    if unit is None or unit.name not in MASSES:
-        raise typer.BadParameter(f"expected one of the units {', '.join(MASSES)}")
-    found = float(parts[1]) * unit.scale / (GRAVITY if unit.si == "N" else 1.0)
-    if not LEAST <= found <= MOST:
-        raise typer.BadParameter(f"expected {LEAST:g} to {MOST:g} kg")
-    return found
+    """A hung mass, or its weight [kg]; BadParameter for anything else."""
+    try:
+        return read_mass(text)
+    except BenchError as err:
+        raise typer.BadParameter(str(err)) from err
 
 
 def mass_or_none(text: str) -> float:

@@ -11,10 +11,9 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.bench.checked import check
 from testbench.cli.arguments import ArmName
+from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.checked.files import COMMAND, write
-from testbench.views.checked.words import MOST, confirm_lines, contents, words
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
 
 
@@ -37,7 +36,7 @@ def command(asked: Options) -> None:
             held.enter_context(claim)
         checked = check(asked.arm)
         console = plain_console()
-        said, (first, *rest) = words(checked), contents(checked)
+        said, (first, *rest) = report(checked), contents(checked)
         console.print(first, soft_wrap=True)
         print_answer(console, said)
         print_statements(console, said)
@@ -45,7 +44,7 @@ def command(asked: Options) -> None:
         lines = [
             "",
             "To confirm, by share of the sag that hangs on it:",
-            *(confirm_lines(checked, MOST) or ["  nothing"]),
+            *(confirm_lines(checked) or ["  nothing"]),
             "",
             "Read:",
             *rest,
@@ -53,6 +52,6 @@ def command(asked: Options) -> None:
         ]
         console.print("\n".join(lines), soft_wrap=True)
         if asked.out is not None:
-            write(checked, find_arm(asked.arm), asked.out)
+            write(checked, said, find_arm(asked.arm), asked.out)
             lines = [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
             console.print("\n".join(lines), soft_wrap=True)

@@ -55,7 +55,7 @@ class Options:
             help="Hung mass, such as 240 or 530lb; what the arm states if not given; a plan.csv has its own.",
         ),
     ] = None
-    loads: Annotated[str | None, typer.Option(help="Several hung masses a pose: KG,KG ...")] = None
+    loads: Annotated[str | None, typer.Option(help="Several hung masses a pose, such as 100,240kg.")] = None
     mapping: MapFile = None
     sigma_um: Noise = 50.0
     tracker: Annotated[

@@ -18,7 +18,7 @@ from testbench.views.recording.web import opener, web_viewer
 from testbench.views.terminal import plain_console
 
 PAGE = "report.html"
-RECORDING, FILE, VIEWER = "/recording", "/recording.rrd", "/viewer/"
+RECORDING, FILE, VIEWER = "recording", "recording.rrd", "viewer/"
 """Paths of what is served beside the run's own files: what opens the recording, itself, and the viewer."""
 
 
@@ -42,6 +42,7 @@ def command(asked: Options) -> None:
         raise BenchError("--port: expected with --web")
     file = viewer.newest(asked.folder)
     if asked.web:
+        viewer.check_whole(file)
         _serve(file, asked.port or 0)
     if not viewer.has_display():
         raise BenchError(f"no display to open {file} on: {_ways(asked.folder, file)}")
@@ -65,11 +66,10 @@ def _serve(file: Path, port: int) -> None:
     """
     run, start = _of_run(file), opener(FILE, VIEWER)
     content: dict[str, bytes | Path] = {f"{VIEWER}{name}": data for name, data in web_viewer().items()}
-    content |= {"/": run.get(f"/{PAGE}", start), RECORDING: start, FILE: file, **run}
-    content["/favicon.ico"] = b""  # browsers ask for it beside every page
+    content |= {"": run.get(PAGE, start), RECORDING: start, FILE: file, **run}
     with Server(content, port) as server:
-        root, to = f"http://{HERE}:{server.port}", f"{server.port}:{HERE}:{server.port}"
-        page = f"{root}/{PAGE}" if f"/{PAGE}" in run else f"none: {file.parent} has no {PAGE}"
+        root, to = server.root, f"{server.port}:{HERE}:{server.port}"
+        page = f"{root}{PAGE}" if PAGE in run else f"none: {file.parent} has no {PAGE}"
         plain_console().print(
             f"recording  {root}{RECORDING}\npage       {page}\n"
             f"elsewhere  ssh -C -N -L {to} {getpass.getuser()}@{os.uname().nodename}, then the same there\n"
@@ -79,11 +79,11 @@ def _serve(file: Path, port: int) -> None:
         try:
             server.serve_forever()
         except KeyboardInterrupt:
-            raise Interrupted(f"nothing is served any more on {root}") from None
+            raise Interrupted(f"nothing is served any more on {HERE}:{server.port}") from None
 
 
 def _of_run(file: Path) -> dict[str, Path]:
     """The page and the figures of a recording's run by their paths, and nothing else of its folder."""
     listed = read_manifest(file.parent).files or {PAGE}
     own = [path for path in file.parent.iterdir() if path.name == PAGE or path.suffix == ".png"]
-    return {f"/{p.name}": p for p in own if p.name in listed and p.is_file() and not p.is_symlink()}
+    return {p.name: p for p in own if p.name in listed and p.is_file() and not p.is_symlink()}

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.correct.arm_model import ArmModel
 from testbench.errors import Array
-from testbench.model.load import Load
+from testbench.model.load import Load, resultant
 from testbench.model.vjm import tool_pose
 
 OVERLOAD = 1.5  #: Times the payload beyond which a force is said.
@@ -57,12 +57,8 @@ class Extent:
 
 def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:
     """How large loads are, and how many times those of the model's data; q (poses, n) [rad, m]."""
-    _, rotation = tool_pose(model.vjm, q)
-    force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
-    for load in (one.over(len(q)) for one in loads):
-        force += load.wrench[:, :3]
-        moment += load.wrench[:, 3:] + np.cross(np.matvec(rotation, load.point), load.wrench[:, :3])
-    largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in (force, moment)]
+    total = resultant(tool_pose(model.vjm, q)[1], loads)
+    largest = [float(np.linalg.norm(x, axis=1).max(initial=0)) for x in np.hsplit(total, 2)]
     known = (model.about.force, model.about.moment)
     ratios = [_over(value, most) for value, most in zip(largest, known, strict=True)]
     payload = model.arm.payload

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from testbench.correct.arm_model import ArmModel
-from testbench.correct.rest import Rest, rest
+from testbench.correct.rest import TOGETHER, Rest, rest
 from testbench.correct.sure import Stand, curvature, half_widths
 from testbench.errors import Array, check_array
 from testbench.identify.intervals import CONFIDENCE, CURVED
@@ -26,14 +27,16 @@ class Prediction:
     #: Half widths of its intervals, the same shape [m]; infinite of a model that knows deflections alone.
     position_half: Array
     rotation: Array  #: Of the loaded tool, world from tool, (poses, 3, 3).
+    #: How far the other of Eq. (6) and Eq. (7) has the loaded tool from there, (poses,) [m].
+    apart: Array
     confidence: float  #: Of each interval by itself [1].
 
-    @property
+    @cached_property
     def size(self) -> Array:
         """Lengths of the deflections, (poses, 1 + m) [m]."""
         return np.asarray(np.linalg.norm(self.deflection, axis=2))
 
-    @property
+    @cached_property
     def widest(self) -> Array:
         """Widest half width of every point's three, (poses, 1 + m) [m]."""
         return np.asarray(self.half.max(axis=2))
@@ -68,21 +71,34 @@ def predict(  # noqa: PLR0913 - all but two have defaults
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
-    loaded = Stand(q, [load.over(len(q)) for load in loads])
+    every = Stand(q, [load.over(len(q)) for load in loads])
+    parts = [every.of(slice(k, k + TOGETHER)) for k in range(0, max(len(q), 1), TOGETHER)]
+    found = [_predict(model, some, points, linear=linear, confidence=confidence) for some in parts]
+    arrays = [name for name in Prediction.__match_args__ if name != "confidence"]
+    return Prediction(
+        **{name: np.concatenate([getattr(one, name) for one in found]) for name in arrays},
+        confidence=confidence,
+    )
+
+
+def _predict(model: ArmModel, loaded: Stand, points: Array, *, linear: bool, confidence: float) -> Prediction:
+    """The same of few poses."""
+    q = loaded.q
     half = half_widths(model, loaded, Stand(q), points, confidence)
     before, after = rest(model.state, q), rest(model.state, q, loaded.loads)
-    deflection, turn = _moved(before, after, points)
+    (deflection, turn), straight = _moved(before, after, points), _linear(model, loaded, points)
+    apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
     start = _places(before, points)
     rotation = after.rotation
     if linear:
         curved = curvature(model, loaded, points)
         half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
-        deflection, turn = _linear(model, loaded, points)
+        deflection, turn = straight
         rotation = _turned(turn) @ before.rotation
     known = np.full(half.shape, np.inf)
     if model.absolute:
         known = half_widths(model, loaded, None, points, confidence)
-    return Prediction(deflection, half, turn, start + deflection, known, rotation, confidence)
+    return Prediction(deflection, half, turn, start + deflection, known, rotation, apart, confidence)
 
 
 def _places(where: Rest, points: Array) -> Array:

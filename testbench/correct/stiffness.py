@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,13 +27,13 @@ class Stiffness:
     give: Array
     axes: Array  #: Their unit vectors as columns, world axes, (poses, 3, 3).
 
-    @property
+    @cached_property
     def principal(self) -> Array:
         """Principal stiffnesses, the softest first, (poses, 3) [N/m]; infinite where nothing gives."""
         with np.errstate(divide="ignore"):
             return np.asarray(1 / self.give)
 
-    @property
+    @cached_property
     def softest(self) -> Array:
         """Unit vector along which it gives most, its largest component above zero, (poses, 3)."""
         found = self.axes[:, :, 0]

@@ -108,7 +108,9 @@ def rows_between(model: ArmModel, end: Stand, start: Stand | None, points: Array
     """
     rows_of = _rows if model.absolute else _linear_rows
     rows = rows_of(model, end, points)
-    return rows if start is None else rows - rows_of(model, start, points)
+    if start is None or not (model.absolute or start.loads or start.heavy):  # nothing bends the drawn arm
+        return rows
+    return rows - rows_of(model, start, points)
 
 
 def _rows(model: ArmModel, stand: Stand, points: Array) -> Array:

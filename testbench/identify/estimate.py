@@ -63,6 +63,14 @@ class Rejected:
 
 
 @dataclass(frozen=True)
+class Average:
+    """What an estimate is the mean of: links and joints, and joints alone."""
+
+    weight: float  #: Of joints alone: their probability given the readings [1].
+    whole: "Estimate"  #: Of links and joints.
+
+
+@dataclass(frozen=True)
 class Estimate:
     """A stiffness model identified from a dataset."""
 
@@ -83,6 +91,7 @@ class Estimate:
     belief: Belief | None = None  #: The prior that counted as data; None for none.
     #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
+    average: Average | None = None  #: Of links and joints with joints alone; None where it is one model.
 
     @property
     def structure(self) -> Structure:

@@ -83,20 +83,22 @@ def _linear(seen: Unloaded, targets: int) -> Array:
     found = np.full((targets, 3), np.nan)
     own = seen.station == np.bincount(seen.station).argmax()
     names, column = np.unique(seen.target[own], return_inverse=True)
-    n = own.sum()
-    rows = np.zeros((n, 3, 12 + 3 * len(names)))
+    n, at, R = own.sum(), column.ravel(), seen.rotation[own]
+    if 3 * n < 12 + 3 * len(names):
+        return found
+    rows = np.zeros((n, 3, 13))
     for axis in range(3):
         rows[:, axis, 3 * axis : 3 * axis + 3] = seen.y[own]
         rows[:, axis, 9 + axis] = -1
-    for axis in range(3):
-        rows[np.arange(n), :, 12 + 3 * column.ravel() + axis] = -seen.rotation[own, :, axis]
-    A = rows.reshape(3 * n, -1)
-    if len(A) < A.shape[1]:
-        return found
-    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    rows[:, :, 12] = seen.position[own]
+    mean = np.zeros((len(names), 3, 13))  # what of the rows a target takes up: R_r is orthogonal
+    np.add.at(mean, at, R.swapaxes(1, 2) @ rows)
+    mean /= np.bincount(at)[:, None, None]
+    A = (rows - R @ mean[at]).reshape(-1, 13)
+    U, s, Vt = np.linalg.svd(A[:, :12], full_matrices=False)
     if s[-1] > BLIND * s[0]:
-        x = Vt.T @ ((U.T @ seen.position[own].ravel()) / s)
-        found[names] = x[12:].reshape(-1, 3)
+        x = Vt.T @ ((U.T @ A[:, 12]) / s)
+        found[names] = mean[:, :, :12] @ x - mean[:, :, 12]
     return found
 
 

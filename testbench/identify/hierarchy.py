@@ -28,6 +28,8 @@ SCATTER, TAIL = 0.4, 4.0
 GAP = 1.5  #: Standard deviation of the logarithm of the joints' factor over the links' [1].
 SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
 COUPLING = 0.15, 0.7  #: The same of c.
+ALONE = math.hypot(SCATTER, SHAPE[0])
+"""How far a joint's compliance is from a common scale where links are rigid [1]: its scale and its entry."""
 MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
 KIND = "joints"  #: Name of the scale of all joints beside the links.
 FURTHEST, NOISIEST = 6.0, 30.0
@@ -184,10 +186,12 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
     h = greatest(seen, seen.start)
     u, c, kappa = np.exp(h[-3:])
     scale = np.exp(h[: seen.blocks])[seen.block]
+    both = 0 < metric.joints.sum() < len(metric.joints)
     belief = Belief(
         metric=replace(seen.metric, L=seen.metric.L * scale),
         strength=Strength(float(u / kappa), 0.0, coupling=float(c / kappa)),
         misfit=float(kappa),
+        log_evidence=log_evidence(seen, h) if both else None,
     )
     if not widths:
         return belief
@@ -240,6 +244,43 @@ def _left_open(seen: Evidence, h: Array) -> tuple[Array, Array]:
     values, Q = np.linalg.eigh((H + H.T) / 2)
     root = Q / np.sqrt(np.maximum(values, WIDEST**-2))
     return root @ root.T, root.T @ J
+
+
+def log_evidence(seen: Evidence, h: Array) -> float:
+    """Laplace's logarithm of the density of the readings, of links and joints; kappa stays where it is best.
+
+    The densities of the hyperparameters are normalised by Laplace too, so that readings which say nothing
+    of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
+    """
+    m, K = len(h) - 1, seen.blocks
+    steps = STEP * np.eye(m + 1)[:m]
+    H = np.array([loss(seen, h + d)[1] - loss(seen, h - d)[1] for d in steps])[:, :m] / (2 * STEP)
+    values = np.linalg.eigvalsh((H + H.T) / 2)
+    prior = K * math.log((TAIL + 1) / TAIL / SCATTER**2) / 2 - math.log(GAP * SHAPE[1] * COUPLING[1])
+    return prior - loss(seen, h)[0] - float(np.log(np.maximum(values, WIDEST**-2)).sum()) / 2
+
+
+def log_evidence_alone(seen: Evidence) -> tuple[float, float]:
+    """The same of joints alone, a normal distribution of width ALONE about a common scale; and kappa.
+
+    The scale is integrated out: the readings say all of it.
+    """
+    from scipy.optimize import minimize_scalar  # here: importing it takes longer than most fits
+
+    moved = seen.moved.sum(axis=1)
+
+    def cost(log_kappa: float) -> float:
+        h = np.zeros(len(seen.start))
+        h[-3:] = math.log(ALONE), math.log(COUPLING[0]), log_kappa
+        own = weigh(seen, h)
+        pull = own.inverse @ moved
+        size, along = float(moved @ pull), float(seen.y @ pull)
+        left = seen.y @ own.inverse @ seen.y - along**2 / size + seen.rest * math.exp(-2 * log_kappa)
+        noise = seen.equations * log_kappa + (log_kappa / MISFIT) ** 2 / 2
+        return float((left + own.log_size + math.log(size)) / 2 + noise)
+
+    found = minimize_scalar(cost, bounds=(0.0, NOISIEST), method="bounded")
+    return -float(found.fun), math.exp(found.x)
 
 
 def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:

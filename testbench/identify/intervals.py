@@ -6,15 +6,15 @@ infinite standard deviation. GCO away from the boundary of the cone has the same
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import Estimate
+from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.weighed import marker_points
@@ -25,6 +25,7 @@ UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
 BINDS = 0.1  #: Distance from the optimum without a cone that counts as moved by it [standard deviations].
 CONFIDENCE = 0.95
+TOGETHER = 600  #: Deflections whose intervals are found together: enough for numpy, few for memory.
 CURVED = 2.0
 """How often what a linear model leaves out counts: once where it predicts, once for what it put into the
 parameters. On an arm that moves by 9 to 41 mm (`arm_6r`, 18 full poses, non-linear truths of the family,
@@ -116,12 +117,17 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     Raises:
         BenchError: When the confidence is outside (0, 1).
     """
-    points = marker_points(vjm, data.markers)
-    rows = observation(chain(vjm, data.q), estimate.structure, data.wrench, data.point, points)
-    found = linearise(estimate).intervals(rows.reshape(-1, estimate.structure.n), confidence)
-    centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
-    half = np.hypot(upper - centre, CURVED * curvature(vjm, estimate.C_theta, data))
-    return Intervals(centre, centre - half, centre + half, confidence, found.on_boundary)
+    own, points = linearise(estimate), marker_points(vjm, data.markers)
+    together, ends = max(1, TOGETHER // len(points)), []
+    for first in range(0, data.runs, together):
+        some = in_order(data, np.arange(first, min(first + together, data.runs)))
+        rows = observation(chain(vjm, some.q), estimate.structure, some.wrench, some.point, points)
+        found = own.intervals(rows.reshape(-1, estimate.structure.n), confidence)
+        centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
+        half = np.hypot(upper - centre, CURVED * curvature(vjm, estimate.C_theta, some))
+        ends.append((centre, centre - half, centre + half))
+    centre, lower, upper = map(np.concatenate, zip(*ends, strict=True))
+    return Intervals(centre, lower, upper, confidence, own.on_boundary)
 
 
 def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
@@ -138,6 +144,8 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 
 def linearise(estimate: Estimate) -> Linearised:
     """The distribution of an estimate's parameters; the prior that it was made with counts as data."""
+    if estimate.average is not None:
+        return _averaged(estimate, estimate.average)
     regression, belief = estimate.regression, estimate.belief
     L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
     x = np.linalg.solve(L, estimate.pi)
@@ -165,6 +173,16 @@ def linearise(estimate: Estimate) -> Linearised:
         on_boundary=estimate.conservative and pull > BINDS,
         heavy=heavy,
     )
+
+
+def _averaged(estimate: Estimate, average: Average) -> Linearised:
+    """The distribution of the model of links and joints, wider by how far the average lies from it.
+
+    Joints alone would count noise and nothing else, as if no link could bend.
+    """
+    whole = linearise(average.whole)
+    root = np.vstack([whole.root, estimate.pi - whole.pi])
+    return replace(whole, pi=estimate.pi, root=root, heavy=whole.heavy + 1)
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:

@@ -9,6 +9,7 @@ from typing import Literal
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
+from testbench.identify.average import averaged
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.hierarchy import learn
 from testbench.identify.huber import without_outliers
@@ -68,7 +69,12 @@ class Method:
 
     def of(self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True) -> list[Estimate]:
         """The same of datasets that were reduced before, outliers among them."""
-        return fit_each(regressions, self.constraint, self.beliefs(vjm, regressions, widths=widths))
+        beliefs = self.beliefs(vjm, regressions, widths=widths)
+        learnt = [belief for belief in beliefs if belief is not None and belief.log_evidence is not None]
+        if self.prior is None or len(learnt) < len(beliefs):
+            return fit_each(regressions, self.constraint, beliefs)
+        own = metric(self.prior, vjm, regressions[0].structure)
+        return averaged(regressions, self.constraint, learnt, own)
 
     def beliefs(
         self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True

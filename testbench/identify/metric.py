@@ -98,6 +98,8 @@ class Belief:
     #: (k, n); None where the prior is not learnt from the readings.
     moves: Array | None = None
     scales: tuple[Scale, ...] = ()  #: What the readings say of the prior's scales.
+    #: Logarithm of the density of the readings, but for what all models share; None where nobody asks.
+    log_evidence: float | None = None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Mask
+from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.identify.frames import Found, Unloaded, points
 
@@ -53,22 +53,23 @@ class Solved:
 def refine(seen: Unloaded, found: Found, nominal: Array, free: Mask) -> Solved:
     """Gauss-Newton from a start; "open" when readings and nominal targets leave a direction without bound."""
     column = np.concatenate([np.repeat(free, 6), np.ones(nominal.size, dtype=bool)])
+    at = np.hstack([6 * seen.station[:, None] + np.arange(6), 3 * seen.target[:, None] + np.arange(3)])
+    at[:, 6:] += 6 * len(free)
     values, V = np.linalg.eigh(seen.covariance)
     noise, status, kept = ASSUMED, "no convergence", None
     for k in range(MOST_STEPS):
         e, J = _linearised(seen, found)
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
-        u, B = (root @ e[..., None])[..., 0], root @ J[:, :, column]
+        u, B = (root @ e[..., None])[..., 0], root @ J
         pull = np.minimum(1, BEND / np.maximum(np.linalg.norm(u, axis=1), BEND))
         pull = pull if kept is None else pull * kept
-        columns = B.reshape(-1, B.shape[-1])
-        weighted = (pull[:, None, None] * B).reshape(columns.shape).T
-        information = weighted @ columns
+        information, pulled = _summed(at, len(column), pull, u, B)
+        information, pulled = information[np.ix_(column, column)], pulled[column]
         held, off = _nominal(nominal - found.targets, 6 * free.sum())
-        P = _inverse(information + np.diag(held))
+        P = _inverse(information + np.diag(held), 6 * free.sum())
         if P is None:
             return Solved(found, np.diag(held), np.linalg.norm(e, axis=1), noise, 0, "open")
-        step = P @ (weighted @ u.ravel() + held * off)
+        step = P @ (pulled + held * off)
         found, before = _moved(found, free, step), noise
         if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
             kept = _plausible(e)
@@ -100,18 +101,29 @@ def _nominal(off: Array, frames: int) -> tuple[Array, Array]:
 
 
 def _linearised(seen: Unloaded, found: Found) -> tuple[Array, Array]:
-    """Residuals, (n, 3) [m], and derivatives of the modelled readings by all unknowns, (n, 3, 6 s + 3 m)."""
-    n, stations = len(seen.y), len(found.rotation)
+    """Residuals, (n, 3) [m], and derivatives of modelled readings by their frame and target, (n, 3, 9)."""
     R, x = found.rotation[seen.station], points(seen, found.targets)
-    J = np.zeros((n, 3, 6 * stations + found.targets.size))
-    every = np.arange(n)
     turned = R @ np.cross(np.eye(3), x[:, None]).swapaxes(1, 2)
-    moved = R @ seen.rotation
-    for axis in range(3):
-        J[every, :, 6 * seen.station + axis] = turned[:, :, axis]
-        J[every, axis, 6 * seen.station + 3 + axis] = 1
-        J[every, :, 6 * stations + 3 * seen.target + axis] = moved[:, :, axis]
+    shifted = np.broadcast_to(np.eye(3), R.shape)
+    J = np.concatenate([turned, shifted, R @ seen.rotation], axis=2)
     return seen.y - np.einsum("nxy,ny->nx", R, x) - found.translation[seen.station], J
+
+
+def _summed(at: Ids, size: int, pull: Array, u: Array, B: Array) -> tuple[Array, Array]:
+    """Information, (size, size), and pull, (size,), of readings.
+
+    Args:
+        at: Where the unknowns of each are, those of its frame and of its target, (n, 9).
+        size: How many unknowns there are.
+        pull: Weights, (n,).
+        u: Residuals, (n, 3) [standard deviations].
+        B: Their derivatives, (n, 3, 9).
+    """
+    weighted = pull[:, None, None] * B.swapaxes(1, 2)
+    information, pulled = np.zeros((size, size)), np.zeros(size)
+    np.add.at(information, (at[:, :, None], at[:, None]), weighted @ B)
+    np.add.at(pulled, at, (weighted @ u[..., None])[..., 0])
+    return information, pulled
 
 
 def _moved(found: Found, free: Mask, step: Array) -> Found:
@@ -125,15 +137,26 @@ def _moved(found: Found, free: Mask, step: Array) -> Found:
     return Found(rotation, translation, found.targets + targets.reshape(-1, 3))
 
 
-def _inverse(information: Array) -> Array | None:
-    """Covariance of the unknowns; None where one of their directions is not seen."""
+def _inverse(information: Array, frames: int) -> Array | None:
+    """Covariance of the unknowns, frames first; None where one of their directions is not seen.
+
+    A target shares its readings with frames alone, so that its three numbers are left out by themselves.
+    """
     size = np.sqrt(np.diag(information))
     if not size.all():
         return None
-    values, V = np.linalg.eigh(information / np.outer(size, size))
-    if values[0] < SINGULAR:
+    scaled = information / np.outer(size, size)
+    m = (len(size) - frames) // 3
+    D = scaled[frames:, frames:].reshape(m, 3, m, 3)[np.arange(m), :, np.arange(m)]
+    E = np.linalg.solve(D, scaled[frames:, :frames].reshape(m, 3, frames)).reshape(3 * m, frames)
+    values, V = np.linalg.eigh(scaled[:frames, :frames] - scaled[:frames, frames:] @ E)
+    if min(np.linalg.eigvalsh(D).min(), values.min(initial=1)) < SINGULAR:
         return None
-    return np.asarray(V / values @ V.T / np.outer(size, size))
+    V = np.vstack([V, -E @ V])
+    covariance = V / values @ V.T
+    own = covariance[frames:, frames:].reshape(m, 3, m, 3)
+    own[np.arange(m), :, np.arange(m)] += np.linalg.inv(D)
+    return np.asarray(covariance / np.outer(size, size))
 
 
 def _noise(residual: Array, values: Array, spare: float) -> float:

@@ -17,6 +17,7 @@ from testbench.errors import BenchError, InputError
 from testbench.identify.in_base import in_base, with_targets
 from testbench.identify.registration import Frame, Registration, register, spread, station_names
 from testbench.identify.registration_notes import fit_note, frame_notes, target_notes
+from testbench.identify.regression import BLOCK_RUNS
 from testbench.model.vjm import Vjm, chain, skew
 from testbench.model.weights import own_weight, read_weights
 
@@ -129,6 +130,9 @@ def _sag(vjm: Vjm, data: Dataset) -> float | None:
         weights = read_weights(vjm.arm)
     except InputError:
         return None
-    where = chain(vjm, data.q)
-    moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight(where, weights))
-    return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+    total = 0.0
+    for first in range(0, data.runs, BLOCK_RUNS):
+        where = chain(vjm, data.q[first : first + BLOCK_RUNS])
+        moved = np.einsum("xtp,tp->px", where.J_theta[:3], vjm.arm.C_theta @ own_weight(where, weights))
+        total += float((moved**2).sum())
+    return math.sqrt(total / data.runs)

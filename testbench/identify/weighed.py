@@ -20,7 +20,7 @@ class Weighed:
     J: Array  #: Readings per unit of each virtual joint, (k, n_theta, runs).
     u: Array  #: Load of each virtual joint, (n_theta, runs) [N, N m].
     z: Array  #: Readings, (k, runs).
-    unmade: Array  #: Those that no rigid tool can make, (3 m - k, runs).
+    unmade: Array  #: What of them no rigid tool can make, (3 m, runs).
 
 
 def equations_of(data: Dataset, *, rotation: bool) -> Ids:
@@ -47,29 +47,32 @@ def weigh(vjm: Vjm, data: Dataset, runs: slice, equations: int, *, rotation: boo
     assert sigma is not None
     if data.precision is None or rotation:
         weight = 1 / (math.sqrt(2) * sigma * math.sqrt(equations / 3))
-        Q, G = np.linalg.qr(motion, mode="complete")
-        J = (weight * G[:6] @ twist.reshape(6, -1)).reshape(-1, *twist.shape[1:])
-        z = weight * Q.T @ (y @ where.rotation).reshape(len(y), -1).T
+        Q, G = np.linalg.qr(motion)
+        J = (weight * G @ twist.reshape(6, -1)).reshape(-1, *twist.shape[1:])
+        read = weight * (y @ where.rotation).reshape(len(y), -1).T
+        z = Q.T @ read
+        unmade = read - Q @ z
     else:
-        own, z = _weighted(data.precision[runs] / (equations / 3), where.rotation, motion, y)
+        own, z, unmade = _weighted(data.precision[runs] / (equations / 3), where.rotation, motion, y)
         J = np.einsum("rkx,xtr->ktr", own, twist, optimize=True)
-    return Weighed(J, u, z[: len(J)], z[len(J) :])
+    return Weighed(J, u, z, unmade)
 
 
-def _weighted(precision: Array, rotation: Array, motion: Array, y: Array) -> tuple[Array, Array]:
+def _weighted(precision: Array, rotation: Array, motion: Array, y: Array) -> tuple[Array, Array, Array]:
     """Readings with a covariance each: QR of every run's own weighted motion of the markers.
 
     Of inverse covariances, (runs, m, 3, 3), rotations from the tool, (runs, 3, 3), the motion of the markers,
-    (3 m, 6), and deflections, (runs, m, 3): triangular factors, (runs, k, 6), and the readings in their
-    coordinates, k and then those that no rigid tool can do, (3 m, runs).
+    (3 m, 6), and deflections, (runs, m, 3): triangular factors, (runs, k, 6), the readings in their
+    coordinates, (k, runs), and what of them no rigid tool can make, (3 m, runs).
     """
     runs, m = precision.shape[:2]
     values, V = np.linalg.eigh(precision)
     root = np.sqrt(np.maximum(values, 0))[..., None] * V.swapaxes(2, 3)  # root^T root = precision
     inside = root @ rotation[:, None] @ motion.reshape(m, 3, 6)
-    Q, G = np.linalg.qr(inside.reshape(runs, 3 * m, 6), mode="complete")
+    Q, G = np.linalg.qr(inside.reshape(runs, 3 * m, 6))
     readings = (root @ y[..., None]).reshape(runs, 3 * m, 1)
-    return G[:, :6], (Q.swapaxes(1, 2) @ readings)[..., 0].T
+    z = Q.swapaxes(1, 2) @ readings
+    return G, z[..., 0].T, (readings - Q @ z)[..., 0].T
 
 
 def check_runs(vjm: Vjm, data: Dataset) -> None:

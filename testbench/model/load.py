@@ -38,12 +38,17 @@ class Load:
         return Load(self.wrench[some], self.point[some])
 
 
-def resultant(where: Chain, loads: Sequence[Load]) -> Array:
-    """Sum of all loads, the moment about the tool's origin, world axes, (poses, 6) [N, N m]."""
-    total = np.zeros((len(where.position), 6))
+def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
+    """Sum of all loads, the moment about the tool's origin, world axes, (poses, 6) [N, N m].
+
+    Args:
+        rotation: World from tool, (poses, 3, 3).
+        loads: What acts.
+    """
+    total = np.zeros((len(rotation), 6))
     for load in loads:
         own = load.over(len(total))
-        lever = np.matvec(where.rotation, own.point)
+        lever = np.matvec(rotation, own.point)
         total[:, :3] += own.wrench[:, :3]
         total[:, 3:] += own.wrench[:, 3:] + np.cross(lever, own.wrench[:, :3])
     return total

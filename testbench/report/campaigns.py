@@ -22,8 +22,8 @@ from testbench.views.recording.stream import Header
 from testbench.views.schema import Table, best_of
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
-DRAWN = columns(f"name {TRUE} check_true.rms_mm")
-RECORDED = columns(f"name conservative {TRUE} times_less")
+DRAWN = f"name {TRUE} check_true.rms_mm"
+RECORDED = f"name conservative {TRUE} times_less"
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
@@ -42,15 +42,15 @@ def recommended(models: Sequence[Row]) -> str:
     return min(alike, key=lambda m: (m.parameters, m.constraint != "psd")).name if alike else ""
 
 
-def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]]) -> Row:
-    """Two models in the same trials, by what the comparison is called; those that are there.
+def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], error: str = TRUE) -> Row:
+    """Two models in the same trials by one error, by what the comparison is called; those that are there.
 
     Each is what `Gain` holds, and `won`, the share of trials in which ours errs less.
     """
     found = Row()
     for name, (ours, theirs) in asked.items():
-        if gain := paired(trials, ours, theirs, TRUE):
-            a, b = aligned(trials, (ours, theirs), TRUE).T
+        if gain := paired(trials, ours, theirs, error):
+            a, b = aligned(trials, (ours, theirs), error).T
             found[name] = Row(vars(gain), alike=gain.alike, won=wins(a, b) / len(a))
     return found
 
@@ -66,34 +66,49 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
 def write(
     report: Report, header: Header, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]], size: float
 ) -> Seen:
-    """dataset.csv and recording.rrd of the first seed; what the page draws.
+    """dataset.csv and recording.rrd of the first seed, see `draw`; what the page draws."""
+    cell, campaign, _ = made
+    write_csv(campaign.measured, cell.arm, folder / "dataset.csv")
+    return draw(calibration(report, header, size), folder, made)
+
+
+def draw(about: Calibration, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]]) -> Seen:
+    """recording.rrd of the first seed; what the page draws.
+
+    Args:
+        about: Words, and the models that are told.
+        folder: Where to.
+        made: The first seed's true arm, campaign and results, of the models that are told at least.
+    """
+    cell, campaign, every = made
+    told = {m.name for m in about.models}
+    results = [result for result in every if result.model.name in told]
+    write_calibration(folder / "recording.rrd", about, cell, campaign, results)
+    return calibration_seen(Calibrated(cell, campaign, results, about.models, about.map, about.magnification))
+
+
+def calibration(
+    report: Report, header: Header, size: float, recorded: str = RECORDED, drawn: str = DRAWN
+) -> Calibration:
+    """What a recording is made of: words, and the models that are told.
 
     Args:
         report: It has `models`, `take` and `map`.
         header: Of the recording.
-        folder: Where to.
-        made: The first seed's true arm, campaign, and one result a model that is told.
         size: Magnification of the drawn deflections [1].
+        recorded: Columns of the table that it says first.
+        drawn: Columns of errors, the first one what models are judged by.
     """
-    cell, campaign, results = made
-    write_csv(campaign.measured, cell.arm, folder / "dataset.csv")
-    about = calibration(report, header, size)
-    write_calibration(folder / "recording.rrd", about, cell, campaign, results)
-    return calibration_seen(Calibrated(cell, campaign, results, about.models, about.map, size))
-
-
-def calibration(report: Report, header: Header, size: float) -> Calibration:
-    """What a recording is made of: words, and the models that are told; see `write`."""
-    f = Row(report.numbers)
+    f, (name, *errors) = Row(report.numbers), columns(drawn)
     models = distinct(f.models)
     names = [m.name for m in models]
-    best_first = sorted(models, key=lambda m: middle(m.workspace.rms_mm))
-    recorded = tuple(replace(column, exact=True) for column in RECORDED)
+    best_first = sorted(models, key=lambda m: middle(errors[0].value(m)))
+    told = tuple(replace(column, exact=True) for column in columns(recorded))
     return Calibration(
         header=header,
-        summary=report.summary(Table(recorded, best_first, bold=f.take)),
+        summary=report.summary(Table(told, best_first, bold=f.take)),
         notes=report.title,
-        errors=Table(DRAWN, models, bold=f.take),
+        errors=Table((name, *errors), models, bold=f.take),
         models=models,
         best=names.index(f.take) if f.take in names else 0,
         shown=tuple(names.index(name) for name in dict.fromkeys([*f.map.compared, f.take]) if name in names),

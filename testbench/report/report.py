@@ -16,6 +16,7 @@ from testbench.views.schema import Column, Table, looks, show, show_truth, writt
 FORMS = {"yes": show_truth, "list": listed, "less": less, "more": more, "ratio": ratio, "place": place}
 """What a sentence may ask for beside a format of numbers."""
 PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
+LISTS = ("statements", "more", "body")
 
 
 class _Sentence(Formatter):
@@ -61,7 +62,7 @@ class Report:
     worst: Markdown = field(default=Markdown())  #: Where it is worst, empty for none.
 
     def block(self, name: str) -> Markdown:
-        """A part in Markdown: of `PARTS`, statements (the first claims), more (the others), body."""
+        """A part in Markdown, of `PARTS` or `LISTS`: statements are the first claims, more the others."""
         if name in PARTS:
             return Markdown(getattr(self, name))
         if name == "body":
@@ -71,7 +72,7 @@ class Report:
 
     def has(self, name: str) -> bool:
         """Whether there is such a part."""
-        return bool(self.block(name))
+        return name in (*PARTS, *LISTS) and bool(self.block(name))
 
     def worst_lines(self) -> list[str]:
         """Where it is worst, if that is said."""

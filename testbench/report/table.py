@@ -124,8 +124,8 @@ def number(cells: Cells) -> Any:
     values = cells.tolist()
     if all(value == values[0] for value in values[1:]):
         return values[0]
-    if cells.dtype.kind == "b":
-        return float(cells.mean())
+    if all(isinstance(value, bool) for value in values):
+        return sum(values) / len(values)
     lists = [value for value in values if isinstance(value, tuple)]
     if not lists:
         return " | ".join(sorted({str(value) for value in values}))

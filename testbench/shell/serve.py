@@ -1,6 +1,7 @@
-"""Named files over HTTP to browsers of this machine, and to nobody else."""
+"""Named files over HTTP to browsers of this machine that know a word, and to nobody else."""
 
 import contextlib
+import secrets
 from collections.abc import Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
@@ -32,7 +33,8 @@ class Server(ThreadingTCPServer):
     """Listens from its making; `serve_forever` answers.
 
     Args:
-        content: By path, such as /report.html: what it is, or the file, read whenever it is asked for.
+        content: By path below the root, such as report.html: what it is, or the file, read whenever it is
+            asked for.
         port: To listen on; 0 for a free one.
 
     Raises:
@@ -43,7 +45,7 @@ class Server(ThreadingTCPServer):
     daemon_threads = True
 
     def __init__(self, content: Mapping[str, bytes | Path], port: int) -> None:
-        self.content = content
+        self.content, self.token = content, secrets.token_urlsafe(24)
         try:
             super().__init__((HERE, port), Handler)
         except OSError as err:
@@ -53,6 +55,11 @@ class Server(ThreadingTCPServer):
     def port(self) -> int:
         """That it listens on."""
         return int(self.server_address[1])
+
+    @property
+    def root(self) -> str:
+        """What addresses begin with: other users of this machine do not know the word in it."""
+        return f"http://{HERE}:{self.port}/{self.token}/"
 
     def handle_error(self, *_: object) -> None:
         """A browser that leaves early is no error."""
@@ -83,7 +90,11 @@ class Handler(BaseHTTPRequestHandler):
         if self.headers.get("Host", "").partition(":")[0] not in NAMES:
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
             return None
-        found = self.server.content.get(unquote(urlsplit(self.path).path))
+        token, _, path = unquote(urlsplit(self.path).path).removeprefix("/").partition("/")
+        if not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self.send_error(HTTPStatus.FORBIDDEN)
+            return None
+        found = self.server.content.get(path)
         with contextlib.suppress(OSError):  # it was there when the server began
             found = found.read_bytes() if isinstance(found, Path) else found
         if isinstance(found, bytes):
@@ -102,6 +113,7 @@ class Handler(BaseHTTPRequestHandler):
         """Say with every answer what a page may do, and that it may change."""
         self.send_header("Content-Security-Policy", POLICY)
         self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
         self.send_header("Cache-Control", "no-store")
         super().end_headers()
 

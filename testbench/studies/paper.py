@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from testbench.trials.spread import Number, Spread, ends, middle
-from testbench.views.schema import Column, show
+from testbench.views.schema import show
 
 Verdict = Literal["confirmed", "not confirmed"]
 MOST = 0.95  #: Share of the seeds in which a comparison must hold.
@@ -52,7 +52,7 @@ def number(claim: str, ours: Number, paper: float, differs: str) -> Claim:
     return judged(claim, False, f"{why}, which lies {side}: {differs}")
 
 
-def comparison(claim: str, test: str, held: int, seeds: int, why: str) -> Claim:
+def comparison(claim: str, test: str, held: int, seeds: int) -> Claim:
     """One error against another on the same data: confirmed where the test is met in `MOST` of the seeds.
 
     Args:
@@ -60,13 +60,8 @@ def comparison(claim: str, test: str, held: int, seeds: int, why: str) -> Claim:
         test: What is counted, in words before "in 3 of 100 seeds".
         held: Seeds that meet it.
         seeds: All of them.
-        why: Numbers beside the count.
     """
-    return judged(claim, held >= MOST * seeds, f"{test} in {held} of {seeds} seeds; {why}")
-
-
-CLAIMS = (Column("claim", "statement"), Column("verdict", "verdict"), Column("why", "why"))
-"""The table of statements."""
+    return judged(claim, held >= MOST * seeds, f"{test} in {held} of {seeds} seeds")
 
 
 SECTION_6: dict[str, dict[str, float]] = {

@@ -23,6 +23,7 @@ from testbench.report.table import Trials
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
+from testbench.studies.patched import checked, constants
 from testbench.studies.study import AnyStudy, Everywhere, P, Rows, Run, Study
 from testbench.trials.chunk import Backend
 from testbench.trials.engine import run_study
@@ -65,7 +66,8 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    scenario = {"settings": plain, "models": digests(arms)}
+    known = constants(study.trials)
+    scenario = {"settings": plain, "models": digests(arms), **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
     backend, remote = choose_backend(common), common.cluster is not None
@@ -77,7 +79,7 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     ):
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
-        work = partial(study.trials, settings)
+        work = partial(checked, study.trials, known, settings)
         show_progress(
             run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials", console
         )

@@ -27,6 +27,7 @@ PATIENCE = 10.0  #: Time that scheduler and workers have to answer [s].
 BACKLOG = 1000  #: Chunks on the cluster at a time: memory stays flat, and that many threads stay busy.
 POLL, LOOK = 0.01, 500  #: Time between looks for results [s]; looks without any before one for workers.
 LOGS = ("distributed", "distributed.client")
+EXTRA = "--cluster needs the extra packages: pip install 'testbench[cluster]'"
 TLS = (
     "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
     "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY, or ~/.config/dask/distributed.yaml"
@@ -53,6 +54,18 @@ def check_address(address: str, *, insecure: bool = False) -> None:
             f"--cluster: {expected}, got {address!r}: over plain tcp:// anybody on the way can "
             "run programs here and there; --insecure does it all the same"
         )
+
+
+def check_certificates(address: str) -> None:
+    """Refuse what a scheduler of tls:// is not reached with: Dask's settings without sound certificates.
+
+    Raises:
+        BenchError: When there are none, they cannot be read, or the extra packages are missing.
+    """
+    try:
+        _security(address)
+    except ImportError as err:
+        raise BenchError(EXTRA) from err
 
 
 def _is_here(host: str) -> bool:
@@ -91,7 +104,7 @@ def _connected(address: str, patience: float) -> Iterator[Any]:
     try:
         from distributed import Client  # 0.5 s, and an extra
     except ImportError as err:
-        raise BenchError("--cluster needs the extra packages: pip install 'testbench[cluster]'") from err
+        raise BenchError(EXTRA) from err
     security = _security(address)
     with _quiet():
         _greet(address, security, patience)

@@ -18,7 +18,7 @@ from matplotlib.figure import SubFigure
 from matplotlib.text import Text
 
 from testbench.bench.baselines import JOINTS
-from testbench.trials.spread import Number, ends, middle, span
+from testbench.trials.spread import Number, Spread, ends, middle, span
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
 from testbench.views.schema import Column, Table, best_of, looks
 
@@ -233,3 +233,61 @@ def forest(table: Table, panes: Mapping[str, str], answer: str, reading: str, ma
         axes.set_title(title, fontsize="medium")
     say(figure, answer, reading)
     return figure
+
+
+def curves(table: Table, x: Column, panes: Mapping[str, str], answer: str, reading: str) -> Figure:
+    """Lines of a table's models over a swept quantity, a pane a column, on logarithmic ordinates.
+
+    Args:
+        table: Rows that are of models, see `schema.looks`; those of one name are one line.
+        x: What is swept.
+        panes: Titles by the keys of the columns that are drawn.
+        answer: See `say`.
+        reading: The same.
+    """
+    figure, columns, name = page(4.2), {column.key: column for column in table.columns}, table.columns[0]
+    known = table.looks or looks(table.rows, name)
+    for axes, (key, title) in zip(
+        figure.subplots(1, len(panes), squeeze=False)[0], panes.items(), strict=True
+    ):
+        for called, own in known.items():
+            rows = [row for row in table.rows if name.cell(row) == called]
+            draw_line(axes, x, columns[key], Line(rows, own, called, band=False))
+        log_ticks(axes, "y", *axes.dataLim.intervaly)
+        axes.set(xlabel=x.title, ylabel=columns[key].title)
+        axes.set_title(title, fontsize="medium")
+        axes.legend(frameon=False, fontsize=SMALL)
+        quiet(axes)
+    say(figure, answer, reading)
+    return figure
+
+
+def over(table: Table, answer: str, reading: str) -> Figure:
+    """Lines of a table's rows over a swept quantity, on logarithmic axes; spreads as bands.
+
+    Args:
+        table: Its columns name the line, sweep and are drawn; its looks are of the lines.
+        answer: See `say`.
+        reading: The same.
+    """
+    name, x, y = table.columns
+    figure, lines = page(5.8), dict.fromkeys(name.cell(row) for row in table.rows)
+    axes = figure.subplots()
+    for line in lines:
+        rows = [row for row in table.rows if name.cell(row) == line]
+        spread = any(isinstance(y.value(row), Spread) for row in rows)
+        draw_line(axes, x, y, Line(rows, table.looks[line], line, spread))
+    log_ticks(axes, "y", *axes.dataLim.intervaly)
+    log_ticks(axes, "x", *axes.dataLim.intervalx)
+    at = {middle(x.value(row)): x.cell(row) for row in table.rows}
+    axes.set_xticks(list(at), list(at.values()))
+    axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
+    axes.grid(axis="y", color=SOFT, alpha=0.2)
+    axes.legend(edgecolor="none", framealpha=1)
+    quiet(axes)
+    say(figure, answer, reading)
+    return figure
+
+
+def _labelled(column: Column) -> str:
+    return f"{column.heading} [{column.unit}]" if column.unit else column.heading

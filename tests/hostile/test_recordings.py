@@ -39,6 +39,12 @@ def test_what_is_half_of_one_opens_no_window(content, tmp_path):
         viewer.check_whole(tmp_path / "a.rrd")
 
 
+@pytest.mark.parametrize("content", HALF.values(), ids=HALF)
+def test_what_is_half_of_one_is_served_to_no_browser(content, attack, lab):
+    (lab / "a.rrd").write_bytes(content)
+    attack(lab, "view", "a.rrd", "--web").refused("a.rrd", "no whole recording")
+
+
 def test_a_large_file_of_nothing_is_no_whole_recording(tmp_path):
     with (tmp_path / "a.rrd").open("wb") as file:
         file.write(b"RRF2")

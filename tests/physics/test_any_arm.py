@@ -10,6 +10,7 @@ from serial_arms import turned_arm, write_arm
 from testbench.bench.agreement import check_agreement
 from testbench.bench.campaign import Scenario, build_cell, hanging, measure, simulate
 from testbench.bench.default import default_models, default_name
+from testbench.bench.fits import Runs, fit
 from testbench.bench.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
 from testbench.identify import least_squares
@@ -175,3 +176,17 @@ def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):
     section_6 = Scenario(arm="kr500_l480")
     assert section_6.payload == 460.3
     assert section_6.station.lower == (1.7, -0.9, 1.1)
+
+
+@pytest.mark.parametrize("mount", ["", 'euler="0 0 0.7"'])
+def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(mount, tmp_path):
+    """Hinges about z and slides along y: a hung weight bends the links alone."""
+    cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount=mount))
+    data = simulate(cell, seed=1).identification
+    models = default_models(cell, cad_prior(cell.arm))
+    found = fit(cell, models, Runs("runs.csv", data, data, None), lambda: 0.0).fits
+    assert found.recommended == default_name(cell.arm)
+    assert "Joints" not in [model.name for model in found.models]
+    assert "Joints is left out: no load acts on what it can bend" in found.notes
+    with pytest.raises(BenchError, match=r"expected loads that bend a model, these bend none of Joints$"):
+        fit(cell, named_models(cell, ["Joints"]), Runs("runs.csv", data, data, None), lambda: 0.0)

@@ -1,18 +1,24 @@
 """Doubts: sound runs raise none, every planted mistake is named first, with its size."""
 
+import re
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbench.bench import full_pose
-from testbench.bench.campaign import stream
-from testbench.data.dataset import select
+from testbench.bench.campaign import Scenario, simulate, stream
+from testbench.data.dataset import Dataset, select
 from testbench.errors import BenchError
 from testbench.identify.doubts import HandedIn, doubts, open_places
 from testbench.identify.doubts.find import AT_A_TIME
 from testbench.identify.prior import cad_prior
+from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered, registered
+from testbench.model.loaded import displacement
+from testbench.model.vjm import chain, generalised_load, tool_pose
 from testbench.studies.wrong_inputs.faults import FAULTS
 from testbench.studies.wrong_inputs.sound import sound
 
@@ -146,3 +152,125 @@ def test_a_single_reading_that_lies_apart_is_a_doubt_with_nothing_left_to_weigh(
     data = select(own.data, own.data.run == 1)
     given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
     assert [doubt.name for doubt in doubts(given, own.prior)] == ["pose"]
+
+
+def bumped(given, run, shift, turn=(0.0, 0.0, 0.0), *, loaded=False):
+    """The tracker moved and turned, about its own origin, before a run or between its two readings."""
+    d, R = given.data, Rotation.from_rotvec(turn).as_matrix()
+    before, after = d.before.copy(), d.after.copy()
+    before[d.run >= run + loaded] = before[d.run >= run + loaded] @ R.T + shift
+    after[d.run >= run] = after[d.run >= run] @ R.T + shift
+    return replace(given, data=replace(d, before=before, after=after))
+
+
+@pytest.fixture(scope="module")
+def hung(kr500, arm_6r):
+    """One mass hung in every one of 20 poses, one reading of 20 um before and one after, a disturbed arm."""
+    return sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 3)
+
+
+@pytest.mark.parametrize(
+    ("shift", "turn", "loaded"),
+    [
+        ((0.6e-3, -0.4e-3, 0.35e-3), (0, 0, 0), False),
+        ((0.6e-3, -0.4e-3, 0.35e-3), (0, 0, 0), True),
+        ((9e-3, -10e-3, 6.6e-3), (3e-3, 0, 4e-3), False),
+    ],
+)
+def test_a_tracker_that_moved_between_two_readings_is_named_with_run_and_size(hung, shift, turn, loaded):
+    """0.8 mm between runs 8 and 9 or inside run 9, and 15 mm with 5 mrad; the size is the targets' way."""
+    moved = bumped(hung, 9, shift, turn, loaded=loaded)
+    [first, *_] = named(moved)
+    where = "the unloaded reading of run 9 and the loaded" if loaded else "run 8 and the unloaded"
+    assert first.name == "tracker_moved"
+    assert f"{where} reading of run 9" in first.sentence
+    size = 1e3 * np.linalg.norm((moved.data.after - hung.data.after)[8:], axis=2)
+    said = float(re.search(r"moved by (\S+) mm", first.sentence)[1])
+    assert said == pytest.approx(np.sqrt(np.mean(size**2)), rel=0.3)
+    assert ("runs across it are wrong by as much" in first.sentence) == loaded
+
+
+def test_runs_behind_a_moved_tracker_with_a_station_of_their_own_raise_no_doubt(hung):
+    moved = bumped(hung, 11, (9e-3, -10e-3, 6.6e-3), (3e-3, 0, 4e-3))
+    assert [doubt.name for doubt in named(moved)] == ["tracker_moved"]
+    apart = replace(moved, data=replace(moved.data, station=1 + (moved.data.run >= 11)))
+    assert named(apart) == []
+
+
+def test_targets_that_slipped_on_the_tool_are_told_from_a_tracker_that_moved(hung):
+    d, behind = hung.data, (hung.data.run >= 9)[:, None, None]
+    slip = behind * (tool_pose(hung.cell.vjm, d.q)[1] @ [1.2e-3, -0.9e-3, 1.3e-3])[:, None]
+    slipped = replace(hung, data=replace(d, before=d.before + slip, after=d.after + slip))
+    [doubt] = named(slipped)
+    assert doubt.name == "target_moved"
+    assert doubt.sentence.startswith("the target moved by ")
+    assert "run 8 and the unloaded reading of run 9" in doubt.sentence
+
+
+def test_a_link_without_joints_has_one_pose_and_no_step_is_sought(single_link):
+    vjm, arm = single_link.vjm, single_link.arm
+    data = simulate(single_link, Scenario(arm=arm.name, sigma=50e-6), 3).identification
+    given = HandedIn(vjm, data, registered(vjm, data, "base"), declared=True)
+    assert not [doubt for doubt in doubts(given, cad_prior(arm)) if doubt.name.endswith("_moved")]
+
+
+def plate(cell, runs, targets):
+    """An arm with so many targets on its tool, and sound readings of them in as many runs."""
+    rng = np.random.default_rng(4)
+    arm = replace(cell.arm, markers=tuple(f"T{k}" for k in range(targets)))
+    vjm = replace(cell.vjm, arm=arm, markers=rng.uniform(-0.3, 0.3, (targets, 3)))
+    q = np.array([rng.uniform(joint.lower, joint.upper, runs) for joint in arm.joints]).T / 3
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -3000.0
+    p, R = tool_pose(vjm, q)
+    data = Dataset(
+        markers=arm.markers,
+        run=np.arange(runs) + 1,
+        pose=np.arange(runs) + 1,
+        q=q,
+        wrench=wrench,
+        point=np.tile(vjm.load, (runs, 1)),
+        before=p[:, None] + vjm.markers @ R.transpose(0, 2, 1),
+        after=np.zeros((runs, targets, 3)),
+        sigma=3e-5,
+    )
+    where = chain(vjm, q)
+    theta = (arm.C_theta @ generalised_load(where, wrench, data.point)).T
+    data = replace(data, after=data.before + displacement(where, theta, vjm.markers))
+    noise = 3e-5 * rng.standard_normal((2, *data.before.shape))
+    return vjm, replace(data, before=data.before + noise[0], after=data.after + noise[1])
+
+
+def told(vjm, data, frame="base"):
+    given = HandedIn(vjm, data, registered(vjm, data, frame), True)
+    return [(doubt.name, doubt.sentence) for doubt in doubts(given, cad_prior(vjm.arm))]
+
+
+def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500):
+    vjm, data = plate(kr500, runs=80, targets=70)
+    assert data.before.size / 3 > MOST_READINGS
+    assert told(vjm, data) == []
+
+
+@pytest.mark.parametrize("frame", ["base", "tracker"])
+def test_of_many_targets_two_that_have_each_others_names_are_named(kr500, frame):
+    vjm, data = plate(kr500, runs=8, targets=40)
+    order = np.arange(40)
+    order[[17, 30]] = 30, 17
+    if frame == "tracker":
+        turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+        data = replace(data, before=data.before @ turn.T + 2, after=data.after @ turn.T + 2)
+    swapped = replace(data, before=data.before[:, order], after=data.after[:, order])
+    assert told(vjm, data, frame) == []
+    [(name, sentence), *_] = told(vjm, swapped, frame)
+    assert name == "markers"
+    assert "T17, T30" in sentence
+
+
+def test_many_targets_take_little_memory(kr500):
+    vjm, data = plate(kr500, runs=8, targets=150)
+    tracemalloc.start()
+    assert told(vjm, data) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e8  # one matrix of every reading beside every other one has 104 MB

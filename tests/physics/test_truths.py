@@ -99,6 +99,12 @@ def test_cast_links_are_no_tubes(kr500):
     assert np.median(found) > 0.3
 
 
+def test_stiffer_links_leave_the_joints_as_they_are(kr500):
+    own = true_cell(kr500, "tubes", 1, stiffer=30).plant.arm.C_theta
+    np.testing.assert_allclose(30 * own[:42, :42], kr500.arm.C_theta[:42, :42], rtol=1e-12)
+    np.testing.assert_array_equal(own[42:], kr500.arm.C_theta[42:])
+
+
 def test_unequal_joints_spread_as_said(kr500):
     drawn = [
         np.log(joint.compliance / own.compliance)

@@ -1,5 +1,6 @@
 """Linearised and bootstrap uncertainty: against Monte Carlo, and infinite where the data see nothing."""
 
+import tracemalloc
 from dataclasses import replace
 from functools import partial
 
@@ -9,6 +10,7 @@ import pytest
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
 from testbench.identify.bootstrap import bootstrap, resampler
@@ -244,3 +246,20 @@ def test_intervals_of_predicted_deflections_are_those_of_their_rows(kr500, gravi
     # linear truth of the folder's own compliances: the right prior's intervals hold nearly all of it
     inside = (found.lower <= where.deflection) & (where.deflection <= found.upper)
     assert inside.mean() > 0.9
+
+
+def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr500, gravity):
+    s = all153(kr500.arm)
+    estimate = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))(kr500.vjm, s, gravity.identification)
+
+    def peak(times):
+        where = in_order(gravity.truth, np.tile(np.arange(gravity.truth.runs), times))
+        tracemalloc.start()
+        found = intervals(kr500.vjm, estimate, where)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most, found.centre.size
+
+    few, many = peak(1500), peak(3000)
+    rows = 8 * s.n * (many[1] - few[1])
+    assert many[0] - few[0] < rows / 10

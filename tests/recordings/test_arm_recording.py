@@ -10,14 +10,15 @@ from read_back import columns, document, on, sound
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.checked import check
-from testbench.views.checked.files import write
+from testbench.commands.check import report, write
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, pixels) -> Path:
     out = tmp_path_factory.mktemp("arm")
     with pixels():
-        write(check("kr500_l480"), find_arm("kr500_l480"), out)
+        checked = check("kr500_l480")
+        write(checked, report(checked), find_arm("kr500_l480"), out)
     return out
 
 
@@ -27,6 +28,8 @@ def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
         "manifest.json",
         "recording.rrd",
         "report.html",
+        "report.json",
+        "report.md",
     ]
     picture = matplotlib.image.imread(folder / "arm.png")[..., :3]
     assert (picture.std(axis=2) > 0.1).sum() > 500  # markers and load, in colour

@@ -1,12 +1,13 @@
 """Opening and rendering recordings: which file, which program, what is said where something is missing."""
 
+import contextlib
 import os
 from dataclasses import replace
 
 import pytest
 from PIL import Image
 
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 from testbench.views.colours import look
 from testbench.views.recording import headless, viewer
 from testbench.views.recording.shot import BARS, Sight, film, shot
@@ -111,6 +112,40 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     assert list(places.iterdir()) == []  # the viewer keeps its data in files
     with Image.open(gif) as picture:
         assert (picture.n_frames, picture.size) == (2, (640, 400 - BARS))
+
+
+def busy(monkeypatch, answers):
+    """A viewer that answers so many times too late, at first; gives how often it was asked."""
+    asked = []
+
+    def answer(_, operation, request):
+        asked.append(operation)
+        if len(asked) <= answers:
+            raise ConnectionError("status: DeadlineExceeded, message: Deadline expired before it could")
+        return {"png": "UE5H"}
+
+    monkeypatch.setattr(headless.ViewerClient, "_viewer_control", answer)
+    monkeypatch.setattr(headless.ViewerClient, "__init__", lambda *_: None)  # it would connect
+    monkeypatch.setattr(headless.ViewerClient, "__del__", lambda _: None)
+    return asked
+
+
+def test_a_busy_viewer_is_asked_again(monkeypatch):
+    asked = busy(monkeypatch, answers=2)
+    assert headless.PatientClient().take_screenshot() == b"PNG"
+    assert asked == ["save_screenshot"] * 3
+
+
+def test_a_viewer_that_stays_busy_is_blamed_and_not_the_file(folder, monkeypatch):
+    busy(monkeypatch, answers=10**9)
+    monkeypatch.setattr(headless, "LOAD", 0.0)
+    monkeypatch.setattr(headless, "software_driver", lambda: "none")
+    monkeypatch.setattr(headless, "started", lambda *_: contextlib.nullcontext())
+    monkeypatch.setattr(headless, "wait", lambda *_: headless.PatientClient())
+    with pytest.raises(BenchError, match=r"did not answer in time: .*Deadline expired.* busy\?$") as told:
+        shot(folder, folder / "picture.png", Sight(size="640x400"))
+    assert not isinstance(told.value, InputError)
+    assert not (folder / "picture.png").exists()
 
 
 @pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")

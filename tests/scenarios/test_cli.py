@@ -19,9 +19,15 @@ from run_here import heed_ctrl_c, here
 
 from testbench import __version__
 from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.bench.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv
+from testbench.views.colours import look
+from testbench.views.recording.stream import Header
+from testbench.views.recording.sweep import write_sweep
+from testbench.views.recording.swept import Point, Sweep
+from testbench.views.schema import Column
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
@@ -210,6 +216,10 @@ def test_a_mass_is_read_in_its_unit(text, kilograms):
         assert mass(text) == pytest.approx(kilograms, rel=1e-4)
 
 
+def test_several_masses_are_read_in_their_units():
+    assert read_masses("100lb,240 kg, 981 daN") == pytest.approx([45.359237, 240, 1000], rel=1e-4)
+
+
 def test_poses_of_other_names_are_read_by_a_map(tmp_path):
     """The same runs as from our names; a map without the joints says which names are expected."""
     head, row = [f"joint_{k}_deg" for k in range(1, 7)], "10,-80,70,5,40,3\n"
@@ -285,8 +295,12 @@ def test_view_serves_recording_and_page_to_this_machine_until_ctrl_c(tmp_path):
         "files": ["report.html", "a.png", "dataset.csv", "../above.png", "..", "\0.png"],
     }
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
-    for name in ("recording.rrd", "report.html", "a.png", "stranger.png", "dataset.csv"):
-        (tmp_path / name).write_bytes(b"RRF2" + name.encode())
+    for name in ("report.html", "a.png", "stranger.png", "dataset.csv"):
+        (tmp_path / name).write_bytes(name.encode())
+    nothing = Sweep(
+        Column("load", "load"), Column("error", "error"), [Point(1, "LS", 1)], {"LS": look("MLS56", "none")}
+    )
+    write_sweep(tmp_path / "recording.rrd", Header("test", "{}", 1), nothing, "### Nothing")
     start = "from testbench.cli import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", start, "view", tmp_path, "--web"],
@@ -299,17 +313,21 @@ def test_view_serves_recording_and_page_to_this_machine_until_ctrl_c(tmp_path):
     port = int(page[1].split(":")[2].split("/")[0])
     assert listening(process.pid) == [f"0100007F:{port:04X}"]
     assert f"-L {port}:127.0.0.1:{port}" in " ".join(elsewhere)
-    assert page[1] == f"http://127.0.0.1:{port}/report.html"
+    root = page[1].removesuffix("report.html")
+    token = root.removeprefix(f"http://127.0.0.1:{port}").strip("/")
+    assert len(token) >= 32
+    assert recording[1] == f"{root}recording"
 
-    def status(path):
+    def status(path, token=f"/{token}"):
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
-        connection.request("GET", path)
+        connection.request("GET", token + path)
         answer = connection.getresponse()
         answer.read()
         return answer.status
 
     served = ["/", "/report.html", "/a.png", "/recording.rrd", "/viewer/", "/viewer/re_viewer_bg.wasm"]
-    assert [status(path) for path in [*served, recording[1].partition(str(port))[2]]] == [200] * 7
+    assert [status(path) for path in [*served, "/recording"]] == [200] * 7
+    assert [status(path, "") for path in [*served, "/recording", "/favicon.ico"]] == [403] * 8
     hidden = ["/stranger.png", "/dataset.csv", "/manifest.json", "/viewer/../dataset.csv"]
     assert [status(path) for path in hidden] == [404] * 4
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()

@@ -221,13 +221,15 @@ def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(on
 def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path):
     first, asked, seeds = tmp_path / "first", LoadedSettings(arm="kr500_l480", loads=2, poses=3), range(1, 2)
     first.mkdir()
-    found = LOADED.summary(asked, seeds, zip(seeds, LOADED.trials(asked, seeds), strict=True))
-    files.write_json(to_json(found), first / "report.json")
+    report, *_ = found_by(LOADED, asked, seeds, zip(seeds, LOADED.trials(asked, seeds), strict=True))
+    files.write_json(to_json(report), first / "report.json")
     files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, models={})
-    [column] = [c for c in LOADED.tables(found)["rows"].columns if c.key == "max_mm"]
+    rows = report.tables["rows"]
+    [place] = [k for k, c in enumerate(rows.columns) if c.key == "max_um"]
+    column = rows.columns[place]
 
     def plant(report):
-        report["rows"][1]["max_mm"] *= 3
+        report["tables"]["rows"]["rows"][1][place] *= 3
 
     text, report = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
     told = rf"A and B differ in 1 of \d+ numbers by more than 2 %; .* Farthest apart: .*, {column.title}, "

@@ -12,7 +12,7 @@ from run_here import app_of, here
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {
     "report.json", "report.md", "manifest.json", "errors.csv", "trials.parquet", "real_ur10.png",
-    "spectra.png", "recording.rrd",
+    "joint_errors.png", "spectra.png", "recording.rrd",
     "report.html",
 }  # fmt: skip
 STORE = {"trials.jsonl", "trials", "prepared"}
@@ -31,7 +31,7 @@ def quick(tmp_path_factory):
 
 def errors(report, model, split):
     """Of every series that judges."""
-    return [line["error"] for line in report["ladder"] if (line["model"], line["split"]) == (model, split)]
+    return [line["error"] for line in report["ladder"] if (line["name"], line["split"]) == (model, split)]
 
 
 def mean(report, model, split):
@@ -49,7 +49,7 @@ def test_a_run_leaves_its_files_and_a_bench_that_reads_them_knows_its_models(qui
     for line in report["ladder"]:
         e = line["error"]
         assert 0 < e["mean_mm"] < e["rms_mm"] < e["p95_mm"] <= e["p99_mm"] <= e["max_mm"] < 10
-        assert 0 < e["coverage_95"] <= 1
+        assert 0 < e["inside_95_percent"] <= 100
 
 
 def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
@@ -63,7 +63,7 @@ def test_joint_errors_halve_what_joint_springs_leave_where_the_joints_were(quick
         assert mean(report, WAVES, split) < mean(report, SPRINGS, split) / 2
         assert mean(report, SPRINGS, split) < mean(report, "geometry", split)
     assert 0.3 < mean(report, SPRINGS, "blocks") < 0.7  # what calibrated arms of this kind are off by [mm]
-    assert min(e["coverage_95"] for e in errors(report, WAVES, "blocks")) > 0.7
+    assert min(e["inside_95_percent"] for e in errors(report, WAVES, "blocks")) > 70
 
 
 def test_either_series_alone_finds_the_same_errors_of_the_joints_months_apart(quick):
@@ -71,8 +71,8 @@ def test_either_series_alone_finds_the_same_errors_of_the_joints_months_apart(qu
     _, report = quick
     pan, *others = report["joints"]
     assert pan["strange_to_A_percent"] == 100
-    assert pan["alike"] is None
-    assert min(joint["alike"] for joint in others) > 0.6  # by chance: below 0.3 over so many waves
+    assert pan["correlation"] is None
+    assert min(joint["correlation"] for joint in others) > 0.6  # by chance: below 0.3 over so many waves
     for joint in report["joints"]:
         assert all(rms > 50 for rms in (joint["rms_A_urad"], joint["rms_C_urad"]))  # 0.1 mm at a metre is 100
 
@@ -80,7 +80,7 @@ def test_either_series_alone_finds_the_same_errors_of_the_joints_months_apart(qu
 def test_joint_errors_mend_the_springs_that_they_bias(quick):
     """The elbow's spring, 10 urad/(N m) by the whole public set, seems half as soft without them."""
     _, report = quick
-    elbow = {one["model"]: one["urad_per_Nm"][2] for one in report["compliances"] if one["trained"] == "both"}
+    elbow = {one["name"]: one["urad_per_Nm"][2] for one in report["compliances"] if one["trained"] == "both"}
     assert elbow[SPRINGS] < 0.75 * elbow[WAVES]
     assert 7 < elbow[WAVES] < 14
 
@@ -102,5 +102,5 @@ def test_the_page_says_what_the_numbers_say(quick):
     share = 100 * (1 - mean(report, WAVES, "blocks") / mean(report, SPRINGS, "blocks"))
     assert f"Joint errors over joint springs: {share:.0f} % less in blocks" in text
     assert f"{mean(report, WAVES, 'blocks'):.3f} mm with periodic joint errors" in text
-    known = [one for one in report["known"] if one["ours_mm"] is None]
+    known = [one for one in report["known"] if one["here_mm"] is None]
     assert len(known) == len(report["known"])  # other numbers of poses with --quick

@@ -84,7 +84,8 @@ def stored(out):
         return 0
     with tempfile.TemporaryDirectory() as folder:
         for file in out.glob(f"{FILE}*"):
-            shutil.copy(file, folder)
+            with contextlib.suppress(FileNotFoundError):  # a journal that has gone meanwhile
+                shutil.copy(file, folder)
         with (
             contextlib.closing(sqlite3.connect(Path(folder) / FILE)) as copy,
             contextlib.suppress(sqlite3.Error),
@@ -309,6 +310,14 @@ def flat(tree, path=()):
         yield from flat(value, (*path, key)) if isinstance(value, dict) else [(".".join((*path, key)), value)]
 
 
+def whole_json(file):
+    """What a file says once it is written to its end; None before."""
+    try:
+        return json.loads(file.read_text())
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+
+
 @pytest.fixture(scope="module")
 def secure(tmp_path_factory):
     """A scheduler and two workers on this machine, as somebody else would have started them by the page.
@@ -334,8 +343,7 @@ def secure(tmp_path_factory):
     told = folder / "scheduler.json"
     start("scheduler", "--scheduler-file", str(told))
     try:
-        until(told.exists)
-        address = json.loads(until(told.read_text))["address"]
+        address = until(lambda: whole_json(told))["address"]
         worker = partial(start, "worker", address, "--no-nanny", "--local-directory", str(folder))
         worker()
         worker()

@@ -2,12 +2,17 @@
 
 import socket
 import threading
+from functools import partial
 
+import dask
 import pytest
+from run_here import here
 
 from testbench.errors import BenchError
 from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common
+from testbench.studies.gravity_calibration.study import STUDY
+from testbench.studies.run import app
 from testbench.trials.cluster import check_address, on_cluster
 from testbench.trials.local import on_cores
 
@@ -100,3 +105,26 @@ def test_the_command_line_chooses_one_backend():
         choose_backend(Common(workers=2, cluster="tls://host:1"))
     with pytest.raises(BenchError, match="--insecure"):
         choose_backend(Common(cluster="tcp://host:1"))
+
+
+def test_certificates_are_asked_for_whatever_there_is_to_do(tmp_path):
+    tls = "distributed.comm.tls"
+    every = (f"{tls}.ca-file", f"{tls}.client.cert", f"{tls}.client.key")
+    for file, said in (
+        (None, "tls://192.0.2.1:1 needs certificates: set DASK"),
+        (str(tmp_path / "none.pem"), "--cluster: certificates: .*No such"),
+    ):
+        with dask.config.set(dict.fromkeys(every, file)), pytest.raises(BenchError, match=said):
+            choose_backend(Common(cluster="tls://192.0.2.1:1"))
+
+
+def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch):
+    """It was done here, in silence, however wrong the address."""
+    monkeypatch.setattr("testbench.shell.backend.on_cluster", partial(on_cluster, patience=0.3))
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    done = here(app(STUDY), "--quick", "--seeds", 1, "--cluster", address, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr == f"error: --cluster: no scheduler answers at {address}\n"
+    assert not (tmp_path / "out").exists()

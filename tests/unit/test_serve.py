@@ -1,7 +1,8 @@
-"""Files over HTTP: to this machine, under its own names, and no other files."""
+"""Files over HTTP: to this machine, under its own names, to who knows the word, and no other files."""
 
 import http.client
 import threading
+from urllib.parse import quote
 
 import pytest
 
@@ -14,7 +15,7 @@ def server(tmp_path_factory):
     tmp_path = tmp_path_factory.mktemp("run")
     (tmp_path / "secret.txt").write_text("secret")
     (tmp_path / "page.html").write_text("<p>page")
-    content = {"/": b"start", "/page.html": tmp_path / "page.html", "/gone.png": tmp_path / "gone.png"}
+    content = {"": b"start", "page.html": tmp_path / "page.html", "gone.png": tmp_path / "gone.png"}
     with Server(content, 0) as made:
         thread = threading.Thread(target=made.serve_forever, args=(0.02,))
         thread.start()
@@ -23,7 +24,8 @@ def server(tmp_path_factory):
         thread.join()
 
 
-def ask(server, path, host="127.0.0.1", method="GET"):
+def ask(server, path, host="127.0.0.1", method="GET", token=None):
+    path = f"/{server.token}{path}" if token is None else f"{token}{path}"
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
     connection.request(method, path, headers={"Host": host})
     answer = connection.getresponse()
@@ -59,6 +61,17 @@ def test_it_listens_on_this_machine_only_and_answers_to_its_own_names_only(serve
     for stranger in ("evil.example", f"evil.example:{server.port}", "127.0.0.1.evil.example", ""):
         answer, content = ask(server, "/", stranger)
         assert (answer.status, b"start" in content) == (421, False)
+
+
+def test_who_does_not_know_the_word_gets_nothing(server):
+    assert len(server.token) >= 32
+    assert server.root == f"http://127.0.0.1:{server.port}/{server.token}/"
+    for token in ("", "/", f"/{server.token[:-1]}", f"/{server.token}x", f"/x/{server.token}", "/é"):
+        for path in ("/", "/page.html", "/nothing"):
+            answer, content = ask(server, path, token=quote(token))
+            assert (answer.status, b"page" in content, b"start" in content) == (403, False, False)
+    with Server({}, 0) as other:
+        assert other.token != server.token
 
 
 def test_a_taken_port_is_one_line(server):

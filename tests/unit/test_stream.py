@@ -214,3 +214,16 @@ def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
     assert 10 <= found.every.runs <= 13
     assert 38 in found.every.run
     assert found.total == 80
+
+
+def test_of_many_runs_that_are_held_whole_some_have_intervals_and_the_notes_say_so(monkeypatch):
+    data = runs(80)
+    monkeypatch.setattr("testbench.data.stream.SHOWN", 10)
+    monkeypatch.setattr("testbench.bench.fits.SHOWN", 10)
+    fits = fit(
+        CELL, named_models(CELL, ["Joints"]), Runs("r", data, data, None), lambda: 0.0, widths=True
+    ).fits
+    assert fits.runs == 80
+    asked = [row.run for row in fits.models[0].intervals.deflections[::3]]
+    assert asked == [1, 10, 19, 27, 36, 45, 54, 62, 71, 80]
+    assert "intervals are of 10 of 80 runs" in fits.notes[-1]

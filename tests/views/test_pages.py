@@ -56,7 +56,7 @@ def test_what_did_not_run_stays_as_it_was(runs, tmp_path):
     ("mark", "said"),
     [
         ("from no_such_study: title", "no study 'no_such_study'"),
-        ("from loaded_stiffness: no_part", "no such block, and no such table; tables are rows, errors"),
+        ("from loaded_stiffness: no_part", "no such block, and no such table; tables are by_load, rows"),
     ],
 )
 def test_a_wrong_mark_is_one_line(runs, tmp_path, mark, said):

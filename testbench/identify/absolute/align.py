@@ -14,7 +14,7 @@ from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.faults import explained, renamed
-from testbench.identify.absolute.state import Frame, Mount, State, tell
+from testbench.identify.absolute.state import Frame, Mount, State, in_batches, tell
 from testbench.identify.frames import Found, points, starts, unloaded
 from testbench.identify.registration import register
 from testbench.model.vjm import Vjm, tool_pose
@@ -122,7 +122,8 @@ def _turns(state: State, series: Series, rotation: Array) -> Array:
     if not read.rows:
         return np.zeros((0, 3, 3))
     assert read.rotation is not None
-    tool = tell(state, read.q, read.wrench, read.point).where.rotation
+    parts = (tell(state, some.q, some.wrench, some.point) for some in in_batches(read))
+    tool = np.concatenate([told.where.rotation for told in parts])
     return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ read.rotation)
 
 

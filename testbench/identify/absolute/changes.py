@@ -65,11 +65,11 @@ def change_in(state: State, series: Series, noise: Noise, elastic: Metric) -> Ch
     """
     one = read_only(in_time(series))
     steps = np.flatnonzero(np.diff(one.row)) + 1  # rows of one identifier are of one moment
-    before, behind = _poses(one.pose), _poses(one.pose[::-1])[::-1]
+    before, behind = poses_so_far(one.pose), poses_so_far(one.pose[::-1])[::-1]
     steps = steps[(before[steps - 1] >= LEAST) & (behind[steps] >= LEAST)]
     if not len(steps):
         return None
-    at = lacking(state, one, noise, elastic)
+    at = lacking(state, (one,), noise, elastic)
     thin = np.linspace(0, one.rows - 1, min(THIN, one.rows)).astype(int)
     tried = steps[np.linspace(0, len(steps) - 1, min(CELLS, len(steps))).astype(int)]
     place = np.unique(np.searchsorted(thin, tried))
@@ -94,7 +94,7 @@ def change_in(state: State, series: Series, noise: Noise, elastic: Metric) -> Ch
     )
 
 
-def _poses(pose: Ids) -> Ids:
+def poses_so_far(pose: Ids) -> Ids:
     """Different poses up to and with every row, (rows,)."""
     first = np.zeros(len(pose), dtype=int)
     first[np.unique(pose, return_index=True)[1]] = 1

@@ -182,8 +182,12 @@ def explain(found: Gathered, options: Options) -> Calibration:
 
 def _first_fit(bare: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
     """Geometry and joint springs from where the closed forms have frames and mounts."""
-    state = aligned(bare, series)
-    first = unknowns_of(bare.vjm, series, JointErrors(), joints.structure)
+    return first_fit(aligned(bare, series), series, joints)
+
+
+def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
+    """Geometry and joint springs from a state that has frames and mounts, and how readings scatter."""
+    first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
     own, seen = choice(first, GEOMETRY, joints), _seen(state, series, 1.0)
     for _ in range(2):
         state, share = _stepped(own, series, state, seen)

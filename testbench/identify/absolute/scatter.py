@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.series import Series, select_rows
+from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.noise import (
     KINDS,
@@ -18,16 +18,13 @@ from testbench.identify.absolute.noise import (
     spread,
 )
 from testbench.identify.absolute.rows import left_over
-from testbench.identify.absolute.state import State, tell
-
-BATCH = 500  #: Rows whose Jacobian is in memory at a time.
+from testbench.identify.absolute.state import State, in_batches, tell
 
 
 def residuals(state: State, series: Series) -> Array:
     """Readings minus model in base axes, (s, 3, rows) [m, rad]; zero where nothing was read."""
     found = []
-    for first in range(0, series.rows, BATCH):
-        some = select_rows(series, np.arange(first, min(first + BATCH, series.rows)))
+    for some in in_batches(series):
         found.append(left_over(state, some, tell(state, some.q, some.wrench, some.point)))
     return np.concatenate(found, axis=2)
 

@@ -6,17 +6,18 @@ Everything is a virtual joint. Constants of the inner links' are the errors of g
 and of the last link are the base in the tracker's frame and the targets in the tool's, each series' own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.model.joint_errors import JointErrors, basis
 from testbench.model.vjm import Chain, Vjm, chain, generalised_load
 from testbench.model.weights import Weights, own_weight
 
+BATCH = 500  #: Rows whose Jacobian is in memory at a time.
 LOAD_STEPS = 2
 """Times the loads are taken again where they bend the arm to; each leaves a hundredth of an error or less."""
 
@@ -114,11 +115,18 @@ def targets(told: Told, mount: Mount) -> Array:
     )
 
 
+def in_batches(series: Series) -> Iterator[Series]:
+    """The rows of a series, some at a time: Jacobians of all of them would take gigabytes."""
+    for first in range(0, max(series.rows, 1), BATCH):
+        yield select_rows(series, np.arange(first, min(first + BATCH, series.rows)))
+
+
 def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
     """Root mean square torque of every joint over all rows, (n,) [N m, N]."""
     total, rows = np.zeros(vjm.arm.n_joints), 0
     for one in series:
-        u = loads(chain(vjm, one.q), weights, one.wrench, one.point)[-vjm.arm.n_joints :]
-        total, rows = total + (u**2).sum(axis=1), rows + one.rows
+        for some in in_batches(one):
+            u = loads(chain(vjm, some.q), weights, some.wrench, some.point)[-vjm.arm.n_joints :]
+            total, rows = total + (u**2).sum(axis=1), rows + some.rows
     scale = np.sqrt(total / rows)
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)

@@ -49,18 +49,21 @@ class Linear:
     noise: Noise  #: How readings scatter about it.
 
 
-def lacking(state: State, series: Series, noise: Noise, elastic: Metric) -> Linear:
-    """Residuals of a series, and what else may explain them.
+def lacking(
+    state: State, series: tuple[Series, ...], noise: Noise, elastic: Metric, orders: int = ORDERS
+) -> Linear:
+    """Residuals of series, and what else may explain them.
 
     Args:
         state: The arm without joint errors.
         series: The readings.
         noise: How they scatter.
         elastic: Prior of all compliances that there may be.
+        orders: Highest order of periodic errors that there may be.
     """
-    errors = JointErrors(tuple(range(1, ORDERS + 1)))
+    errors = JointErrors(tuple(range(1, orders + 1)))
     state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
-    unknowns = unknowns_of(state.vjm, (series,), errors, elastic.structure)
+    unknowns = unknowns_of(state.vjm, series, errors, elastic.structure)
     own, size = choice(unknowns, GEOMETRY | {"harmonics"}, elastic), usual(unknowns, len(noise.factor))
     P, _ = prior(own, Learnt(LACKING * size.deviation, size.factor), LOOSE)
     return Linear(own, P, state, noise)
@@ -137,17 +140,25 @@ class Step:
     b: Array  #: How far it moved and turned, (3 or 6,) [m, rad].
     gain: float  #: Sum of squares that it takes away, over the variance of what is left [1].
     share: float  #: Share of the sum of squares that it takes away [1].
+    free: float  #: Independent equations that nothing spends.
 
 
-def best(at: Linear, series: Series, steps: Ids) -> Step:
+def best(
+    at: Linear, series: Series, steps: Ids, others: tuple[Series, ...] = (), *, turns: bool = True
+) -> Step:
     """The step of greatest gain.
 
     Args:
         at: What else the model may lack.
         series: The readings, in order of time.
         steps: First rows behind the steps that are tried, rising, (steps,).
+        others: Series without a step that tell of the arm as well.
+        turns: Whether a step may turn what moves.
     """
     sums, c = _sums(at, series, steps), len(at.own.columns)
+    for one in others:
+        more = _sums(at, one, np.array([], dtype=int))
+        sums = replace(sums, AA=sums.AA + more.AA, count=sums.count + more.count)
     H = sums.AA[:c, :c] + at.prior
     size = np.sqrt(np.diag(H))
     L = cholesky(H / size / size[:, None], lower=True)
@@ -157,14 +168,18 @@ def best(at: Linear, series: Series, steps: Ids) -> Step:
     K = K.T.reshape(*sums.ZA.shape[:2], c)
     g, M = sums.ZA[:, :, c] - K @ e, sums.ZZ - K @ K.swapaxes(1, 2)
     z = g.shape[1] - 6
-    target, tracker = _gains(g[:, :z], M[:, :z, :z]), _gains(g[:, z:], M[:, z:, z:])
+    target, tracker = (
+        _gains(g[:, own], M[:, own, own])
+        for own in (slice(z if turns else 3), slice(z, None if turns else z + 3))
+    )
     what: What = "target" if target[0].max() > tracker[0].max() else "tracker"
     (gain, b), other = (target, tracker) if what == "target" else (tracker, target)
     k, before = int(gain.argmax()), float(sums.AA[c, c] - e @ e)
     s2 = max(before - gain[k], 1e-300) / max(sums.count - spent, 1.0)
     alike = bool(gain[k] - other[0][max(0, k - 2) : k + 3].max() < ALIKE * s2)
-    alone = s2 * max(1.0, sums.count / (FREE * len(np.unique(series.pose))))
-    return Step(int(steps[k]), what, alike, b[k], float(gain[k] / alone), float(gain[k] / before))
+    shared = max(1.0, sums.count / (FREE * sum(len(np.unique(one.pose)) for one in (series, *others))))
+    free = max(sums.count - spent, 1.0) / shared
+    return Step(int(steps[k]), what, alike, b[k], float(gain[k] / s2 / shared), float(gain[k] / before), free)
 
 
 def _gains(g: Array, M: Array) -> tuple[Array, Array]:
@@ -179,5 +194,5 @@ def moves(at: Linear, series: Series, step: Step) -> float:
     Z = rows.A[:, :, columns(f"frame {series.frame}")]
     if step.what == "target":
         Z = _rigid(at, series, rows.A[:, :, columns(f"mount {series.target}")])
-    d = np.einsum("sxcr,c->sxr", Z, step.b)[: len(series.markers)]
+    d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.b)], step.b)[: len(series.markers)]
     return float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))

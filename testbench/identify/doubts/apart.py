@@ -7,6 +7,7 @@ import numpy as np
 from testbench.identify.doubts.doubt import Doubt, length
 from testbench.identify.doubts.geometry import Fit, Free, Seen, away, fit
 from testbench.identify.doubts.mistakes import exchanges
+from testbench.identify.doubts.rigid import STILL
 
 APART = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
 
@@ -37,7 +38,7 @@ def _why(seen: Seen, own: Fit, pose: int) -> str:
         read=(seen.read[[pose]] - own.frame.t) @ own.frame.R,
         there=seen.there[[pose]],
     )
-    for order in exchanges(len(seen.markers)):
+    for order in exchanges(one, STILL):
         read, there = one.read[:, order], one.there[:, order]
         if away(one, fit(replace(one, read=read, there=there), Free())).max() < APART * seen.scale:
             wrong = ", ".join(seen.names[k] for k, other in enumerate(order) if k != other)

@@ -11,12 +11,14 @@ from testbench.identify.doubts.apart import apart
 from testbench.identify.doubts.deflected import SINGLE, deflected, single
 from testbench.identify.doubts.doubt import Doubt
 from testbench.identify.doubts.geometry import Fit, Free, Seen, fit
+from testbench.identify.doubts.moved import moved as moved_between
 from testbench.identify.doubts.placed import placed
 from testbench.identify.doubts.plain import moved_against, plain
 from testbench.identify.doubts.sentences import frame_doubt, targets_doubt
 from testbench.identify.in_base import with_markers
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered
 from testbench.identify.weighed import check_runs, marker_points
 from testbench.model.structure import all153
@@ -78,13 +80,16 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
     if not kept.seen.any():
         return said
-    parts = max(1, -(-kept.runs // AT_A_TIME))
+    each = len(kept.markers) + (kept.sigma_rotation is not None)
+    parts = max(1, -(-kept.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
     chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
-    loads = deflected(vjm, model, chunks[0])
+    stepped, loads = moved_between(vjm, kept, prior), deflected(vjm, model, chunks[0])
     if all(doubt.name in SINGLE for doubt in loads):
         loads += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
         loads.sort(key=lambda d: -(d.evidence or 0))
-    return [*said, *loads]
+    if all(doubt.name in SINGLE for doubt in loads):  # else a mistake of all loads may look like a step
+        return [*stepped, *said, *loads]
+    return [*said, *loads, *stepped]
 
 
 def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:

@@ -122,23 +122,26 @@ def _refined(seen: Seen, free: Free, bodies: Bodies, now: Fit) -> Fit:
         moved = now.frame.of(base)
         columns += [np.broadcast_to(e, base.shape) for e in np.eye(3)]
         columns += [np.cross(e, moved - now.frame.t) for e in np.eye(3)]
-    if free.targets:
-        R = now.frame.R @ bodies[-1][1]
-        for k in range(len(now.markers)):
-            for axis in range(3):
-                column = np.zeros(base.shape)
-                column[:, k] = R[:, :, axis]
-                columns.append(column)
     if free.link is not None:
         R = now.frame.R @ bodies[free.link][1]
         columns += [np.broadcast_to(R[:, None, :, axis], base.shape) for axis in range(3)]
     if free.joint is not None:
         columns.append(_turned(seen.vjm, free.joint, bodies, base) @ now.frame.R.T)
     root = np.sqrt(weights(now.residual, seen.scale) * seen.there)[..., None]
-    A = np.stack([(root * column).ravel() for column in columns], axis=1)
-    size = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
-    step = np.linalg.lstsq(A / size, -(root * now.residual).ravel())[0] / size
-    return _stepped(free, now, step)
+    left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
+    if free.targets:  # a target moves its own readings alone: they are left out of all others' columns first
+        R = root[..., None] * (now.frame.R @ bodies[-1][1])[:, None]
+        count = np.maximum((root**2).sum(axis=0), 1e-12)
+        own = np.einsum("pmxa,cpmx->cma", R, left) / count
+        left = left - np.einsum("pmxa,cma->cpmx", R, own)
+    off, *common = left.reshape(len(left), -1)
+    step = np.zeros(0)
+    if common:
+        size = np.maximum([np.linalg.norm(root * column) for column in columns], 1e-12)
+        step = np.linalg.lstsq(np.stack(common, axis=1) / size, off)[0] / size
+    if free.targets:
+        held = own[0] - np.tensordot(step, own[1:], 1)
+    return _stepped(free, replace(now, markers=now.markers + held), step)
 
 
 def _turned(vjm: Vjm, joint: int, bodies: Bodies, where: Array) -> Array:
@@ -151,17 +154,15 @@ def _turned(vjm: Vjm, joint: int, bodies: Bodies, where: Array) -> Array:
 
 
 def _stepped(free: Free, now: Fit, step: Array) -> Fit:
-    frame, markers, offset = now.frame, now.markers, now.offset
+    frame, offset = now.frame, now.offset
     if free.joint is not None:
         offset, step = offset + float(step[-1]), step[:-1]
     end = now.step
     if free.link is not None:
         end, step = end + step[-3:], step[:-3]
     if free.frame:
-        frame, step = Rigid(turned_by(step[3:6]) @ frame.R, frame.t + step[:3]), step[6:]
-    if free.targets:
-        markers = markers + step.reshape(-1, 3)
-    return replace(now, frame=frame, markers=markers, offset=offset, step=end)
+        frame = Rigid(turned_by(step[3:6]) @ frame.R, frame.t + step[:3])
+    return replace(now, frame=frame, offset=offset, step=end)
 
 
 def away(seen: Seen, own: Fit) -> Array:

@@ -40,9 +40,16 @@ class Fitted:
     read: Readings  #: Its readings one by one.
     loss: float  #: Minus the logarithm of its evidence.
     pi: Array  #: Expected parameters after the readings, (n,).
-    inverse: Array  #: Of the readings' covariance, (k, k).
-    surprise: Array  #: That times readings minus what is expected before them, (k,) [1].
+    #: The inverse of the readings' covariance is I / misfit^2 - shared shared^T, (k, r): readings share few
+    #: unknowns, so that nothing is as large as the readings squared.
+    shared: Array
+    surprise: Array  #: That inverse times readings minus what is expected before them, (k,) [1].
     h: Array  #: Hyperparameters.
+
+    @property
+    def misfit(self) -> float:
+        """How much more than their noise the readings scatter [1]."""
+        return float(np.exp(self.h[-1]))
 
 
 def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
@@ -56,16 +63,15 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
     width = s * np.exp(np.where(seen.metric.couplings, h[-2], h[-3]))
     residual = read.y.ravel() - G @ (s * seen.metric.expected)
     half = G * width
-    S = half @ half.T
-    S[np.diag_indices_from(S)] += kappa**2
-    x = s * seen.metric.expected + width * (half.T @ np.linalg.solve(S, residual))
-    pi = seen.metric.L @ x
+    expected = np.concatenate([residual, np.zeros(len(width))])
+    x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
+    pi = seen.metric.L @ (s * seen.metric.expected + width * x)
     if vjm.arm.joints:
-        D = allowed(vjm, data, structure.matrix(pi))
-        S = S + D @ D.T
-    inverse = np.linalg.inv(S)
-    value, surprise = loss(seen, h)[0], inverse @ residual
-    return Fitted(vjm, seen.metric, data, read, value, pi, inverse, surprise, h)
+        half = np.hstack([half, allowed(vjm, data, structure.matrix(pi))])
+    U, size, _ = np.linalg.svd(half, full_matrices=False)
+    shared = U * (size / np.hypot(size, kappa) / kappa)
+    surprise = residual / kappa**2 - shared @ (shared.T @ residual)
+    return Fitted(vjm, seen.metric, data, read, loss(seen, h)[0], pi, shared, surprise, h)
 
 
 def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
@@ -99,7 +105,6 @@ class Size:
     """How large a mistake looks, and how much likelier it makes the readings."""
 
     b: Array  #: Expected size, (k,) [tau].
-    deviation: Array  #: Its standard deviations, (k,).
     gain: float  #: Logarithm of the Bayes factor [nats].
 
 
@@ -112,9 +117,7 @@ def sized(fitted: Fitted, change: Change, k: int) -> Size:
 
 def of_columns(fitted: Fitted, D: Array, rows: slice = EVERY) -> Size:
     """A mistake that adds D, (rows, k) [standard deviations a tau], to what is expected of some rows."""
-    M = D.T @ fitted.inverse[rows, rows] @ D
-    v = D.T @ fitted.surprise[rows]
-    P = M + np.eye(len(M))
-    C = np.linalg.inv(P)
-    b = C @ v
-    return Size(b, np.sqrt(np.diag(C)), float(v @ b - np.linalg.slogdet(P)[1]) / 2)
+    own, v = fitted.shared[rows].T @ D, D.T @ fitted.surprise[rows]
+    P = D.T @ D / fitted.misfit**2 - own.T @ own + np.eye(len(v))
+    b = np.asarray(np.linalg.solve(P, v))
+    return Size(b, float(v @ b - np.linalg.slogdet(P)[1]) / 2)

@@ -7,6 +7,8 @@ from itertools import combinations, permutations
 import numpy as np
 
 from testbench.identify.doubts.geometry import Free, Seen
+from testbench.identify.doubts.rigid import Rigid, losses
+from testbench.model.vjm import tool_points
 
 UNITS = {
     1e-3: "1000 times too large: millimetres read as metres?",
@@ -19,7 +21,7 @@ UNITS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """What is to be multiplied with, and what that means."""
-FEW = 4  #: Targets up to which every order of their names is tried; of more, exchanges of two.
+FEW = 4  #: Targets up to which every order of their names is tried; of more, one exchange of two.
 CHOICE = 2  #: Free numbers that a choice among many counts as.
 
 
@@ -34,8 +36,14 @@ class Mistake:
     numbers: int = 0  #: What the choice counts as, beside what is free.
 
 
-def mistakes(seen: Seen, free: Free) -> Iterator[Mistake]:
-    """All single mistakes that are tried, beside what is free anyway."""
+def mistakes(seen: Seen, free: Free, frame: Rigid) -> Iterator[Mistake]:
+    """All single mistakes that are tried, beside what is free anyway.
+
+    Args:
+        seen: The readings.
+        free: What is free anyway.
+        frame: In which they fit best without a mistake.
+    """
     if not free.frame:
         yield Mistake("frame", "", seen, replace(free, frame=True))
     if not free.targets:
@@ -53,21 +61,30 @@ def mistakes(seen: Seen, free: Free) -> Iterator[Mistake]:
         yield Mistake("order", words, replace(seen, q=np.roll(seen.q, shift, axis=0)), free, CHOICE)
     for k in range(1, len(seen.vjm.arm.links) - 1):
         yield Mistake("link", seen.vjm.arm.links[k].name, seen, replace(free, link=k))
-    yield from _markers(seen, free)
+    yield from _markers(seen, free, frame)
     yield from _joints(seen, free)
 
 
-def exchanges(m: int) -> Iterator[list[int]]:
-    """Other orders of m targets: all of a few, of more those in which two are exchanged."""
+def exchanges(seen: Seen, frame: Rigid) -> Iterator[list[int]]:
+    """Other orders of the targets: all of a few; of more the exchange of two that fits best in a frame."""
+    m = len(seen.markers)
     if m <= FEW:
         yield from (list(order) for order in list(permutations(range(m)))[1:])
         return
-    for i, j in combinations(range(m), 2):
-        yield [j if k == i else i if k == j else k for k in range(m)]
+    places = frame.of(tool_points(seen.vjm, seen.q, seen.markers))
+    pairs = np.empty((m, m))  # of a place and the target that was read there
+    for k in range(m):
+        off = np.where(seen.there[..., None], places[:, [k]] - seen.read, 0)
+        pairs[k] = losses(off, seen.scale).sum(axis=0)
+    own = np.diag(pairs)
+    change = pairs + pairs.T - own - own[:, None]
+    change[np.diag_indices(m)] = np.inf
+    i, j = divmod(int(change.argmin()), m)
+    yield [j if k == i else i if k == j else k for k in range(m)]
 
 
-def _markers(seen: Seen, free: Free) -> Iterator[Mistake]:
-    for order in exchanges(len(seen.markers)):
+def _markers(seen: Seen, free: Free, frame: Rigid) -> Iterator[Mistake]:
+    for order in exchanges(seen, frame):
         own = replace(seen, read=seen.read[:, order], there=seen.there[:, order])
         wrong = [seen.names[k] for k, other in enumerate(order) if k != other]
         words = f"of {', '.join(wrong)} have each other's names"

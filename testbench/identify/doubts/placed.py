@@ -37,13 +37,11 @@ def placed(seen: Seen, free: Free, what: str) -> Placed:
         what: Which readings, for sentences.
     """
     start = fit(seen, free)
-    tried = [(m, fit(m.seen, m.free)) for m in mistakes(seen, free)]
+    tried = [(m, fit(m.seen, m.free)) for m in mistakes(seen, free, start.frame)]
     gains = [start.cost - own.cost - PENALTY * m.numbers for m, own in tried]
-    needed = max(LEAST, BETTER * seen.there.sum())
+    needed = max(LEAST, BETTER * seen.there.sum(), SHARE * max(gains))
     good = [
-        (g, m, own)
-        for g, (m, own) in zip(gains, tried, strict=True)
-        if g > max(needed, SHARE * max(gains)) and _large(seen, m, own)
+        (g, m, own) for g, (m, own) in zip(gains, tried, strict=True) if g > needed and _large(seen, m, own)
     ]
     if good:
         gain, mistake, own = max(good, key=lambda x: (x[1].name not in LOOSE, x[0]))

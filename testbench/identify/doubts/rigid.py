@@ -41,6 +41,11 @@ def weights(residual: Array, scale: float) -> Array:
     return np.asarray(1 / (1 + np.square(residual / scale).sum(axis=-1) / 3))
 
 
-def cost(residual: Array, scale: float) -> float:
+def losses(residual: Array, scale: float) -> Array:
     """Cauchy's loss of residuals, (..., 3): minus the logarithm of a density in three dimensions [nats]."""
-    return float(1.5 * np.log1p(np.square(residual / scale).sum(axis=-1) / 3).sum())
+    return np.asarray(1.5 * np.log1p(np.square(residual / scale).sum(axis=-1) / 3))
+
+
+def cost(residual: Array, scale: float) -> float:
+    """Cauchy's loss of all residuals, (..., 3) [nats]."""
+    return float(losses(residual, scale).sum())

@@ -25,7 +25,6 @@ from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.plant import Plant, settle, weightless
 
-NAME = "loaded_stiffness"
 POSES, QUICK_POSES = 200, 30
 LOADS, QUICK_LOADS = 7, 4
 AT_TOOL = np.zeros((1, 3))

@@ -8,9 +8,9 @@ from testbench.arm.folder import Joint
 from testbench.bench.rows import UM
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.report.table import Row
 from testbench.studies.real_ur10.ladder import TWO, WAVES
-from testbench.studies.real_ur10.report import CompliancesReport, JointReport
-from testbench.studies.real_ur10.rows import LadderRow
+from testbench.studies.real_ur10.trial import LadderRow
 
 STRANGE = 2.0
 """Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""
@@ -24,7 +24,7 @@ TRAINED = {"A to C": "A", "C to A": "C", "both": "both"}
 
 def joint_reports(
     joints: Sequence[Joint], series: Sequence[Series], ladder: Sequence[LadderRow]
-) -> list[JointReport]:
+) -> list[Row]:
     """One report a joint."""
     a, c = (np.degrees(one.q) for one in series)
     waves = {name: _waves(ladder, name, len(joints)) for name in TRAINED}
@@ -36,11 +36,11 @@ def joint_reports(
 
 def _waves(ladder: Sequence[LadderRow], name: str, joints: int) -> Array:
     """Sines and cosines of all joints by the readings of a split, (2, n, orders) [urad]."""
-    own = next(row.waves for row in ladder if (row.split, row.model, row.judged) == (name, WAVES.name, None))
+    own = next(row.waves for row in ladder if (row.split, row.name, row.judged) == (name, WAVES.name, None))
     return np.asarray(UM * np.array(own).reshape(joints, 2, -1).swapaxes(0, 1))
 
 
-def _report(name: str, a: Array, c: Array, waves: dict[str, Array]) -> JointReport:
+def _report(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
     of_a, of_c, both = waves.values()
     curves, seen = [_curve(w) for w in (of_a, of_c)], [_far(ANGLES, q) <= STRANGE for q in (a, c)]
     common = seen[0] & seen[1]
@@ -48,7 +48,7 @@ def _report(name: str, a: Array, c: Array, waves: dict[str, Array]) -> JointRepo
     drawn = [
         [float(y) if s else None for y, s in zip(*own, strict=True)] for own in zip(curves, seen, strict=True)
     ]
-    return JointReport(
+    return Row(
         joint=name,
         low_A_deg=float(a.min()),
         high_A_deg=float(a.max()),
@@ -57,7 +57,7 @@ def _report(name: str, a: Array, c: Array, waves: dict[str, Array]) -> JointRepo
         strange_to_A_percent=float(100 * (_far(c, a) > STRANGE).mean()),
         strange_to_C_percent=float(100 * (_far(a, c) > STRANGE).mean()),
         common_deg=float(common.mean() * 360),
-        alike=None if alike is None else float(alike),
+        correlation=None if alike is None else float(alike),
         rms_A_urad=_rms(curves[0][seen[0]]),
         rms_C_urad=_rms(curves[1][seen[1]]),
         rms_both_urad=_rms(_curve(both)[seen[0] | seen[1]]),
@@ -90,12 +90,12 @@ def _far(angles: Array, known: Array) -> Array:
     return np.asarray(np.minimum(at - ring[place - 1], ring[place] - at))
 
 
-def compliances(ladder: Sequence[LadderRow]) -> list[CompliancesReport]:
+def compliances(ladder: Sequence[LadderRow]) -> list[Row]:
     """Of joint springs without and with joint errors, by A, by C, by both."""
     return [
-        CompliancesReport(TRAINED[row.split], row.model, [UM * c for c in row.joints])
+        Row(trained=TRAINED[row.split], name=row.name, urad_per_Nm=[UM * c for c in row.joints])
         for model in TWO
         for name in TRAINED
         for row in ladder
-        if (row.split, row.model, row.judged) == (name, model.name, None)
+        if (row.split, row.name, row.judged) == (name, model.name, None)
     ]

@@ -1,4 +1,4 @@
-"""What the study leaves beside its report: errors of positions that were not fitted, and their recording."""
+"""Positions that were not fitted: errors.csv, and the arm amid its errors."""
 
 import csv
 
@@ -10,18 +10,17 @@ from testbench.bench.rows import UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.plant.shapes import rigid_frames
-from testbench.studies.real_ur10.ladder import JOINTS, TWO, WAVES, Model
-from testbench.studies.real_ur10.looks import LOOKS
+from testbench.report.report import Report
+from testbench.report.table import Row
+from testbench.studies.real_ur10.figure import LOOKS
+from testbench.studies.real_ur10.ladder import JOINTS, TWO, WAVES
 from testbench.studies.real_ur10.readings import read, split
-from testbench.studies.real_ur10.report import JointReport, RealReport
-from testbench.studies.real_ur10.settings import Settings
 from testbench.studies.real_ur10.trained import SHOWN
+from testbench.studies.real_ur10.trial import Settings
 from testbench.studies.study import Run
-from testbench.views.colours import Colour
 from testbench.views.markdown import grid
 from testbench.views.recording.absolute import AbsoluteScene, Arrows, write_absolute
 from testbench.views.recording.arm import origins
-from testbench.views.recording.stream import Header
 
 POSES, ARROWS = 300, 800  #: Poses that are shown, and errors that stand still, at most, evenly spaced.
 HOW = """**Colours** Arrows lead from model to reading, times {scale:g}: blue is small, orange is
@@ -31,7 +30,7 @@ HOW = """**Colours** Arrows lead from model to reading, times {scale:g}: blue is
 the readings."""
 
 
-def write(run: Run[Settings, RealReport]) -> None:
+def write(run: Run[Settings, Report]) -> None:
     """errors.csv and recording.rrd."""
     readings = read(run.settings.thin)
     judged = [one.series for one in split(SHOWN, readings.series).judged]
@@ -40,19 +39,15 @@ def write(run: Run[Settings, RealReport]) -> None:
     write_recording(run, readings.cell, judged, errors)
 
 
-def _left(asked: Settings, series: Series, model: str) -> Array:
+def _left(asked: Settings, series: Series, name: str) -> Array:
     """Readings minus a model, base axes, (rows, 3) [m]."""
     own = next(
-        row.left_um
-        for row in asked.ladder
-        if (row.split, row.model, row.judged) == (SHOWN, model, series.name)
+        row.left_um for row in asked.ladder if (row.split, row.name, row.judged) == (SHOWN, name, series.name)
     )
     return np.array(own).reshape(-1, 3) / UM
 
 
-def write_errors(
-    run: Run[Settings, RealReport], cell: Cell, judged: list[Series], errors: list[Array]
-) -> None:
+def write_errors(run: Run[Settings, Report], cell: Cell, judged: list[Series], errors: list[Array]) -> None:
     """A line a position: series, row of its file, joints, reading minus model in base axes by both models."""
     names = [f"{joint.name}_rad" for joint in cell.arm.joints]
     vectors = [f"{what}_{x}_um" for what in ("springs", "joint_errors") for x in "xyz"]
@@ -65,11 +60,10 @@ def write_errors(
 
 
 def write_recording(
-    run: Run[Settings, RealReport], cell: Cell, judged: list[Series], errors: list[Array]
+    run: Run[Settings, Report], cell: Cell, judged: list[Series], errors: list[Array]
 ) -> None:
     """The arm amid its errors, without and with joint errors."""
     q = np.concatenate([one.q for one in judged])
-    header = Header(run.report.scenario, run.parameters, run.seeds[0])
     still, some = (np.unique(np.linspace(0, len(q) - 1, min(n, len(q))).astype(int)) for n in (ARROWS, POSES))
     places = tuple(origins(cell, cell.arm.markers, rigid_frames(cell.room, q)))
     before, after = (Arrows(places, tuple(error[:, None])) for error in errors)
@@ -87,22 +81,21 @@ def write_recording(
             "\n".join([f"**{names[k]}**", "", *(w.format(x[k]) for w, x in zip(words, mm, strict=True))])
             for k in some
         ],
-        summary=run.words.summary(run.tables["short"]),
+        summary=run.report.summary(run.tables["short"]),
         tables=grid(run.tables["ladder"]),
         geometry="\n\n".join(grid(run.tables[name]) for name in ("compliances", "waves", "joints")),
-        spectrum=[_spectrum(joint) for joint in run.report.joints],
-        models={"drawn": _look(JOINTS), "calibrated": _look(WAVES)},
+        spectrum=[_spectrum(joint) for joint in Row(run.report.numbers).joints],
+        models={
+            kind: (model.name, LOOKS[model.name].colour)
+            for kind, model in (("drawn", JOINTS), ("calibrated", WAVES))
+        },
         kind="ladder",
         opens="drawn",
     )
     how = HOW.format(scale=made.scale, most=made.top_mm, before=JOINTS.name)
-    write_absolute(run.folder / "recording.rrd", header, made.saying(how))
+    write_absolute(run.folder / "recording.rrd", run.header, made.saying(how))
 
 
-def _look(model: Model) -> tuple[str, Colour]:
-    return model.name, LOOKS[model.name].colour
-
-
-def _spectrum(joint: JointReport) -> SpectrumRow:
+def _spectrum(joint: Row) -> SpectrumRow:
     orders = [OrderRow(k + 1, y, 0.0) for k, y in enumerate(joint.amplitude_both_urad)]
     return SpectrumRow(joint.joint, joint.rms_both_urad, orders)

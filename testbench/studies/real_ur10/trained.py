@@ -12,8 +12,7 @@ from testbench.identify.absolute.fit import Calibration, Options, explain, gathe
 from testbench.identify.prior import cad_prior
 from testbench.studies.real_ur10.ladder import CHOSEN, ERRORS, GEOMETRY, LADDER, LINKS, SPRINGS, TWO, Model
 from testbench.studies.real_ur10.readings import Judged, read, split
-from testbench.studies.real_ur10.rows import LadderRow, judge, left, placed
-from testbench.studies.real_ur10.settings import Settings
+from testbench.studies.real_ur10.trial import LadderRow, Settings, judge, left, placed
 from testbench.studies.study import Everywhere
 
 SHOWN = "blocks"  #: Split whose errors are drawn, by both models of `TWO`.
@@ -62,7 +61,7 @@ def _rows(asked: Settings, name: str) -> Iterator[LadderRow]:
 def _judged(found: Calibration, about: LadderRow, judged: Judged) -> LadderRow:
     at = placed(found, judged)
     off = left(at, judged)
-    drawn = about.split == SHOWN and about.model in [model.name for model in TWO]
+    drawn = about.split == SHOWN and about.name in [model.name for model in TWO]
     return replace(
         about,
         judged=judged.series.name,
@@ -81,7 +80,7 @@ def _about(found: Calibration, model: Model, name: str, poses: int) -> LadderRow
     certificate = None if estimate is None else estimate.certificate
     return LadderRow(
         split=name,
-        model=model.name,
+        name=model.name,
         judged=None,
         error=None,
         left_um=(),

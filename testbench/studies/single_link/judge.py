@@ -12,7 +12,7 @@ from testbench.bench.rows import UM
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
-from testbench.trials.spread import Number, Share, middle
+from testbench.trials.spread import Number, Share
 
 NO_RANK = 1e-4
 """Eigenvalue, in units of what noise causes, below which it counts as zero: solvers leave 1e-8."""
@@ -43,14 +43,14 @@ class Judged:
     """A compliance judged.
 
     Its smallest eigenvalue is that of the symmetric part, or, as the paper counts, the real part of the
-    matrix's own [mixed SI units]; whether one is negative is None where printed digits do not say.
+    matrix's own, in 1e-6 of mixed SI units.
     """
 
     symmetric: Share
-    min_eigenvalue: Number
-    min_eigenvalue_matrix: Number
-    negative_eigenvalue: Share | None
-    negative_eigenvalue_matrix: Share | None
+    symmetric_eigenvalue_micro: Number
+    matrix_eigenvalue_micro: Number
+    negative_eigenvalue: Share
+    negative_eigenvalue_matrix: Share
     entries: Entries
     prediction: Prediction
 
@@ -62,8 +62,8 @@ def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
     error = C - cell.arm.C_theta
     return Judged(
         symmetric=bool(np.abs(C - C.T).max() <= SYMMETRY_TOLERANCE * np.abs(C).max()),
-        min_eigenvalue=float(symmetric[0]),
-        min_eigenvalue_matrix=float(matrix[0]),
+        symmetric_eigenvalue_micro=UM * float(symmetric[0]),
+        matrix_eigenvalue_micro=UM * float(matrix[0]),
         negative_eigenvalue=bool(symmetric[0] < zero),
         negative_eigenvalue_matrix=bool(matrix[0] < zero),
         entries=Entries(
@@ -74,13 +74,6 @@ def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
         ),
         prediction=prediction_errors(C, truth),
     )
-
-
-def absolute(found: Judged) -> dict[str, float]:
-    """Errors of predictions and entries by name, without the relative ones."""
-    position, rotation = found.prediction.position_rms_um, found.prediction.rotation_rms_urad
-    errors = {"position_rms_um": position, "rotation_rms_urad": rotation, **vars(found.entries)}
-    return {key: middle(error) for key, error in errors.items()}
 
 
 def prediction_errors(C: Array, truth: Dataset) -> Prediction:

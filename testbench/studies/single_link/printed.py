@@ -1,8 +1,9 @@
 """What the printed Eq. (22) and (23) say of the paper's own experiment, and of its optimiser."""
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
+from scipy.special import gammainc, gammaincc
 
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.full_pose import FullPose
@@ -10,96 +11,115 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, reduce
 from testbench.identify.regression import f_m
+from testbench.report.columns import columns
+from testbench.report.table import Row
 from testbench.studies.paper import EQ_22, EQ_23
 from testbench.studies.single_link.judge import (
-    Prediction,
     eigenvalues,
     noise_scale,
     prediction_errors,
     rank_beyond_noise,
     rms,
 )
-from testbench.studies.single_link.pinning import Pinning, pinning
-from testbench.studies.single_link.trial import Settings, models, of_every_order
+from testbench.studies.single_link.trial import Settings, models, of_every_order, wrenches_within
+from testbench.trials.spread import spread
+from testbench.views.schema import Table
 
-ROUNDINGS = 20_000  #: Matrices that round to Eq. (23), tried for the range of its eigenvalues.
+DRAWS = 20_000  #: Of noise, of random load sets, and of matrices that round to Eq. (23).
 ROUNDED_COSTS = 200  #: F_M taken of so many of them.
-
-Numbers = list[float]
-Rows = list[Numbers]
-
-
-@dataclass(frozen=True)
-class Matrix:
-    """A compliance and its eigenvalues, ascending [m/N, rad/N, rad/(N m)]."""
-
-    matrix: Rows
-    eigenvalues_matrix: Numbers
-    eigenvalues_symmetric_part: Numbers
-
-
-@dataclass(frozen=True)
-class SymmetricMatrix:
-    """A symmetric compliance and its eigenvalues, ascending."""
-
-    matrix: Rows
-    eigenvalues: Numbers
-
-
-@dataclass(frozen=True)
-class OwnOrder:
-    """The best of order m on the paper's own data, and its distance to Eq. (23)."""
-
-    m: int
-    f_m: float
-    eigenvalues: Numbers
-    rms_to_eq_23_over_sigma: float
+DEFLECTION, READING = "if_sigma_is_of_a_deflection", "if_sigma_is_of_a_reading"
+OWN, PIN = "eq_23_from_the_data_of_eq_22", "pinning"
+FACTS = {
+    f"{PIN}.position_rms_over_sigma": "Eq. (22) off Eq. (21), rows of translation, RMS over 25 um / 10 N",
+    f"{PIN}.rotation_rms_over_sigma": "the same, rows of rotation, RMS over 0.25 mrad / 10 N m",
+    f"{PIN}.rms_over_sigma": "the same, all 36 entries; 1 if sigma is of a deflection, 1.41 if of a reading",
+    f"{PIN}.p_as_large_if_sigma_is_of_a_deflection": "p of as much or more, if sigma is of a deflection",
+    f"{PIN}.p_as_small_if_sigma_is_of_a_reading": "p of as little or less, if sigma is of a reading",
+    f"{PIN}.likelihood_ratio_deflection_to_reading": "likelihood ratio, deflection over reading",
+    f"{PIN}.random_loads_rms_over_sigma": "RMS that six random loads would give",
+    f"{PIN}.random_loads_share_as_small": "share of random loads that give as little",
+    f"{PIN}.negative_eigenvalue_expected.{DEFLECTION}.of_the_matrix": (
+        "share of draws with a negative eigenvalue, if sigma is of a deflection"
+    ),
+    f"{PIN}.negative_eigenvalue_expected.{READING}.of_the_matrix": "the same, if sigma is of a reading",
+    f"{OWN}.printed_f_m": "F_M of Eq. (23) on the data of Eq. (22)",
+    f"{OWN}.printed_f_m_within_rounding.0": "least F_M of a matrix that rounds to Eq. (23)",
+    f"{OWN}.optimum_f_m": "F_M of the certified optimum of these data",
+    f"{OWN}.rank_within_rounding": "rank of Eq. (23) within its rounding",
+    f"{OWN}.optimum_rank": "rank of the optimum",
+    f"{OWN}.optimum_prediction.position_rms_um": "position error of the optimum, um",
+    f"{OWN}.optimum_prediction.rotation_rms_urad": "rotation error of the optimum, urad",
+}
+"""What the table says, by where its number is."""
 
 
-@dataclass(frozen=True)
-class OwnData:
-    """Eq. (23) on the data of Eq. (22), and what the optimum of these data is."""
-
-    printed_f_m: float
-    printed_f_m_within_rounding: Numbers
-    eigenvalues_within_rounding: Rows
-    rank_within_rounding: int
-    optimum_f_m: float
-    optimum_f_m_excess_bound: float | None
-    optimum_eigenvalues: Numbers
-    optimum_rank: int
-    optimum_matrix: Rows
-    optimum_prediction: Prediction
-    order: list[OwnOrder]
+def table(found: Row) -> Table:
+    """What the printed matrices say, a number a line."""
+    rows = []
+    for path, what in FACTS.items():
+        value = found
+        for part in path.split("."):
+            value = value[int(part) if isinstance(value, list) else part]
+        rows.append(Row(what=what, value=value))
+    return Table(columns("what value"), rows, "What the printed Eq. (22) and (23) tell")
 
 
-@dataclass(frozen=True)
-class PrintedMatrices:
-    """What the printed matrices tell."""
-
-    pinning: Pinning
-    eq_22: Matrix
-    eq_23: SymmetricMatrix
-    eq_23_from_the_data_of_eq_22: OwnData
-
-
-def printed_matrices(cell: Cell, asked: Settings, truth: Dataset) -> PrintedMatrices:
+def printed_matrices(cell: Cell, asked: Settings, truth: Dataset) -> Row:
     """What the printed Eq. (22) and (23) tell of the paper's experiment, under noise-free check loads."""
-    ours = np.array(EQ_23)
-    return PrintedMatrices(
-        pinning=pinning(cell, asked.campaign),
+    return Row(
+        pinning=_pinning(cell, asked.campaign),
         eq_22=with_eigenvalues(np.array(EQ_22)),
-        eq_23=SymmetricMatrix(ours.tolist(), eigenvalues(ours)[1].tolist()),
+        eq_23=with_eigenvalues(np.array(EQ_23)),
         eq_23_from_the_data_of_eq_22=_papers_own_data(cell, asked, truth),
     )
 
 
-def with_eigenvalues(C: Array) -> Matrix:
-    """A compliance, (6, 6), and its eigenvalues."""
-    return Matrix(C.tolist(), *(values.tolist() for values in eigenvalues(C)))
+def with_eigenvalues(C: Array) -> Row:
+    """A compliance, (6, 6), and its eigenvalues, ascending [m/N, rad/N, rad/(N m)]."""
+    own, symmetric = eigenvalues(C)
+    return Row(
+        matrix=C.tolist(), eigenvalues_matrix=own.tolist(), eigenvalues_symmetric_part=symmetric.tolist()
+    )
 
 
-def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> OwnData:
+def _pinning(cell: Cell, campaign: FullPose) -> Row:
+    """Which loads the paper had, and whose its sigma is: errors of Eq. (22) over sigma / load."""
+    e = (np.array(EQ_22) - cell.arm.C_theta) / noise_scale(campaign)
+    total, rng = float((e**2).sum()), stream(0)
+    W = wrenches_within(6 * DRAWS, 1.0, 1.0, rng).reshape(-1, 6, 6)
+    random = np.sqrt((np.linalg.solve(W, rng.standard_normal(W.shape)) ** 2).mean(axis=(1, 2)))
+    expected = {
+        key: _expected(cell, campaign, factor) for key, factor in ((DEFLECTION, 1.0), (READING, math.sqrt(2)))
+    }
+    return Row(
+        entries=e.size,
+        position_rms_over_sigma=rms(e[:3]),
+        rotation_rms_over_sigma=rms(e[3:]),
+        standard_error_percent=100 / math.sqrt(e.size),
+        position_rms_by_column_over_sigma=[rms(column) for column in e[:3].T],
+        rotation_rms_by_column_over_sigma=[rms(column) for column in e[3:].T],
+        rms_over_sigma=rms(e),
+        p_as_large_if_sigma_is_of_a_deflection=float(gammaincc(e.size / 2, total / 2)),
+        p_as_small_if_sigma_is_of_a_reading=float(gammainc(e.size / 2, total / 4)),
+        likelihood_ratio_deflection_to_reading=float(np.exp(e.size * np.log(2) / 2 - total / 4)),
+        negative_eigenvalue_expected=expected,
+        random_loads_rms_over_sigma=spread(random),
+        random_loads_share_as_small=float((random <= rms(e)).mean()),
+    )
+
+
+def _expected(cell: Cell, campaign: FullPose, factor: float) -> Row:
+    """How often C read directly has a negative eigenvalue, with so many times the noise."""
+    noise = noise_scale(campaign) * stream(0).standard_normal((DRAWS, 6, 6))
+    C = cell.arm.C_theta + factor * noise
+    matrix, symmetric = np.linalg.eigvals(C).real, np.linalg.eigvalsh((C + C.swapaxes(1, 2)) / 2)
+    return Row(
+        of_the_matrix=float((matrix.min(axis=1) < 0).mean()),
+        of_its_symmetric_part=float((symmetric[:, 0] < 0).mean()),
+    )
+
+
+def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> Row:
     """Least squares of axis loads reads C column by column, so Eq. (22) is the paper's dataset."""
     campaign, ours = asked.campaign, np.array(EQ_23)
     load = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
@@ -109,19 +129,18 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> OwnData:
     rounded = _rounded(ours)
     values = np.linalg.eigvalsh(rounded)
     costs = [f_m(regression, structure.entries(C)) for C in rounded[:ROUNDED_COSTS]]
-    return OwnData(
+    return Row(
         printed_f_m=f_m(regression, structure.entries(ours)),
         printed_f_m_within_rounding=[min(costs), max(costs)],
         eigenvalues_within_rounding=np.stack([values.min(axis=0), values.max(axis=0)], axis=1).tolist(),
         rank_within_rounding=int((values.min(axis=0) > 0).sum()),
         optimum_f_m=best.f_m,
         optimum_f_m_excess_bound=best.certificate.f_m_excess_bound if best.certificate else None,
-        optimum_eigenvalues=best.eigenvalues[0].tolist(),
         optimum_rank=rank_beyond_noise(campaign, best.C_theta),
-        optimum_matrix=best.C_theta.tolist(),
-        optimum_prediction=prediction_errors(best.C_theta, truth),
+        optimum=with_eigenvalues(best.C_theta),
+        optimum_prediction=Row(vars(prediction_errors(best.C_theta, truth))),
         order=[
-            OwnOrder(
+            Row(
                 m=m,
                 f_m=estimate.f_m,
                 eigenvalues=estimate.eigenvalues[0].tolist(),
@@ -133,9 +152,9 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> OwnData:
 
 
 def _rounded(C: Array) -> Array:
-    """Symmetric matrices that round to three printed digits of C, (ROUNDINGS, 6, 6)."""
+    """Symmetric matrices that round to three printed digits of C, (DRAWS, 6, 6)."""
     half = 10.0 ** (np.floor(np.log10(np.abs(C))) - 2) / 2
-    change = np.triu(half * stream(0).uniform(-1, 1, (ROUNDINGS, 6, 6)))
+    change = np.triu(half * stream(0).uniform(-1, 1, (DRAWS, 6, 6)))
     return np.asarray(C + change + np.triu(change, 1).swapaxes(1, 2))
 
 

@@ -6,7 +6,7 @@ The truth is Eq. (21). Eq. (22) and (23) are one draw of what is counted here ov
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal
 
@@ -17,6 +17,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.campaign import measure as read
 from testbench.bench.full_pose import FullPose, at_tool, random_wrenches
+from testbench.bench.judged import of_model
 from testbench.bench.models import Model
 from testbench.bench.rows import FitRow, fit_row
 from testbench.data.dataset import Dataset
@@ -24,12 +25,15 @@ from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.model.structure import Structure, free36
-from testbench.studies.single_link.judge import Judged, judge, rank_beyond_noise
+from testbench.studies.single_link.judge import Judged, eigenvalues, judge, rank_beyond_noise
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"
 STARTS = 8  #: Local solves of every order m: below 6 there are local minima that are not global.
 ORDERED, QUICK_ORDERED = 200, 3  #: Draws that are solved for every order m too.
+AT_OPTIMUM = 1e-6
+"""Share of F_M by which a local solve may exceed the certified optimum and still have reached it."""
+LEAST = 1e-8  #: Excess of F_M below is rounding of two solvers [1].
 
 SECTION_5_1 = FullPose(
     arm=NAME,
@@ -62,24 +66,19 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Fitted(FitRow, Judged):
-    """A method's matrix and how good it is."""
-
-
-@dataclass(frozen=True)
-class LinkRow(Fitted):
+class LinkRow(FitRow, Judged):
     """What one method made of one draw."""
 
-    #: Order of the vector space of Eq. (16) where a local solve searched it, None for a convex solve.
-    m: int | None
     rank_of_C: int  #: Eigenvalues beyond rounding.
     condition: float  #: Condition number of the loads, in units of force and moment [1].
     C: tuple[float, ...]  #: Row by row, (36,) [m/N, rad/N, rad/(N m)].
-
-    @property
-    def matrix(self) -> Array:
-        """The compliance, (6, 6)."""
-        return np.reshape(self.C, (6, 6))
+    eigenvalues: tuple[float, ...]  #: Of the symmetric part, ascending, (6,) [m/N, rad/(N m)].
+    m: int = (
+        0  #: Order of the vector space of Eq. (16) where a local solve searched it; 0 for a convex solve.
+    )
+    f_m_over_optimum: float = 1.0  #: F_M, the best of some local solves, over the certified optimum.
+    excess_percent: float = 0.0  #: The same above it, at least `LEAST`.
+    reaches_optimum: bool = True  #: Whether the two are the same.
 
 
 @dataclass(frozen=True)
@@ -140,24 +139,31 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
     draw = measure(cell, asked, seed)
     for model in models(cell):
         start = time.perf_counter()
-        estimate = model.estimator(cell.vjm, model.structure, draw.identification)
-        fit = fit_row(model.name, estimate, time.perf_counter() - start)
-        yield _row(cell, asked, draw, fit, (estimate.C_theta, None))
+        estimate = of_model(cell, model, draw.identification)
+        yield _row(cell, asked, draw, fit_row(model.name, estimate, time.perf_counter() - start), estimate)
+    optimum = estimate.f_m  # of the last one, GCO
     if seed < asked.ordered_below:
         for m, estimate in of_every_order(cell, draw.identification, asked.starts, seed):
-            yield _row(cell, asked, draw, fit_row(GCO, estimate, 0.0), (estimate.C_theta, m))
+            ratio = estimate.f_m / optimum
+            yield replace(
+                _row(cell, asked, draw, fit_row(GCO, estimate, 0.0), estimate),
+                m=m,
+                f_m_over_optimum=ratio,
+                excess_percent=100 * max(LEAST, ratio - 1),
+                reaches_optimum=ratio <= 1 + AT_OPTIMUM,
+            )
 
 
-def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, found: tuple[Array, int | None]) -> LinkRow:
-    campaign, (C, m) = asked.campaign, found
+def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, estimate: Estimate) -> LinkRow:
+    campaign, C = asked.campaign, estimate.C_theta
     load = draw.identification.wrench / ([campaign.force] * 3 + [campaign.moment] * 3)
-    known = vars(judge(cell, C, draw.truth)) | vars(fit) | {"advice": ()}  # it differs from draw to draw
     return LinkRow(
-        **known,
-        m=m,
+        **vars(judge(cell, C, draw.truth)),
+        **vars(fit) | {"advice": ()},  # it differs from draw to draw
         rank_of_C=rank_beyond_noise(campaign, C),
         condition=float(np.linalg.cond(load)),
         C=tuple(C.ravel().tolist()),
+        eigenvalues=tuple(eigenvalues(C)[1].tolist()),
     )
 
 

@@ -22,7 +22,7 @@ from testbench.bench.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_r
 from testbench.errors import Array
 from testbench.identify import Estimate, gco
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
-from testbench.trials.spread import Number, Share
+from testbench.trials.spread import Number
 
 NAME = "six_dof_arm"
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
@@ -82,30 +82,22 @@ class Judged(FitRow):
 
 
 @dataclass(frozen=True)
-class Order:
-    """What the order m of the vector space costs."""
-
-    m: int  #: The order.
-    f_m: Number  #: Cost of Eq. (19), best of several local solves.
-    f_m_over_optimum: Number  #: The same over the least possible.
-    rank: Number  #: Largest of a block.
-    min_eigenvalue: Number  #: Smallest of a block [m/N, rad/(N m)].
-    min_scaled_eigenvalue: Number  #: The same of blocks scaled to unit diagonal [1].
-    max_eigenvalue: Number  #: Largest of a block [m/N, rad/(N m)].
-    conservative: Share  #: Whether every block is positive semi-definite.
-    check_true: ErrorRow  #: Errors of the check runs, without noise.
-
-
-@dataclass(frozen=True)
-class SixDofRow:
-    """One fit: of a model under one truth, or (`order`) of one order m."""
+class SixDofRow(Judged):
+    """One fit: of a model under one truth, or of one order m."""
 
     truth: Truth  #: Kind of truth.
-    model: Judged  #: What was found.
     measured: Measured  #: What it was found from.
-    order: Order | None  #: What the order m costs; None where the model's own method was used.
     places: Places | None  #: Poses of the check runs; None but under the linear truth of the first seed.
     place_mm: tuple[float, ...] | None  #: Error in each of them, without noise.
+    m: int = 0  #: Order of the vector space of Eq. (16); 0 where the model's own method was used.
+    f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
+    block_rank: int | None = None  #: Largest rank of a block.
+    min_scaled_eigenvalue: float | None = None  #: Smallest of blocks scaled to unit diagonal [1].
+    max_eigenvalue: float | None = None  #: Largest of a block [m/N, rad/(N m)].
+
+
+ORDERED = ("f_m_over_optimum", "block_rank", "min_scaled_eigenvalue", "max_eigenvalue")
+"""Columns of an order m alone."""
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -148,7 +140,9 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
         places = places_of(cell, campaign.truth) if mapped else None
         for result in identify(cell, campaign, models, time.perf_counter):
             place_mm = None if places is None else kept_mm(result.places)
-            yield SixDofRow(truth, judged(result), own, None, places, place_mm)
+            yield SixDofRow(
+                **vars(judged(result)), truth=truth, measured=own, places=places, place_mm=place_mm
+            )
         if truth == "linear" and seed < asked.first + asked.ordered:
             for name in ORDER_MODELS:
                 yield from _orders(cell, campaign, name, asked.starts)
@@ -186,22 +180,19 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
         estimator = LocalSolves(stream(campaign.seed, 10 + m), m, starts)
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
         own = judged(judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0))
-        yield SixDofRow("linear", own, measured(campaign), _order(m, estimate, best, own), None, None)
-
-
-def _order(m: int, estimate: Estimate, best: Estimate, own: Judged) -> Order:
-    scaled = _scaled_eigenvalues(estimate)
-    return Order(
-        m=m,
-        f_m=estimate.f_m,
-        f_m_over_optimum=estimate.f_m / best.f_m,
-        rank=max(int((e > RANK_TOLERANCE * e[-1]).sum()) for e in scaled),
-        min_eigenvalue=estimate.min_eigenvalue,
-        min_scaled_eigenvalue=float(min(e[0] for e in scaled if len(e) > 1)),
-        max_eigenvalue=float(max(e[-1] for e in estimate.eigenvalues)),
-        conservative=estimate.conservative,
-        check_true=own.check_true,
-    )
+        scaled = _scaled_eigenvalues(estimate)
+        yield SixDofRow(
+            **vars(own),
+            truth="linear",
+            measured=measured(campaign),
+            places=None,
+            place_mm=None,
+            m=m,
+            f_m_over_optimum=estimate.f_m / best.f_m,
+            block_rank=max(int((e > RANK_TOLERANCE * e[-1]).sum()) for e in scaled),
+            min_scaled_eigenvalue=float(min(e[0] for e in scaled if len(e) > 1)),
+            max_eigenvalue=float(max(e[-1] for e in estimate.eigenvalues)),
+        )
 
 
 def _scaled_eigenvalues(estimate: Estimate) -> list[Array]:

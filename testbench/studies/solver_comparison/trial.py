@@ -18,7 +18,7 @@ from testbench.bench.campaign import Campaign, Cell, build_cell, stream
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import judge
 from testbench.bench.models import Model, named_models
-from testbench.bench.rows import UM, error_row
+from testbench.bench.rows import UM, ErrorRow, error_row
 from testbench.errors import BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
@@ -32,11 +32,9 @@ from testbench.identify.factorised import (
 )
 from testbench.identify.modelled import cvxpy, modelled
 from testbench.identify.search import Budget
-from testbench.studies.six_dof_arm.trial import judged, measured
-from testbench.studies.solver_comparison.over_b import OverB, differences, local_solves, search
-from testbench.studies.solver_comparison.rows import Data, Minima, SolverRow, TrialRow
+from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
+from testbench.studies.solver_comparison.factor_solvers import OverB, differences, local_solves, search
 
-NAME = "solver_comparison"
 ARM = "arm_6r"
 QUICK_GENERATIONS, QUICK_STARTS = 60, 5
 MINIMA_STARTS, MINIMA_SEEDS = 50, 3
@@ -80,6 +78,60 @@ class Settings:
         """The search with that many generations."""
         stage_one = min(Budget().stage_one_points, self.trial_points)
         return Budget(generations=generations, trial_points=self.trial_points, stage_one_points=stage_one)
+
+
+@dataclass(frozen=True)
+class SolverRow:
+    """What one solver found in one seed, with its way down."""
+
+    f_m: float  #: Cost of Eq. (19).
+    excess_f_m: float  #: Over that of the conic program.
+    relative_excess: float  #: The same, relative.
+    f_m_excess_bound: float  #: F_M over its certified lower bound.
+    relative_excess_bound: float  #: The same, relative to the bound.
+    seconds: float  #: Wall time of the whole call, reduction of the dataset included.
+    seconds_to_1_percent: (
+        float | None
+    )  #: Until F_M was within 1 % of the conic program's; None where it never was.
+    ratio_to_conic: float | None  #: The same over the conic program's whole time.
+    whole_ratio_to_conic: float  #: Whole time over the conic program's.
+    evaluations: int | None  #: Of F_M; None where nobody counts them.
+    local_solves: int | None  #: How many; None where there are none.
+    local_solves_elsewhere: int | None  #: Those that ended more than CLOSE above the conic program.
+    conservative: bool  #: Whether every block is positive semi-definite.
+    status: str  #: What the solver says.
+    check_true: ErrorRow  #: Errors of the check runs, without noise.
+    way_seconds: tuple[float, ...]  #: When it improved, thinned.
+    way_gap: tuple[float, ...]  #: Least F_M over the certified lower bound by then, minus 1.
+
+
+@dataclass(frozen=True)
+class Data:
+    """What every solver of a seed had: measurements, what the conic program made of them, time of one F_M."""
+
+    measured: Measured
+    model: Judged
+    microseconds_f_m: float
+
+
+@dataclass(frozen=True)
+class Minima:
+    """Local solves of one order m from random starts: F_M of each, and how many ran out of steps."""
+
+    m: int
+    f_m: tuple[float, ...]
+    conic_f_m: float
+    unfinished: int
+
+
+@dataclass(frozen=True)
+class TrialRow:
+    """One line of a seed: its data, a solver, or local minima of one order."""
+
+    key: str = ""  #: Letter of the solver, empty for the others.
+    data: Data | None = None  #: Of the seed, in its first line.
+    solver: SolverRow | None = None  #: What a solver found.
+    minima: Minima | None = None  #: Where local solves end.
 
 
 @dataclass(frozen=True)
@@ -144,7 +196,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
 def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[TrialRow]:
     campaign = simulate(cell, asked.scenario, seed)
     conic = _repeated("d", gco, cell, model, campaign)
-    found = [*_over_b(cell, model, asked, campaign), conic]
+    found = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
         found.append(_repeated("e", modelled("SCS"), cell, model, campaign))
     problem = factorise(conic.estimate.regression, asked.m)
@@ -168,7 +220,7 @@ def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign
     return sorted(calls[1:], key=lambda call: call.seconds)[REPEATS // 2]
 
 
-def _over_b(cell: Cell, model: Model, asked: Settings, campaign: Campaign) -> list[Solved]:
+def _factor_solvers(cell: Cell, model: Model, asked: Settings, campaign: Campaign) -> list[Solved]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
     runs: tuple[Search, ...] = (
         ("a", search(asked.budget(asked.generations)), 10),

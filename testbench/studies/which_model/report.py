@@ -160,6 +160,7 @@ class WhichModelReport:
     workspace_poses: int
     runs_a_pose: int
     margin_percent: float  #: By how much a method's error must exceed that of joints alone for it to lose.
+    stiffer: float  #: How many times stiffer the true links are than the folder's.
     advice: list[Advice]
     family: list[MethodAt]  #: Over all truths and priors.
     by_truth: list[MethodAt]

@@ -68,6 +68,7 @@ def summary(asked: Settings, seeds: range, trials: Rows[FitRow]) -> WhichModelRe
         workspace_poses=asked.workspace,
         runs_a_pose=RUNS,
         margin_percent=100 * MARGIN,
+        stiffer=asked.stiffer,
         advice=advice,
         family=family,
         by_truth=by_truth,

@@ -38,6 +38,9 @@ class Options:
     """Flags of the study."""
 
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
+    stiffer: Annotated[
+        float, typer.Option(min=0.01, max=1e4, help="How many times stiffer the true links are.")
+    ] = 1.0
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class Settings:
     arm: str  #: Folder or name of the arm.
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 200  #: Poses in which the models are judged.
+    stiffer: float = 1.0  #: How many times stiffer the true links are than the folder's.
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,8 @@ class Fit:
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for."""
-    return Settings(options.arm, workspace=QUICK_WORKSPACE if quick else Settings.workspace)
+    workspace = QUICK_WORKSPACE if quick else Settings.workspace
+    return Settings(options.arm, workspace=workspace, stiffer=options.stiffer)
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
@@ -72,7 +77,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
         poses = draw_poses(cell, scenario(asked), seed)
         rows: list[FitRow] = []
         for truth, name in pairs(seed):
-            true, prior = true_cell(cell, truth, seed), prior_of(cell, name, seed)
+            true, prior = true_cell(cell, truth, seed, asked.stiffer), prior_of(cell, name, seed)
             campaign = simulate_at(true, scenario(asked), seed, poses)
             fits = identified(true, [*plain, *with_priors(bare, prior)], read(campaign), prior)
             case = case_of(true, (truth, name), campaign, fits[0].estimate)

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array
 from testbench.model.vjm import tool_pose
 from testbench.studies.wrong_inputs.fault import Fault, Plant, bump, of_data
 from testbench.studies.wrong_inputs.sound import Sound
+
+POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.
 
 
 def _rigid(R: Array, t: Array) -> Plant:
@@ -137,10 +139,23 @@ def _tracker_moved(_: Sound, d: Dataset, rng: np.random.Generator) -> Dataset:
     """The tracker's stand is touched between the two readings: 3 mm and 1 mrad."""
     x, y, z = rng.standard_normal(3)
     R, shift, after = _turn((x, y, z), np.rad2deg(1e-3)), bump(rng, 3e-3), d.after.copy()
-    own = np.ones(d.runs, dtype=bool) if d.station is None else d.station == d.station[0]
+    own = _first_station(d)
     centre = after[own].reshape(-1, 3).mean(axis=0)
     after[own] = (after[own] - centre) @ R.T + centre + shift
     return replace(d, after=after)
+
+
+def _bumped(_: Sound, d: Dataset, rng: np.random.Generator) -> Dataset:
+    """The tracker moves by 0.5 mm between two poses, three of which at least are before it and behind."""
+    own = _first_station(d)
+    poses = np.unique(d.pose[own])
+    behind = own & (d.pose >= poses[int(rng.integers(3, len(poses) - 2))])
+    shift = np.where(behind[:, None, None], bump(rng, 5e-4), 0.0)
+    return replace(d, before=d.before + shift, after=d.after + shift)
+
+
+def _first_station(d: Dataset) -> Mask:
+    return np.ones(d.runs, dtype=bool) if d.station is None else np.asarray(d.station == d.station[0])
 
 
 def _touched(_: Sound, d: Dataset, rng: np.random.Generator) -> Dataset:
@@ -164,6 +179,11 @@ def _longer(sound: Sound, _: np.random.Generator) -> Sound:
 
 def _in_base(sound: Sound) -> bool:
     return not sound.tracker
+
+
+def _long(sound: Sound) -> bool:
+    """Whether a set-up has the poses that tell a small move of the tracker from errors of the arm."""
+    return len(np.unique(sound.data.pose[_first_station(sound.data)])) >= POSES
 
 
 def _several(sound: Sound) -> bool:
@@ -217,6 +237,7 @@ READINGS: Mapping[str, Fault] = {
     "tracker_moved": Fault(
         "tracker touched between the readings: 3 mm, 1 mrad", of_data(_tracker_moved), ("tracker_moved",)
     ),
+    "bumped": Fault("tracker moved by 0.5 mm between two poses", of_data(_bumped), ("tracker_moved",), _long),
     "touched": Fault("a target touched in one run: 2 mm", of_data(_touched), ("reading", "run"), _several),
     "slipped": Fault("the tool slipped in one run: 2 mm", of_data(_slipped), ("run", "reading"), _several),
 }

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from testbench.bench.absolute_summary import Reported
 from testbench.bench.campaign import Cell
 from testbench.bench.rows import MM
 from testbench.data.dataset import Ids
-from testbench.data.series import Series
+from testbench.data.series import Series, select_rows
 from testbench.errors import Array
 from testbench.identify.absolute.state import State, Told, targets, tell
 from testbench.plant.shapes import elastic_frames, rigid_frames
@@ -69,21 +70,25 @@ def _rows(reported: Reported) -> tuple[_Rows, int]:
     """The farthest rows and others evenly; and how many there are."""
     series, state = reported.found.series, reported.found.calibration.state
     m = max(len(one.markers) for one in series)
-    told = [tell(state, one.q, one.wrench, one.point) for one in series]
     after = np.concatenate([_seen(one, x, m) for one, x in zip(series, reported.after, strict=True)])
     before = np.concatenate([_seen(one, x, m) for one, x in zip(series, reported.before, strict=True)])
     size = np.linalg.norm(after, axis=2)
     known = np.flatnonzero(np.isfinite(size).any(axis=1))
     some = picked(np.nan_to_num(size).max(axis=1), known)
     names = [one.name for one in series for _ in range(one.rows)]
-    read = [_read(state, *three, m) for three in zip(series, told, reported.after, strict=True)]
+    ends = np.cumsum([0, *(one.rows for one in series)])
+    places = [some[(a <= some) & (some < b)] - a for a, b in pairwise(ends)]
+    shown = [select_rows(one, at) for one, at in zip(series, places, strict=True)]
+    told = [tell(state, one.q, one.wrench, one.point) for one in shown]
+    left = [x[at] for x, at in zip(reported.after, places, strict=True)]
+    read = [_read(state, *three, m) for three in zip(shown, told, left, strict=True)]
     found = _Rows(
         series=[names[k] for k in some],
         row=np.concatenate([one.row for one in series])[some],
         q=np.concatenate([one.q for one in series])[some],
-        tool=np.concatenate([one.where.position for one in told])[some],
-        sag=np.concatenate([(state.C_theta @ one.u).T for one in told])[some],
-        read=np.concatenate(read)[some],
+        tool=np.concatenate([one.where.position for one in told]),
+        sag=np.concatenate([(state.C_theta @ one.u).T for one in told]),
+        read=np.concatenate(read),
         before=before[some],
         after=after[some],
     )

@@ -1,7 +1,6 @@
 """predictions.csv: a row a pose and point, SI units."""
 
 import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from testbench.arm.folder import Joint
 from testbench.bench.prediction import Predicted
 from testbench.data.cells import as_cell
 from testbench.errors import Array
-from testbench.output.whole import write_whole
+from testbench.output.whole import whole_file
 
 AXES = ("x", "y", "z")
 
@@ -30,15 +29,16 @@ def write_predictions(made: Predicted, path: Path) -> None:
     found, tool = made.found, made.stiffness
     of_tool = np.hstack([found.turn, tool.principal, tool.softest])
     parts = (found.position, found.position_half, found.deflection, found.half)
-    rows: list[list[str]] = []
-    for k, label in enumerate(made.asked.labels):
-        joints, last = [*map(repr, made.asked.q[k].tolist())], _cells(of_tool[k])
-        for m, name in enumerate(made.names):
-            own = _cells(*(values[k, m] for values in parts))
-            rows.append([as_cell(label), str(made.asked.line[k]), as_cell(name), *joints, *own, *last])
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([prediction_columns(made.model.arm.joints), *rows])
-    write_whole(text.getvalue(), path)
+    names = [as_cell(name) for name in made.names]
+    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(prediction_columns(made.model.arm.joints))
+        for k, label in enumerate(made.asked.labels):
+            first = [as_cell(label), str(made.asked.line[k])]
+            joints, last = [*map(repr, made.asked.q[k].tolist())], _cells(of_tool[k])
+            for m, name in enumerate(names):
+                own = _cells(*(values[k, m] for values in parts))
+                rows.writerow([*first, name, *joints, *own, *last])
 
 
 def _cells(*values: Array) -> list[str]:

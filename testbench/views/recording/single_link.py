@@ -24,7 +24,7 @@ ORDERS = (610.0, 560.0)  #: Size of the pane of one of two plots [ui points].
 class Matrices:
     """Compliances of one body, how far off they are, and what the order m of a search costs."""
 
-    documents: Mapping[str, str]  #: Markdown by path: summary, eigenvalue, table.
+    documents: Mapping[str, str]  #: Markdown by path: summary, table.
     matrices: Mapping[str, Array]  #: By title, (6, 6) [m/N, rad/N, rad/(N m)]; the first is the truth.
     errors: Sequence[Chart]  #: One a kind of error.
     orders: Sequence[Sweep]  #: What depends on the order m of a search.
@@ -53,7 +53,6 @@ def _blueprint(shown: Matrices, plots: Sequence[Chart | Curves]) -> rrb.Blueprin
         rrb.Horizontal(grid, text_view("summary", "Summary"), column_shares=[10, 9], name="Overview"),
         rrb.Vertical(*(chart.view() for chart in shown.errors), name="Errors"),
         rrb.Horizontal(*(plot.view() for plot in plots), name="Order m"),
-        text_view("eigenvalue", "Eigenvalues"),
         text_view("table", "Numbers"),
         timeline=TIMELINE,
         places=len(shown.orders[0].steps),

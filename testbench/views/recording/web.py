@@ -36,10 +36,11 @@ def opener(recording: str, viewer: str) -> bytes:
     """A page that opens a recording in the web viewer, which asks for whole addresses.
 
     Args:
-        recording: Path of the recording on the server.
-        viewer: Path of the viewer's page on it.
+        recording: Path of the recording beside this page.
+        viewer: Path of the viewer's page beside it.
     """
-    to = f"{json.dumps(viewer)} + '?url=' + encodeURIComponent(location.origin + {json.dumps(recording)})"
+    whole = f"new URL({json.dumps(recording)}, location.href).href"
+    to = f"{json.dumps(viewer)} + '?url=' + encodeURIComponent({whole})"
     head = '<!doctype html><meta charset="utf-8"><title>Recording</title>'
     return f"{head}<script>location.replace({to})</script>".encode()
 

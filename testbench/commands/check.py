@@ -1,0 +1,210 @@
+"""What `testbench check` says and draws of an arm: its sag, what to confirm, doubts, every number of it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.elastic import JointEntry, LinkEntry
+from testbench.arm.folder import Joint
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.checked import Checked
+from testbench.errors import Array
+from testbench.model.vjm import chain, generalised_load, tool_points
+from testbench.plant.corners import RING
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, say
+from testbench.report.table import Row
+from testbench.views.colours import GREY, LOAD, NOMINAL
+from testbench.views.magnified import arrow_scale
+from testbench.views.markdown import Markdown, ended
+from testbench.views.page.page import Seen
+from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.schema import Table, show
+
+COMMAND = "testbench check"  #: As manifest.json names it.
+MOST = 12  #: Numbers to confirm that are listed.
+SHOWN = 0.01  #: Least share of the sag of what is listed [1].
+BENT, ARROW, AXIS = 0.12, 0.2, 0.12  #: Lengths of sag, of the load's arrow and of axes over the reach [1].
+SPOKES = 4  #: Lines along a tube.
+
+
+def report(checked: Checked) -> Report:
+    """How far the payload moves the tool, what must be confirmed, what may be wrong."""
+    arm, sag = checked.cell.arm, checked.sag
+    names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
+    parts = [Row(name=n, sag_share_percent=100 * s) for n, s in zip(names, sag.shares.tolist(), strict=True)]
+    items = [item for item in checked.items if item.share >= SHOWN]
+    confirm = [Row(number=item.words, hangs_percent=100 * item.share) for item in items]
+    per = 1e3 * (arm.payload or 1.0) * np.sort(sag.size)
+    low, middle, high = np.quantile(per, [0.05, 0.5, 0.95]).tolist()
+    f = Row(
+        arm=arm.name,
+        payload_kg=arm.payload,
+        what=f"{arm.payload:g} kg move" if arm.payload else "each kg moves",
+        sag_mm=Row(low=low, median=middle, high=high, most=float(per[-1])),
+        place_m=checked.worst_place,
+        joints=arm.words(sag.q[checked.worst]) if arm.joints else "",
+        softest=max(parts, key=lambda part: part.sag_share_percent),
+        doubts=[doubt.sentence for doubt in checked.doubts],
+        confirm=confirm,
+        parts=parts,
+        contents=contents(checked),
+    )
+    tables = {
+        "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
+        "parts": Table(columns("name sag_share_percent"), parts, "What sags"),
+    }
+    found = "No doubts about the arm." if not f.doubts else f"Doubts about the arm: {len(f.doubts)}."
+    return Report(
+        scenario=f.arm,
+        question=say("Is this {arm}?", f),
+        title=say("{text}", text=f.contents[0]),
+        answer=say(
+            "{what} the tool by {sag_mm.median:.3g} mm ({sag_mm.low:.3g} to {sag_mm.high:.3g} in nine of ten "
+            f"poses). {found}",
+            f,
+        ),
+        worst=Markdown(" ".join(_worst(f))),
+        claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
+        numbers=f,
+        tables=tables,
+        body=["confirm", "parts", Markdown("## What was understood"), _listed(f.contents)],
+    )
+
+
+def _worst(f: Row) -> Iterator[str]:
+    per = "" if f.payload_kg else " a kg"
+    where = ", joints at {joints}" if f.joints else ""
+    yield say(f"Most at {{place_m:place}}: {{sag_mm.most:.3g}} mm{per}{where}.", f)
+    yield say("{name} does {sag_share_percent:.0f} % of the sag.", f.softest)
+
+
+def _listed(texts: list[str]) -> Markdown:
+    return Markdown("\n".join(say("- {text}", text=text.strip()) for text in texts))
+
+
+def contents(checked: Checked) -> list[str]:
+    """Payload, links, joints and frames, each with its unit and origin."""
+    arm, elastic, vjm = checked.cell.arm, checked.elastic, checked.cell.vjm
+    lines = [f"{arm.name}: {arm.title}"]
+    if elastic.payload is None:
+        lines.append("  payload: not stated")
+    else:
+        lines.append(f"  payload: {elastic.payload.value:g} kg, {elastic.payload.origin}")
+    lines.append(f"  base: at {_place(vjm.base[:3, 3])} m; reach {checked.reach:.3g} m")
+    for k, link in enumerate(elastic.link):
+        lines.append(f"  {link.name}: {_link(link)}")
+        if k < arm.n_joints:
+            lines.append(f"  {arm.joints[k].name}: {_joint(arm.joints[k], elastic.joint[k])}")
+    points = zip((arm.load, *arm.markers), (vjm.load, *vjm.markers), strict=True)
+    lines.append(f"  tool {arm.tool}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in its axes:")
+    lines.append(f"  load point {arm.load}, markers {', '.join(arm.markers)}")
+    return lines + [f"    {name}: {_place(place)} m" for name, place in points]
+
+
+def confirm_lines(checked: Checked) -> list[str]:
+    """What must be confirmed, the largest effect first, for a terminal."""
+    items = [item for item in checked.items if item.share >= SHOWN][:MOST]
+    lines = [f"{100 * item.share:5.0f} %  {item.words}" for item in items]
+    rest = len(checked.items) - len(items)
+    return [*lines, f"         and {rest} more of less effect"] if rest else lines
+
+
+def _link(link: LinkEntry) -> str:
+    axis = f"along {_place(np.array(link.axis))}"
+    if link.tube is None:
+        assert link.compliance is not None
+        return f"{axis}, a compliance in full, {link.compliance.origin}"
+    t = link.tube
+    outer, inner = 1e3 * t.outer_diameter.value, 1e3 * t.inner_diameter.value
+    return (
+        f"{axis}, {1e3 * t.length.value:.0f} mm, {t.length.origin}; tube {outer:.0f}/{inner:.0f} mm, "
+        f"{1e-9 * t.youngs_modulus.value:.0f} GPa, {t.outer_diameter.origin}"
+    )
+
+
+def _joint(joint: Joint, entry: JointEntry) -> str:
+    low, high = (joint.shown * end for end in (joint.lower, joint.upper))
+    c = entry.compliance
+    value = show(1e6 * c.value, ".3g")
+    return f"{low:.0f} to {high:.0f} {joint.shown_unit}, {value} u{c.unit}, {c.origin}"
+
+
+def _place(point: Array) -> str:
+    return " ".join(f"{x:.3g}" for x in np.round(point, 3) + 0.0)
+
+
+def write(checked: Checked, said: Report, arm: Path, out: Path) -> None:
+    """arm.png, report, recording, page and manifest.json; InputError when they cannot be written."""
+    leave(out, Asked(COMMAND, checked.cell.arm.name, {}, [arm], "arm.png"), said, seen(checked))
+
+
+def seen(checked: Checked) -> Seen:
+    """What the page of an arm draws."""
+    cell, q = checked.cell, checked.poses
+    theta = _sag(checked)
+    straight = rigid_frames(cell.room, q)
+    moved = elastic_frames(cell.plant, q, theta).positions[:, -1] - straight.positions[:, -1]
+    M = arrow_scale(moved, BENT * cell.vjm.reach)
+    said = f"joints at {cell.arm.words(q[0])}", f"joints at {cell.arm.words(q[1])}"
+    payload = "1 kg" if cell.arm.payload is None else f"{cell.arm.payload:g} kg"
+    group = Poses(
+        name="Poses",
+        names=["Zero, or as near as the limits let", "Pose of median sag"],
+        words=[f"{words[0].upper()}{words[1:]}." for words in said],
+        rigid=straight,
+        bent=elastic_frames(cell.plant, q, M * theta),
+        layers=[*_beams(checked), *_tool(checked)],
+        first=1,
+    )
+    title = f"Sag under {payload} by the folder's compliances x {M:g}. Tubes at their true diameter."
+    return Seen(scene=Scene(cell, title, [group]))
+
+
+def _sag(checked: Checked) -> Array:
+    """Virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
+    cell, q = checked.cell, checked.poses
+    force = -GRAVITY * (cell.arm.payload or 1.0)
+    load = np.tile([0, 0, force, 0, 0, 0], (len(q), 1)), np.tile(cell.vjm.load, (len(q), 1))
+    return np.asarray((cell.arm.C_theta @ generalised_load(chain(cell.vjm, q), *load)).T)
+
+
+def _beams(checked: Checked) -> list[Layer]:
+    """Tubes as lines, their axes as arrows, joints with their names; what is doubted has a question mark."""
+    arm, beams = checked.cell.arm, checked.beams
+    length, diameter = checked.sizes.T
+    start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
+    rings = 0.5 * diameter[:, None, None] * RING[:, :2]  # (tubes, p, 2)
+    near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
+    far, step = near + along[:, :, None], len(RING) // SPOKES
+    begin = _flat(near, far, near[:, :, ::step])
+    end = _flat(np.roll(near, -1, axis=2), np.roll(far, -1, axis=2), far[:, :, ::step])
+    links = [link.name + " ?" if checked.doubted(link.name) else "" for link in arm.links]
+    joints = [joint.name + " ?" * checked.doubted(joint.name) for joint in arm.joints]
+    return [
+        Layer("tubes", NOMINAL, "lines", begin, end),
+        Layer("beam axes", NOMINAL, "arrows", start, start + along, labels=links if any(links) else ()),
+        Layer("joints", GREY, "dots", start[:, 1:], labels=joints),
+    ]
+
+
+def _flat(*points: Array) -> Array:
+    """Points of all tubes one after the other, each (2, tubes, p, 3) to (2, k, 3)."""
+    return np.concatenate([part.reshape(len(part), -1, 3) for part in points], axis=1)
+
+
+def _tool(checked: Checked) -> list[Layer]:
+    """Markers, payload, and the axes of the base."""
+    cell, reach = checked.cell, checked.reach
+    hook = tool_points(cell.vjm, checked.poses, cell.vjm.load[None])
+    base, out = cell.vjm.base[:3, 3], AXIS * reach * cell.vjm.base[:3, :3].T
+    payload = "payload not stated" if cell.arm.payload is None else f"payload {cell.arm.payload:g} kg"
+    markers = tool_points(cell.vjm, checked.poses, cell.vjm.markers)
+    return [
+        Layer("markers", NOMINAL, "dots", markers, labels=cell.arm.markers),
+        Layer(payload, LOAD, "arrows", hook, hook - np.array([0, 0, ARROW * reach])),
+        Layer("axes of the base", GREY, "arrows", np.tile(base, (1, 3, 1)), (base + out)[None], labels="xyz"),
+    ]

@@ -1,0 +1,51 @@
+"""The folder of a run, all of it or nothing: numbers, words, picture, recording, page, manifest."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.model_folder import digests
+from testbench.output.run import whole_folder
+from testbench.report.report import Report
+from testbench.views.page.page import Seen, write_page
+
+More = Callable[[Path], Mapping[str, object]]
+"""Writes what else a command leaves into the folder; what it returns goes into manifest.json."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was asked of a command, of what, and what it leaves."""
+
+    command: str  #: As manifest.json names it, such as "testbench check".
+    name: str  #: Of what the run is about: arm, file or program.
+    flags: Mapping[str, object]  #: Plain data, without places of results.
+    arms: Sequence[Path]  #: Folders of the arms.
+    picture: str  #: Name of the PNG.
+    seeds: range = range(0)
+    more: More | None = None  #: What else the command leaves.
+
+
+def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
+    """Write a run; InputError when its folder cannot be written."""
+    from testbench.views.recording.run import write_run  # here: matplotlib and rerun take two thirds
+    from testbench.views.recording.stream import Header  # of a second
+    from testbench.views.run_figure import overview
+
+    with whole_folder(out) as folder:
+        found = asked.more(folder) if asked.more else {}
+        files.write_json(report.json(), folder / "report.json")
+        (folder / "report.md").write_text(report.whole(), encoding="utf-8")
+        picture = folder / asked.picture
+        overview(report, seen).savefig(picture)
+        drawn = replace(seen, tables=seen.tables or list(report.tables.values()))
+        header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
+        write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})
+        write_page(folder, f"{asked.command}: {asked.name}", report, drawn)
+        models = digests(asked.arms)
+        plain = dict(asked.flags)
+        files.write_manifest(
+            folder, command=asked.command, scenario=plain, seeds=asked.seeds, models=models, **found
+        )

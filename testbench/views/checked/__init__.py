@@ -1,1 +1,0 @@
-"""What `testbench check` shows: words, a picture, a recording."""

@@ -1,0 +1,112 @@
+"""What is said and drawn of a loaded arm is what its trials hold, of trials that are made up."""
+
+import numpy as np
+import pytest
+from checks import check_spread, tables_of, unit_in
+from made_up import of_one_trial
+from read_back import PLACED, chunks_of, document, plotted
+from reports import check, table_of
+
+from testbench.studies.loaded_stiffness.report import LOOKS, NAMES, figures, report, write_recording
+from testbench.studies.loaded_stiffness.trial import PoseRow, Settings
+from testbench.studies.study import Run
+from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL
+from testbench.views.markdown import grid
+from testbench.views.schema import show
+
+LOADS, POSES, SEEDS = (1100.0, 9700.0), 2, range(3, 6)
+TRUTHS = ("weightless", "own weight")
+
+
+def made(**scales):
+    """Three seeds of two poses; errors of methods are scaled under the heaviest weight, weightless."""
+
+    def rows(seed):
+        for load in LOADS:
+            for truth in TRUTHS:
+                for method in NAMES:
+                    last = (load, truth) == (LOADS[-1], TRUTHS[0])
+                    for pose in range(POSES):
+                        rng = np.random.default_rng([seed, int(load), len(truth), len(method), pose])
+                        error = scales.get(method, 1.0) ** last * rng.uniform(1e-6, 9e-6, 3)
+                        fixed = {"load_N": load, "truth": truth, "method": method, "error_m": tuple(error)}
+                        fixed |= {"deflection_m": tuple(rng.uniform(1e-3, 9e-3, 3)), "joints_error_m": 1e-4}
+                        yield of_one_trial(PoseRow, rng, tangent_difference=load / 1e9, **fixed)
+
+    trials = table_of(SEEDS, lambda seed: list(rows(seed)))
+    return report(Settings(arm="kr500_l480", poses=POSES), SEEDS, trials), trials
+
+
+def test_errors_of_every_load_truth_and_method_are_those_of_its_poses():
+    found, trials = made()
+    check(found, ["by_load"])
+    [(head, cells)] = tables_of(grid(found.tables["rows"]))
+    for row in found.numbers["rows"]:
+        own = trials.where(load_N=row.load_N, truth=row.truth, method=row.method)
+        error, moved = (np.stack([*own[name]]) for name in ("error_m", "deflection_m"))
+        far, size = np.linalg.norm(error, axis=1), np.linalg.norm(moved, axis=1)
+        assert row.rms_um == pytest.approx(1e6 * np.sqrt(np.mean(far**2)))
+        assert row.vertical_rms_um == pytest.approx(1e6 * np.sqrt(np.mean(error[:, 2] ** 2)))
+        assert row.deflection_rms_mm == pytest.approx(1e3 * np.sqrt(np.mean(size**2)))
+        assert row.rms_percent == pytest.approx(0.1 * row.rms_um / row.deflection_rms_mm)
+        check_spread(row.error_um, 1e6 * far)
+        check_spread(row.error_percent, 100 * far / size)
+        assert (row.max_um, row.max_percent) == pytest.approx((1e6 * far.max(), 100 * (far / size).max()))
+        line = next(own for own in cells if own[:2] == [row.prediction, f"{row.load_N:.0f}"])
+        shown = dict(zip(head, line, strict=True))
+        for title, value in {
+            "deflection RMS, mm": row.deflection_rms_mm,
+            "RMS error, um": row.rms_um,
+            "vertical RMS error, um": row.vertical_rms_um,
+            "error of the tool, um": row.error_um,
+            "largest error, um": row.max_um,
+            "RMS error, %": row.rms_percent,
+            "error of the tool, %": row.error_percent,
+            "largest error, %": row.max_percent,
+        }.items():
+            assert shown[title] == show(value, ".2f"), title
+    assert [row.tangent_difference_ppm for row in found.numbers["tangent"]] == pytest.approx([1.1, 9.7])
+    linear = next(r for r in found.numbers["rows"] if (r.load_N, r.prediction) == (9700, next(iter(LOOKS))))
+    joints = found.numbers["joints"][0]
+    assert (joints.rms_um, joints.over_linear) == pytest.approx((100.0, 100.0 / linear.rms_um))
+    assert joints.rms_percent == pytest.approx(10 / linear.deflection_rms_mm)
+
+
+@pytest.mark.parametrize("winner", NAMES)
+def test_words_name_the_method_of_least_error_whichever_it_is(winner):
+    found, _ = made(**{winner: 0.01})
+    own = {r.method: r for r in found.numbers["rows"] if (r.load_N, r.truth) == (9700, TRUTHS[0])}
+    said = {m: f"{r.rms_um:.2f} um RMS, {r.rms_percent:.2f} % of the deflection" for m, r in own.items()}
+    assert found.answer.startswith(f"Least error under 9700 N: {NAMES[winner]}, {said[winner]}. ")
+    assert f"Eq. (6): {said['linear']}; joints alone 100 um, " in found.answer
+    assert found.claims[0].endswith(f"whole load: {said['secant']}.")
+    more = "more" if own["linear"].rms_um < 100 else "less"
+    assert f"Rigid links cost {more} than neglecting the load" in found.claims[2]
+
+
+def test_what_is_rounding_is_exact_in_words_and_tables():
+    found, _ = made(secant=1e-5, integrated=1e-6)
+    assert found.numbers["best"][TRUTHS[0]] == ("secant", "integrated")
+    assert "Eq. (7) once and Eq. (7) integrated (alike), exact to rounding." in found.answer
+    assert "| exact | exact | exact | exact |" in grid(found.tables["rows"])
+
+
+def test_figure_and_recording_draw_the_numbers_of_every_prediction(tmp_path):
+    found, _ = made()
+    [axes] = figures(found)["loaded_stiffness.png"].axes
+    assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("N", "um")
+    drawn = {line.get_label(): line for line in axes.get_lines()}
+    run = Run("loaded_stiffness", None, SEEDS, found, found, found.tables, tmp_path, "{}")
+    write_recording(run)
+    chunks = chunks_of(tmp_path / "recording.rrd")
+    assert found.answer in document(chunks, "/summary")
+    light = [LOOKS[f"{name}, {TRUTHS[0]}"].colour for name in NAMES.values()]
+    assert light == [LEAST_SQUARES, NOMINAL, GCO]
+    swept = plotted(chunks, "/error_of_the_tool_um")
+    for name, look in LOOKS.items():
+        rows = [r for r in found.numbers["rows"] if r.prediction == name]
+        np.testing.assert_allclose(drawn[name].get_xydata(), [(r.load_N, r.rms_um) for r in rows])
+        style = drawn[name].get_color(), drawn[name].get_linestyle()
+        assert style == (look.hex, "--" if name.endswith(TRUTHS[1]) else "-")
+        expected = [[r.error_um.median, r.error_um.p05, r.error_um.p95] for r in rows]
+        np.testing.assert_allclose(swept[name], expected, rtol=PLACED)

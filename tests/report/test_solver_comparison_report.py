@@ -1,0 +1,121 @@
+"""What is said and drawn of solvers is what their trials hold, of trials that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import check_spread, curves, tables_of, unit_in
+from made_up import of_one_trial
+from reports import check, table_of
+
+from testbench.studies.solver_comparison.figure import LOOKS
+from testbench.studies.solver_comparison.report import figures, race, report
+from testbench.studies.solver_comparison.trial import (
+    ORDERS,
+    Data,
+    Minima,
+    Options,
+    SolverRow,
+    TrialRow,
+    settings,
+)
+from testbench.views.colours import GCO
+from testbench.views.markdown import grid
+from testbench.views.schema import show
+
+KEYS = ("a", "a'", "b", "b'", "c", "d")
+SEEDS = range(3, 6)
+
+
+def made(**f_m):
+    """Three seeds; F_M of a solver is 6 if not given, and (a) comes within 1 % in two of them."""
+
+    def rows(seed):
+        rng = np.random.default_rng(seed)
+        yield TrialRow(data=of_one_trial(Data, rng))
+        for key in KEYS:
+            own = of_one_trial(SolverRow, rng, f_m=f_m.get(key, 6.0), local_solves=4, f_m_excess_bound=0.5)
+            if (key, seed) == ("a", 4):
+                own = replace(own, seconds_to_1_percent=None, ratio_to_conic=None)
+            yield TrialRow(key=key, solver=own)
+        for m in ORDERS:
+            yield TrialRow(minima=Minima(m, (2.0, 2.0 + 1e-6, 3.0 + m), 1.5, 1))
+
+    trials = table_of(SEEDS, lambda seed: list(rows(seed)))
+    return report(settings(Options(), False, SEEDS), SEEDS, trials), trials
+
+
+def test_numbers_of_every_solver_are_those_of_its_seeds():
+    found, trials = made()
+    check(found, ["short"])
+    f = found.numbers
+    [(head, cells)] = tables_of(grid(found.tables["solvers"]))
+    for row in f["solvers"]:
+        own = trials.where(key=row.key)
+        check_spread(row.seconds, own["solver.seconds"])
+        check_spread(row.check_true.rms_mm, own["solver.check_true.rms_mm"])
+        there = own["solver.ratio_to_conic"][~np.isnan(own["solver.ratio_to_conic"])]
+        check_spread(row.ratio_to_conic, there)
+        assert row.within_1_percent == len(there) == (2 if row.key == "a" else 3)
+        assert (row.local_solves, row.f_m) == (12, 6.0)
+        shown = dict(zip(head, next(own for own in cells if own[0] == row.solver), strict=True))
+        for title, value, form in (
+            ("time, s", row.seconds, ".3g"),
+            ("time to 1 %, s", row.seconds_to_1_percent, ".3g"),
+            ("to 1 %, times (d)", row.ratio_to_conic, ".3g"),
+            ("whole time, times (d)", row.whole_ratio_to_conic, ".3g"),
+            ("over the bound", row.relative_excess_bound, ".1e"),
+            ("of them elsewhere", row.local_solves_elsewhere, "d"),
+            ("RMS check, true, mm", row.check_true.rms_mm, ".3f"),
+            ("95 % check, true, mm", row.check_true.p95_mm, ".3f"),
+        ):
+            assert shown[title] == show(value, form), title
+    assert f["least_ratio"] == np.nanmin(trials.where(key="a")["solver.ratio_to_conic"])
+    counted = trials.where(key=("a", "a'", "b", "c"))["solver.local_solves_elsewhere"]
+    assert (f["local_solves"], f["elsewhere"]) == (48, counted.sum())
+    for m, row in zip(ORDERS, f["local_minima"].values(), strict=True):
+        least = 1.5 if m == 6 else 2.0  # the conic program's, or the best of a capped order
+        assert row.worst_excess == pytest.approx((3.0 + m) / least - 1)
+        assert row.within_1e_5_percent == pytest.approx(0 if m == 6 else 200 / 3)
+        line = f"| {m} | 9 | {row.reference} | {row.within_1e_6_percent:.0f} | "
+        assert line in grid(found.tables["minima"])
+        assert (row.cap_excess, row.unfinished) == (pytest.approx(1 / 3), 3)
+    assert "of order m = 6 one ends 500 % above the conic optimum" in found.worst
+
+
+@pytest.mark.parametrize("least", ["a", "b", "d"])
+def test_who_is_above_whom_is_judged_by_f_m(least):
+    found, trials = made(**{least: 5.0})
+    f, rows = found.numbers, {row.key: row for row in found.numbers["solvers"]}
+    assert f["conic_never_above_paper"] == (least != "a")
+    assert f["met_up_to_the_certified_bound"] == (least != "a")
+    assert f["largest_relative_excess_of_d_over_any"] == pytest.approx(0.0 if least == "d" else 0.2)
+    assert ("never ends above" in found.answer) == (least != "a")
+    assert ("In 3 seeds (d) ends above another solver by up to" in found.claims[0]) == (least != "d")
+    middle = np.nanmedian(trials.where(key="a")["solver.ratio_to_conic"])
+    assert f"(a) takes {middle:.0f} times as long" in found.answer
+    assert f"takes {show(1000 * rows['d'].seconds.median, '.3g')} ms" in found.answer
+
+
+def test_figure_and_recording_draw_ways_ends_and_times_of_every_solver():
+    found, trials = made()
+    left, right = figures(found)["solver_comparison.png"].axes
+    assert unit_in(left.get_xlabel()) == "s"
+    steps = [line for line in left.get_lines() if line.get_drawstyle() == "steps-post"]
+    dots = {dot.name: dot for dot in race(found).times}
+    for row in found.numbers["solvers"]:
+        own, look = trials.where(key=row.key), LOOKS[row.key]
+        x, y = curves(left)[row.solver]
+        assert x.tolist() == own["solver.seconds"].tolist()
+        assert y.tolist() == [way[-1] for way in own["solver.way_gap"]]
+        way = np.column_stack([own["solver.way_seconds"][0], own["solver.way_gap"][0]])
+        [step] = [line for line in steps if np.array_equal(line.get_xydata()[:-1], way)]
+        assert step.get_color() == look.hex
+        assert np.array_equal(race(found).ways[row.key], way)
+        assert dots[f"time: {row.key}"].value == row.seconds
+        assert dots[f"time to 1 %: {row.key}"].value == row.seconds_to_1_percent
+        assert dots[f"time: {row.key}"].colour == look.colour
+    assert [key for key, look in LOOKS.items() if look.colour == GCO] == ["d"]
+    strips = [line for line in right.get_lines() if line.get_marker() == "."]
+    for strip, row in zip(strips, found.numbers["local_minima"].values(), strict=True):
+        assert strip.get_ydata() == pytest.approx(np.maximum(row.excess, 1e-10))
