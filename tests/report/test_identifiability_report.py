@@ -87,8 +87,8 @@ def whole():
     return made()
 
 
-def rms(trials, part, name, **more):
-    return trials.where(part=part, **{"fit.name": name}, **more)["fit.workspace.rms_mm"]
+def rms(trials, part, name, where="workspace", **more):
+    return trials.where(part=part, **{"fit.name": name}, **more)[f"fit.{where}.rms_mm"]
 
 
 def shown(table):
@@ -122,6 +122,8 @@ def test_models_pairs_and_what_is_swept_are_those_of_their_trials(whole):
         a, b = (rms(trials, "nonlinear", name) for name in (duel.ours, duel.theirs))
         check_spread(duel.ratio, a / b)
         assert (duel.wins, duel.ties, duel.seeds) == (np.sum(a < b), 0, 3)
+        a, b = (rms(trials, "nonlinear", name, where="check_true") for name in (duel.ours, duel.theirs))
+        assert duel.check_wins == np.sum(a < b)
     for part, key, x in (("poses", "poses", "poses"), ("scale", "scales", "scale")):
         cells = shown(found.tables[key])
         for row in f[key]:
@@ -159,6 +161,9 @@ def test_choice_outliers_and_shares_of_intervals_are_those_of_their_trials(whole
         assert (line["unbounded, %"], line["mean width, um"]) == ("17", f"{row.width_um:.0f}")
     ratios = trials.where(part="linear")["fit.gco_over_ls_at_this_strength"]
     worse = np.sum(ratios > 1.001)
+    for name, row in f["never_worse"].items():  # of three seeds: more and less are never as many
+        own = trials.where(part="linear", **{"fit.name": f"{name}, LS + prior"})
+        assert row.seeds_worse == np.sum(own["fit.gco_over_ls_at_this_strength"] > 1.001)
     said = (
         f"GCO errs {np.nanmin(ratios):.3f} to {np.nanmax(ratios):.3f} times least squares, more in {worse} of"
     )
