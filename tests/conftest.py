@@ -1,6 +1,5 @@
 """What several tests share: the arms, built once, and a way to make a broken copy of one."""
 
-import io
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -13,6 +12,7 @@ from legible import check_legible
 from matplotlib.figure import Figure
 from panes import blank_panes, viewer  # noqa: F401
 from PIL import Image
+from read_figure import leave
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
@@ -55,14 +55,12 @@ def lazy_disk() -> Iterator[None]:
 def laid_out() -> Iterator[None]:
     """Figures are laid out and looked at, and not drawn: that would double their time."""
 
-    data = io.BytesIO()
-    Image.linear_gradient("L").convert("RGB").point([*range(256), *[0] * 512]).save(data, "PNG")
-    picture = data.getvalue()
+    picture = Image.linear_gradient("L").convert("RGB").point([*range(256), *[0] * 512])
 
     def lay_out(figure: Figure, file: Path, **_: object) -> None:
         figure.draw_without_rendering()
         check_legible(figure)
-        Path(file).write_bytes(picture)
+        leave(figure, Path(file), picture)
 
     with mock.patch.object(Figure, "savefig", lay_out):
         yield

@@ -1,8 +1,12 @@
 """What every page of a run has to be, whatever it shows."""
 
-from collections.abc import Callable, Sequence
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from chromium import DESKTOP, PHONE, Opened
 
 
@@ -22,3 +26,22 @@ def check_page(open_page: Callable[..., Opened], page: Path, told: Sequence[str]
 def said(shown: Opened) -> str:
     """What the page says of the pose that it shows."""
     return shown.page.locator("#scene .says").first.inner_text()
+
+
+def drawn_in(page: Path) -> Any:
+    """What the scripts of a page draw."""
+    [data] = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S)
+    return json.loads(data)
+
+
+def layer_of(group: Mapping[str, Any], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Where dots, lines or arrows of a group begin and end, (poses, k, 3) both [m], within 0.05 mm."""
+    [layer] = [one for one in group["layers"] if one["name"] == name]
+    ends = (np.array(layer[key] or layer["at"], dtype=float) for key in ("at", "to"))
+    start, end = (points.reshape(len(points), -1, 3) / 1e4 for points in ends)
+    return start, end
+
+
+def times_of(title: str) -> list[float]:
+    """The magnifications that a title says, in its order."""
+    return [float(number) for number in re.findall(r"x (\d[\de.+]*?)(?=[,;. ]|$)", title)]

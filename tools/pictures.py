@@ -24,20 +24,9 @@ PICTURES = {
     "calibration_errors": ("gravity_calibration", "Errors", None, None),
     "loading": ("gravity_calibration", "Loading", "load", 100),
     "recording_six_dof_arm": ("six_dof_arm", None, None, None),
-    "recording_single_link": ("single_link", None, None, None),
-    "recording_solver_comparison": ("solver_comparison", None, None, None),
-    "recording_loaded_stiffness": ("loaded_stiffness", None, None, None),
-    "recording_identifiability": ("identifiability", None, None, None),
-    "recording_pose_selection": ("pose_selection", None, None, None),
-    "recording_error_map": ("pose_selection", "Error map", None, None),
-    "recording_noise_sensitivity": ("noise_sensitivity", None, None, None),
-    "recording_model_error": ("model_error", None, None, None),
-    "recording_which_model": ("which_model", None, None, None),
-    "recording_regimes": ("regimes", None, None, None),
-    "recording_calibrate": ("calibrate", None, None, None),
-    "recording_wrong_inputs": ("wrong_inputs", None, None, None),
-    "recording_real_ur10": ("real_ur10", None, None, None),
-    "recording_compensation": ("compensation", None, None, None),
+    "recording_identify": ("identify", None, None, None),
+    "recording_compensate": ("compensate", None, None, None),
+    "recording_predict": ("predict", None, None, None),
 }
 """By file: folder of the run, tab in front, timeline, place on it."""
 

@@ -1,6 +1,7 @@
 """The picture of any run, made of what its page draws: the first poses from aside and above, its charts."""
 
 import re
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,9 +17,9 @@ from testbench.views.page.scene import Layer, Poses
 
 SIDES = {"from aside": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
-HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.3, 2.3
+HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.35, 2.3
 """Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
-KEYS = 4  #: Names on a line of the key.
+KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
@@ -36,6 +37,7 @@ def overview(words: Told, seen: Seen) -> Figure:
     key = KEY * -(-len(layers) // KEYS)
     rows = [*([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
+    figure.set_layout_engine("constrained", rect=(0.02, 0, 0.98, 1))  # panes of equal scale stick out
     grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if seen.scene:
@@ -63,8 +65,11 @@ def _poses(axes: Axes, own: Poses, plane: tuple[int, int]) -> None:
         if layer.shown:
             _layer(axes, layer, k, shown)
     axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(WIDE)
+    low, high = np.array(axes.dataLim.min), np.array(axes.dataLim.max)
+    half = (0.5 + WIDE) * (float((high - low).max()) or 1.0)  # square: room for numbers
+    x, y = ((low + high) / 2).tolist()
+    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+    axes.set_aspect("equal")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
     quiet(axes)
@@ -84,11 +89,14 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
 
 
 def _key(axes: Axes, layers: Sequence[Layer]) -> None:
-    """What each colour is."""
+    """What each colour is; layers that are drawn alike share their sign."""
     axes.axis("off")
+    signs: dict[tuple[str, str], list[str]] = {}
     for layer in layers:
-        style = "o" if layer.to is None else "-"
-        axes.plot([], [], style, color=hexadecimal(layer.colour), linewidth=2, label=short(layer.name, 34))
+        mark = ("." if layer.kind == "specks" else "o") if layer.to is None else "-"
+        signs.setdefault((hexadecimal(layer.colour), mark), []).append(layer.name)
+    for (colour, mark), names in signs.items():
+        axes.plot([], [], mark, color=colour, linewidth=2, label=textwrap.fill("; ".join(names), NAME))
     axes.legend(frameon=False, fontsize=SMALL, loc="center", ncols=KEYS)
 
 

@@ -10,10 +10,12 @@ from testbench.correct.arm_model import About, bending, of_compliances
 from testbench.correct.beyond import extent
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.stiffness import direction_words, stiffness
-from testbench.identify.intervals import Linearised
+from testbench.correct.stiffness import direction_words, give_halves, stiffness
+from testbench.correct.sure import Stand, half_widths, rows_between
+from testbench.identify.intervals import CURVED, Linearised
 from testbench.model.load import Load
 from testbench.model.structure import all153
+from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights, read_weights
 from testbench.plant import settle
 
@@ -139,3 +141,34 @@ def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
 )
 def test_directions_in_words(direction, words):
     assert direction_words(np.array(direction)) == words
+
+
+def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):
+    """Of every pose and principal axis, one by one."""
+    tool = stiffness(model, poses[:2])
+    halves = give_halves(model, poses[:2], tool, 700.0)
+    for k, q in enumerate(poses[:2, None]):
+        for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
+            pushed = Stand(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, Stand(q), np.zeros((1, 3))).max())
+
+
+def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
+    """Of compliances that are known nothing else is open; a linear fit put as much elsewhere."""
+    known = replace(model, spread=replace(model.spread, root=np.zeros((1, len(model.spread.pi)))))
+    straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
+    left_out = np.abs(straight.deflection - bent.deflection)
+    for found, times in ((bent, 1), (straight, CURVED)):
+        np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_rows_of_compliances_add_up_to_how_far_loads_bend_the_arm(model, poses, load, heavy):
+    """Deflections are linear in them, to first order: from the arm at rest, or as drawn."""
+    point = np.array([[0.2, -0.1, 0.3]])
+    found = rows_between(model, Stand(poses, [load], heavy), None, point)[:, 0] @ model.spread.pi
+    p, R = tool_pose(model.vjm, poses)
+    before = p + R @ point[0] if heavy else rest(model.state, poses).at(point[0])
+    bent = rest(model.state, poses, [load]).at(point[0]) - before
+    off = np.linalg.norm(found - bent, axis=1) / np.linalg.norm(bent, axis=1)
+    assert off.max() < 0.05

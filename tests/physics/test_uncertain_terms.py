@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, helmert
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
 from testbench.bench.absolute_truth import simulate_series
@@ -20,21 +22,23 @@ from testbench.identify import reduce
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, _compliances, eliminate
-from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.absolute.intervals import deviations_root, placed
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import loads, nominal, tell
 from testbench.identify.doubts.loads import allowed, learnt
-from testbench.identify.hierarchy import _left_open, _mean, evidence, weigh
+from testbench.identify.hierarchy import _left_open, _mean, _scales, evidence, weigh
 from testbench.identify.in_base import in_base
-from testbench.identify.intervals import Linearised
-from testbench.identify.metric import metric
+from testbench.identify.intervals import Linearised, linearise
+from testbench.identify.metric import Belief, metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
+from testbench.identify.regularised import fit_reduced
+from testbench.identify.weighed import marker_points
 from testbench.model.joint_errors import JointErrors, basis
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only, mgco68
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.vjm import chain, observation, tool_pose
 from testbench.model.weights import read_weights
 
 K, SIGMA, OPEN = 4, 20e-6, 35e-6
@@ -152,6 +156,21 @@ def test_a_calibrations_covariance_and_information_are_those_of_its_rows(calibra
     np.testing.assert_allclose(W @ W.T / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6)
 
 
+def test_a_frame_goes_with_the_arm_as_the_precision_of_a_calibration_couples_them(calibrated):
+    """Given the arm its covariance is P_ff^-1, and it moves by P_ff^-1 P_fa with what the arm is off."""
+    f, root = calibrated.own.unknowns.starts["geometry"], calibrated.root
+    P = root.T @ root
+    found = placed(calibrated, calibrated.series[0])
+    size = np.sqrt(np.diag(P)[:f])
+    dense = np.linalg.inv(P[:f, :f] / size / size[:, None]) / size / size[:, None]
+    scale = np.sqrt(np.diag(dense))
+    np.testing.assert_allclose(
+        found.covariance / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
+    )
+    taken = dense @ P[:f, f:]
+    np.testing.assert_allclose(found.taken, taken, rtol=1e-4, atol=1e-6 * np.abs(taken).max())
+
+
 def errors_of(kr500):
     """A state whose joints have play and stiffen, and its torques."""
     weights = read_weights(kr500.arm)
@@ -226,7 +245,8 @@ def test_readings_are_doubted_by_the_covariance_of_their_prior(kr500, campaign):
     assert abs(u / c - 1) > 0.1
     A = allowed(kr500.vjm, campaign.identification, own.structure.matrix(found.pi))
     dense = G * D**2 @ G.T + A @ A.T + kappa**2 * np.eye(len(G))
-    np.testing.assert_allclose(found.inverse @ dense, np.eye(len(G)), atol=1e-5)
+    inverse = np.eye(len(G)) / found.misfit**2 - found.shared @ found.shared.T
+    np.testing.assert_allclose(inverse @ dense, np.eye(len(G)), atol=1e-5)
 
 
 def test_what_is_unsure_turns_with_the_readings_into_the_base(campaign, rng):
@@ -239,12 +259,21 @@ def test_what_is_unsure_turns_with_the_readings_into_the_base(campaign, rng):
     precision = np.tile(np.linalg.inv(C), (data.runs, len(data.markers), 1, 1))
     there = replace(data, precision=precision)
     station = 1 if data.station is None else int(data.station[0])
-    found = SimpleNamespace(frames=(Frame(station, R, np.array([1.0, 2, 3]), np.zeros((6, 6))),))
+    move, sure = np.array([1.0, 2, 3]), np.zeros((6, 6))
+    found = SimpleNamespace(frames=(Frame(station, R, move, sure),))
     here, shifted = (in_base(found, replace(there, after=there.after + by * soft)) for by in (0, 1e-3))
     way = (shifted.after - here.after)[0, 0] / 1e-3
     values, vectors = np.linalg.eigh(np.linalg.inv(here.precision[0, 0]))
     assert abs(vectors[:, -1] @ way) == pytest.approx(1, abs=1e-9)
     np.testing.assert_allclose(values, np.linalg.eigvalsh(C), rtol=1e-9)
+    A = rng.normal(size=(6, 6))
+    about = 1e-10 * A @ A.T  # turn, then move, of the frame
+    doubted = in_base(SimpleNamespace(frames=(Frame(station, R, move, about),)), there)
+    d = here.deflection[0, 0]
+    turns = np.column_stack([np.cross(axis, d) for axis in np.eye(3)])  # a turn moves what is seen across it
+    more = np.linalg.inv(doubted.precision[0, 0]) - np.linalg.inv(here.precision[0, 0])
+    wanted = turns @ about[:3, :3] @ turns.T
+    np.testing.assert_allclose(more, wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 def test_moves_of_a_learnt_prior_are_differences_of_its_fit(kr500, campaign):
@@ -261,6 +290,29 @@ def test_moves_of_a_learnt_prior_are_differences_of_its_fit(kr500, campaign):
     np.testing.assert_allclose(moves.T @ moves, dense, atol=1e-3 * np.abs(dense).max())
 
 
+def test_the_fit_of_a_learnt_prior_is_the_posterior_mean_of_its_widths(kr500, campaign):
+    """x = s e + D A^T (kappa^2 + A D A^T)^-1 (y - A s e), D of templates by u and of couplings by c."""
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h = seen.start + np.linspace(-0.5, 0.5, len(seen.start))
+    s, (u, c, kappa) = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-3:])
+    D, expected = np.diag((s * np.where(own.couplings, c, u)) ** 2), s * own.expected
+    S = kappa**2 * np.eye(len(seen.y)) + seen.A @ D @ seen.A.T
+    mean = expected + D @ seen.A.T @ np.linalg.solve(S, seen.y - seen.A @ expected)
+    np.testing.assert_allclose(_mean(seen, h, weigh(seen, h)), mean, rtol=1e-6, atol=1e-9)
+
+
+def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
+    C, K = A @ A.T, seen.blocks
+    of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
+    for scale, (i, j) in zip(_scales(seen, h, C), of, strict=True):
+        assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
+        assert scale.deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
+
+
 def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
     """x = M z with M of the rigid unknowns and of the metric: covariance M (root^T root)^-1 M^T."""
     root, L = (
@@ -271,3 +323,34 @@ def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
     W = deviations_root(SimpleNamespace(own=own, root=root))
     M = block_diag(np.eye(3), L)
     np.testing.assert_allclose(W @ W.T, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)
+
+
+def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(kr500, campaign, rng):
+    """Directions that neither tells have none; deflections of the runs that were read have one."""
+    data = replace(campaign.identification, sigma=1e-8)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    regression = reduce(kr500.vjm, own.structure, data)
+    found = linearise(fit_reduced(regression, "none", Belief(own, Strength(1e6))))
+    where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
+    rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
+    assert len(found.unseen) > 0
+    assert np.isfinite(found.deviations(rows)).all()
+    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
+
+
+def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students_distribution(rng):
+    """In quadrature: neither hides the other, and each alone is its own quantile."""
+    noise, prior = rng.normal(size=(2, 4, 6))
+    own = Linearised(
+        np.zeros(6),
+        np.vstack([noise, prior]),
+        np.zeros((0, 6)),
+        np.ones(6),
+        3.0,
+        0.0,
+        on_boundary=False,
+        heavy=4,
+    )
+    a = rng.normal(size=(5, 6))
+    widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
+    np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))

@@ -11,17 +11,13 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 from read_back import (
-    PLACED,
     chunks_of,
     columns,
     document,
     layout,
     on,
     panes,
-    picture,
-    plotted,
     rerun,
-    series,
     views,
 )
 from rerun.chunk import RrdReader
@@ -29,38 +25,20 @@ from rerun.chunk import RrdReader
 from testbench.bench.campaign import Scenario
 from testbench.bench.full_pose import FullPose
 from testbench.bench.truths import true_cell
-from testbench.errors import BenchError
 from testbench.studies.gravity_calibration import trial as gravity
 from testbench.studies.gravity_calibration.study import STUDY as GRAVITY
-from testbench.studies.loaded_stiffness import trial as loaded
-from testbench.studies.loaded_stiffness.study import STUDY as LOADED
 from testbench.studies.run import found_by, to_json
-from testbench.studies.single_link import trial as single_link
-from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm import trial as six_dof
 from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF
-from testbench.studies.solver_comparison import trial as solvers
-from testbench.studies.solver_comparison.study import STUDY as SOLVERS
 from testbench.studies.study import Run
-from testbench.studies.wrong_inputs import trial as wrong_inputs
-from testbench.studies.wrong_inputs.study import STUDY as WRONG_INPUTS
-from testbench.views.colours import look
-from testbench.views.recording.compliance import colours
-from testbench.views.recording.stream import Header
-from testbench.views.recording.sweep import write_sweep
-from testbench.views.recording.swept import Point, Sweep
-from testbench.views.schema import Column, show
+from testbench.views.schema import show
 
 BUDGET = 2 * 2**20
 TIMELINES = {
     "gravity": {"place", "worst_first", "run", "load"},
     "full_pose": {"place", "worst_first", "run", "load"},
-    "loaded": {"worst_first", "sweep"},
-    "single_link": {"sweep"},
-    "solver": {"iteration"},
-    "planted": {"fault"},
 }
-APPLICATIONS = {"gravity": "calibration", "full_pose": "calibration", "loaded": "sweep"}
+APPLICATIONS = {"gravity": "calibration", "full_pose": "calibration"}
 
 
 SMALL = FullPose(arm="arm_6r", poses=6, check_runs=10)
@@ -72,26 +50,6 @@ KINDS = {
         1,
     ),
     "full_pose": (SIX_DOF, six_dof.Settings("arm_6r", "reading", SMALL, 1, 1, 1, 10.0), 2),
-    "loaded": (LOADED, loaded.Settings(arm="kr500_l480", loads=2, poses=3), 1),
-    "single_link": (SINGLE_LINK, single_link.Settings(ordered_below=2), 2),
-    "solver": (
-        SOLVERS,
-        solvers.Settings(
-            SMALL,
-            "MGCO56",
-            m=6,
-            generations=3,
-            trial_points=10,
-            starts=1,
-            scs=False,
-            minima_starts=2,
-            minima_seeds=1,
-            first=1,
-            short_generations=2,
-        ),
-        2,
-    ),
-    "planted": (WRONG_INPUTS, wrong_inputs.Settings(("after_unit", "equal"), 1, 1), 1),
 }
 """Study, settings and number of seeds."""
 
@@ -326,89 +284,3 @@ def test_compliances_of_a_calibration_are_those_of_the_true_arm(made, kr500):
     for k in range(6):
         assert show(true[k, k], ".3e") in text
         assert show(folder[k, k], ".3e") not in text
-
-
-def test_sweep_has_the_median_and_spread_of_every_row(made):
-    file, found, _ = made("loaded")
-    data = chunks_of(file)
-    drawn = plotted(data, "/error_of_the_tool_um")
-    for method, name in (("linear", "Eq. (6)"), ("secant", "Eq. (7) once")):
-        rows = [r for r in found["rows"] if (r["truth"], r["method"]) == ("own weight", method)]
-        expected = [[r["error_um"][key] for key in ("median", "p05", "p95")] for r in rows]
-        np.testing.assert_allclose(drawn[f"{name}, own weight"], expected, rtol=PLACED)
-    assert columns(data, "/error_of_the_tool_um/cursor")["sweep"] == [1, 2]
-
-
-def swept(**changes):
-    """LS 3, 12, 2 times as large as GCO over three loads."""
-    points = [Point(x, "GCO", y) for x, y in ((1, 2.0), (10, 1.0), (100, 4.0))]
-    points += [Point(x, "LS", y) for x, y in ((1, 6.0), (10, 12.0), (100, 8.0))]
-    points += [Point(x, "worse", 100.0) for x in (1, 10, 100)]
-    looks = {"GCO": look("MGCO56", "psd"), "LS": look("MLS56", "none"), "worse": look("MLS32", "none")}
-    axes = Column("load", "load", "N"), Column("error", "error", "mm")
-    return replace(Sweep(*axes, points, looks, against=["LS", "worse"]), **changes)
-
-
-def test_a_sweep_opens_where_the_best_gains_most_over_least_squares_and_says_so(tmp_path):
-    write_sweep(tmp_path / "x.rrd", Header("name", "{}", 1), swept(), "### How much?")
-    chunks = chunks_of(tmp_path / "x.rrd")
-    assert layout(tmp_path / "x.rrd")["/time_panel"]["TimePanelBlueprint:timeline"][0] == ["worst_first"]
-    steps = columns(chunks, "/this_step")
-    said = dict(zip(steps["worst_first"], steps["TextDocument:text"], strict=True))
-    assert said[0][0].startswith(
-        "**Load 10 N**: LS 12 mm, 12 times the best, GCO, 1 mm. Here they differ most."
-    )
-    assert "3 times the best" in said[1][0]
-    assert "most" not in said[1][0]
-    assert "2 times the best" in said[2][0]
-    assert "at load 10 N" in document(chunks, "/summary")
-    assert swept(among=["worse"]).widest.best.model == "worse"
-    assert swept(against=()).widest.theirs.model == "worse"
-
-
-def test_a_model_may_lack_values_of_a_sweep_and_has_none_twice():
-    whole = swept()
-    some = replace(whole, points=whole.points[:-2])
-    assert [len(step.points) for step in some.steps] == [3, 2, 2]
-    assert some.plot("x").curves[2].x.tolist() == [1]
-    assert "| worse | 100 |  |  |" in some.words.block("medians")
-    with pytest.raises(BenchError, match="'worse' once at every value of load"):
-        replace(whole, points=[*whole.points, replace(whole.points[-1])]).steps  # noqa: B018
-
-
-def test_matrices_of_the_single_link_are_the_reports(made):
-    file, found, _ = made("single_link")
-    text = document(chunks_of(file), "/table")
-    for C in (
-        found["truth_matrix"],
-        found["first_draw"]["MGCO21"]["matrix"],
-        found["eq_22_23"]["eq_22"]["matrix"],
-    ):
-        for row in C:
-            assert " | ".join(f"{1e6 * x + 0.0:.3f}" for x in row).replace("-0.000", "0.000") in text
-    rows = table(document(chunks_of(file), "/summary"))
-    for model in found["models"]:
-        conservative, *_, position, rotation = rows[model["name"]]
-        assert conservative.startswith(f"{100 * model['conservative']:.0f} %")
-        expected = [middle(model["prediction"][key]) for key in ("position_rms_um", "rotation_rms_urad")]
-        assert numbers([position, rotation]) == pytest.approx(expected, abs=0.51)
-
-
-def test_truth_of_the_single_link_has_ones_on_the_diagonal_of_its_heatmap(made):
-    shown = picture(chunks_of(made("single_link")[0]), "/compliance/truth_eq_21/cells")
-    assert shown.shape == (6, 6, 3)
-    assert (shown[range(6), range(6)] == colours(np.ones(6))).all()
-
-
-def test_ways_of_the_solvers_are_the_reports(made):
-    file, found, _ = made("solver")
-    data = chunks_of(file)
-    for key, way in found["convergence"]["points"].items():
-        name = key.replace("'", "_short")
-        gap = series(data, f"/convergence/log10_gap/solver_{name}", "iteration")
-        seconds = series(data, f"/convergence/log10_s/solver_{name}", "iteration")
-        assert gap == pytest.approx(np.log10(np.maximum(way, 1e-12))[:, 1].tolist())
-        assert seconds == pytest.approx(np.log10(way)[:, 0].tolist())
-    rows = table(document(data, "/summary"))
-    for row in found["solvers"]:
-        assert float(rows[row["key"]][0]) == pytest.approx(middle(row["f_m"]), abs=5.1e-3)

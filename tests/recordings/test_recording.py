@@ -605,3 +605,21 @@ def test_titles_of_the_recording_say_the_magnifications_that_are_drawn(file, chu
         rms = np.sqrt(np.mean(errors**2))
         assert abs(rms / errors.max() - 1) > 0.05
         assert f"{name}: RMS {show(float(rms))} mm, axes (m)" in titles
+
+
+def test_histograms_count_the_residuals_of_their_own_runs_in_micrometres(file, chunks, heavy):
+    """Below its title stand the runs that it names; the curve of noise has as many components."""
+    about, _, campaign, results = heavy
+    check = np.isin(campaign.measured.pose, campaign.check.pose)
+    found = [(origin, name) for origin, _, name in views(file) if origin.startswith("histogram_um/")]
+    assert len(found) == 2 * len(about.shown)
+    for origin, name in found:
+        model, called = re.fullmatch(r"(.*), (fit|check) \(.*", name).groups()
+        [k] = [k for k, row in enumerate(about.models) if row.name == model]
+        left = 1e6 * results[k].residuals[check if called == "check" else ~check]
+        bars, noise = (columns(chunks, f"/{origin}/{what}") for what in ("residuals", "noise"))
+        at, counts = (np.array(bars[f"BarChart:{part}"][0][0]["buffer"]) for part in ("abscissa", "values"))
+        half = (at[1] - at[0]) / 2
+        np.testing.assert_array_equal(counts, np.histogram(left, [*(at - half), at[-1] + half])[0])
+        fine, curve = (np.array(noise[f"BarChart:{part}"][0][0]["buffer"]) for part in ("abscissa", "values"))
+        assert np.trapezoid(curve, fine) / (2 * half) == pytest.approx(left.size, rel=0.01)

@@ -5,28 +5,24 @@ import os
 from dataclasses import replace
 
 import pytest
+from made_up_run import REPORT, made_up_run
 from PIL import Image
 
 from testbench.errors import BenchError, InputError
-from testbench.views.colours import look
 from testbench.views.recording import headless, viewer
+from testbench.views.recording.run import write_run
 from testbench.views.recording.shot import BARS, Sight, film, shot
 from testbench.views.recording.stream import Header
-from testbench.views.recording.sweep import write_sweep
-from testbench.views.recording.swept import Point, Sweep
 from testbench.views.recording.web import web_viewer
-from testbench.views.schema import Column
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, arm_6r):
     """Two recordings, the one in the inner folder newer."""
     (tmp_path / "inner").mkdir()
-    points = [Point(x, "LS", 0.1 * x) for x in (1, 2)]
-    axes = Column("load", "load", "N"), Column("error", "error", "mm")
-    sweep = Sweep(*axes, points, {"LS": look("MLS56", "none")})
+    seen = made_up_run(arm_6r)
     for path, age in ((tmp_path / "old.rrd", 100), (tmp_path / "inner" / "new.rrd", 0)):
-        write_sweep(path, Header("test", "{}", 1), sweep, "### How much?")
+        write_run(path, Header("test", "{}", 1), REPORT, seen, {})
         time = path.stat().st_mtime - age
         os.utime(path, (time, time))
     return tmp_path
@@ -93,14 +89,14 @@ def has_lavapipe():
 def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_path_factory):
     monkeypatch.setattr(headless, "SETTLE", 0.5)  # messages that have not faded do no harm here
     png, gif = folder / "made" / "picture.png", folder / "film.gif"
-    at_2 = Sight(size="640x400", timeline="sweep", at=2)
+    at_2 = Sight(size="640x400", timeline="pose", at=2)
     assert shot(folder, png, at_2) == folder / "inner" / "new.rrd"
     assert png.read_bytes().startswith(b"\x89PNG")
     at_9, lost, tabless = replace(at_2, at=9), replace(at_2, timeline="load"), replace(at_2, tab="Nothing")
     for sight, said in (
-        (at_9, "--at: expected 1 to 2"),
-        (lost, "no timeline 'load'; timelines are sweep, worst_first"),
-        (tabless, "no tab 'Nothing'; tabs are Overview, Table"),
+        (at_9, "--at: expected 1 to 7"),
+        (lost, "no timeline 'load'; timelines are pose, worst_first"),
+        (tabless, "no tab 'Nothing'; tabs are Runs, Places"),
     ):
         with pytest.raises(BenchError, match=said):
             shot(folder, png, sight)
@@ -111,7 +107,8 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     film(folder, gif, replace(at_2, at=None))
     assert list(places.iterdir()) == []  # the viewer keeps its data in files
     with Image.open(gif) as picture:
-        assert (picture.n_frames, picture.size) == (2, (640, 400 - BARS))
+        frames = 6  # two places of the seven look alike
+        assert (picture.n_frames, picture.size) == (frames, (640, 400 - BARS))
 
 
 def busy(monkeypatch, answers):

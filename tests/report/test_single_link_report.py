@@ -4,20 +4,16 @@ import numpy as np
 import pytest
 from checks import unit_in
 from made_up import of_one_trial
-from read_back import PLACED, chunks_of, columns, document, picture, plotted
 from reports import check, table_of
 
 from testbench.report.columns import KNOWN
 from testbench.studies.paper import EQ_22, EQ_23
 from testbench.studies.single_link.judge import Entries, Prediction
-from testbench.studies.single_link.report import figures, printed, report, write
+from testbench.studies.single_link.report import figures, printed, report
 from testbench.studies.single_link.trial import LinkRow, Settings
-from testbench.studies.study import Run
-from testbench.trials.spread import middle, triple
+from testbench.trials.spread import middle
 from testbench.views.colours import GCO, LEAST_SQUARES, hexadecimal
 from testbench.views.markdown import grid
-from testbench.views.recording.compliance import colours
-from testbench.views.recording.plane import SMALLEST
 
 SEEDS = range(1, 21)
 #: Position error [um], rotation error [urad], share of the draws that are conservative.
@@ -194,24 +190,3 @@ def test_the_figure_draws_the_numbers_in_the_units_of_its_axes(found):
     assert unit_in(f"[{error.get_ylabel().rpartition(', ')[2]}]") == "um"
     [level] = [x for x in error.get_lines() if x.get_label() == "MLS36"]
     assert (level.get_ydata()[0], level.get_color()) == (40.0, hexadecimal(LEAST_SQUARES))
-
-
-def test_the_recording_holds_the_numbers_and_words(found, tmp_path):
-    write(Run("single_link", Settings(), SEEDS, found, found, found.tables, tmp_path, "{}"))
-    chunks, f = chunks_of(tmp_path / "recording.rrd"), found.numbers
-    summary = document(chunks, "/summary")
-    assert all(found.block(name) in summary for name in ("question", "answer", "statements"))
-    assert "| MLS36 | 0 % [no] |" in summary
-    for what, unit, number in (("position", "um", "40.0"), ("rotation", "urad", "400")):
-        labels = columns(chunks, f"/error_{unit}/{what}_error/number")["Points2D:labels"][0]
-        assert labels[0] == f"{number} {unit}"
-        assert columns(chunks, f"/error_{unit}/{what}_error/name")["Points2D:labels"][0] == list(MODELS)
-    for root, numbers in (
-        ("f_m_above_the_optimum_percent", [r.excess_percent for r in f["order"]]),
-        ("position_error_um", [r.prediction.position_rms_um for r in f["order"]]),
-    ):
-        expected = np.maximum([triple(v) for v in numbers], SMALLEST)
-        np.testing.assert_allclose(plotted(chunks, f"/{root}")["MGCO21"], expected, rtol=PLACED)
-    C, true = np.array(f["first_draw"].MGCO21.matrix), np.diag(f["truth_matrix"])
-    shown = picture(chunks, "/compliance/mgco21_first_draw/cells")
-    np.testing.assert_array_equal(shown, colours(C / np.sqrt(np.outer(true, true))))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, layer_of, said, times_of
 from read_back import columns, on, series, sound
 from run_here import here
 
@@ -408,3 +408,25 @@ def test_the_page_shows_what_pays_and_opens_at_the_worst_reading_of_all(made, re
 
 def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
     assert blank_panes(made[0] / "recording.rrd") == []
+
+
+def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, report, readings):
+    """Arrows end at the reading, and are as long as the distances of the model that was written."""
+    drawn = drawn_in(made[0] / "report.html")
+    [group], [times, *_] = drawn["scene"]["groups"], times_of(drawn["scene"]["title"])
+    state, _ = read_model(made[0])
+    series, _ = read_all(readings[:2], state.vjm.arm, None, None)
+    straight = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
+    at = {one.name: one for one in series}
+    for name, own in (("calibrated", state), ("as drawn", straight)):
+        left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}
+        start, end = layer_of(group, f"error {name}")
+        where = [re.match(r"(.*), row (\d+)", words).groups() for words in group["names"]]
+        rows = [(key, at[key].row.tolist().index(int(row))) for key, row in where]
+        wanted = np.array([left[key][k] for key, k in rows])
+        np.testing.assert_allclose((end - start) / times, wanted, atol=1e-4 / times + 1e-9)
+        [line] = [one for one in drawn["runs"][0]["lines"] if one["name"] == name]
+        np.testing.assert_allclose(
+            line["values"], 1e3 * np.linalg.norm(wanted, axis=2).max(axis=1), rtol=1e-3
+        )
+    np.testing.assert_allclose(end, layer_of(group, "target as read")[0])

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import typer
 from listening import listening
+from made_up_run import REPORT
 from run_here import heed_ctrl_c, here
 
 from testbench import __version__
@@ -23,11 +24,9 @@ from testbench.bench.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv
-from testbench.views.colours import look
+from testbench.views.page.page import Seen
+from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
-from testbench.views.recording.sweep import write_sweep
-from testbench.views.recording.swept import Point, Sweep
-from testbench.views.schema import Column
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
@@ -297,10 +296,7 @@ def test_view_serves_recording_and_page_to_this_machine_until_ctrl_c(tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     for name in ("report.html", "a.png", "stranger.png", "dataset.csv"):
         (tmp_path / name).write_bytes(name.encode())
-    nothing = Sweep(
-        Column("load", "load"), Column("error", "error"), [Point(1, "LS", 1)], {"LS": look("MLS56", "none")}
-    )
-    write_sweep(tmp_path / "recording.rrd", Header("test", "{}", 1), nothing, "### Nothing")
+    write_run(tmp_path / "recording.rrd", Header("test", "{}", 1), REPORT, Seen(), {})
     start = "from testbench.cli import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", start, "view", tmp_path, "--web"],

@@ -2,13 +2,12 @@
 
 import csv
 import json
-import re
 from functools import partial
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
-from read_back import PLACED, chunks_of, columns, document, plotted, views
+from page_checks import check_page, drawn_in, layer_of, said, times_of
+from read_back import columns, on, series, sound
 from run_here import here
 
 from testbench import files
@@ -42,7 +41,7 @@ def the_truth(C_theta, vjm, structure, data):
 
 @pytest.fixture(scope="module")
 def folder(kr500, tmp_path_factory):
-    """Models of the true compliances, and of what weights say of joints alone."""
+    """Models of the true compliances, of what weights say of joints alone, and with a prior of all."""
     out = tmp_path_factory.mktemp("models")
     runs = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1, check_runs=3), 7).identification
     models = {
@@ -276,67 +275,58 @@ def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words
 
 
-def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected):
-    """As many times as its title says, to the side that the file says."""
-    out, _ = corrected
-    with (out / "right.csv").open() as file:
+@pytest.fixture(scope="module")
+def sure(folder, corrected):
+    """Folder of a program that was corrected by a model that bounds what is left."""
+    out = corrected[0] / "sure"
+    out.mkdir()
+    tip = ",".join(map(str, TIP))
+    done = run(folder / "sure", corrected[0] / "mill.csv", "--out", out / "right.csv", "--tip", tip)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def told(sure):
+    """What the corrected file says of every point: off as programmed, half widths, (points, 3) [m]."""
+    with (sure / "right.csv").open() as file:
         rows = list(csv.DictReader(file))
-    off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
-    text = (out / "right_report" / "report.html").read_text()
-    drawn = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
-        "scene"
-    ]
-    times = float(re.search(r"x (\S+)\.$", drawn["title"])[1])
-    layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
-    asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
-    np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
+    names = ([f"{what}_{x}_mm" for x in "xyz"] for what in ("before", "half_95"))
+    before, half = (np.array([[float(row[key]) for key in keys] for row in rows]) / 1e3 for keys in names)
+    return before, half
 
 
-def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
-    """Lines along each axis of the world, as far as the file says, as many times as all else is drawn."""
-    out = bounded
-    with (out / "right.csv").open() as file:
-        half = (
-            np.array([[float(row[f"half_95_{x}_mm"]) for x in "xyz"] for row in csv.DictReader(file)]) / 1e3
-        )
-    text = (out / "right_report" / "report.html").read_text()
-    page = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
-        "scene"
-    ]
-    times = float(re.search(r"x (\S+)\.$", page["title"])[1])
-    [layer] = [own for own in page["groups"][0]["layers"] if own["name"].startswith("where it may be")]
-    at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
-    wanted = 2 * half[:, :, None] * np.eye(3)
-    np.testing.assert_allclose((to - at) / times, wanted, atol=2e-4 / times)
-    file = out / "right_report" / "recording.rrd"
-    chunks, titles = chunks_of(file), " ".join(name for *_, name in views(file))
-    scale = float(re.search(r"how far it is off, x (\S+)", titles)[1])
-    strips = np.array(columns(chunks, "/world/ways/interval_95")["LineStrips3D:strips"][0])
-    drawn = (strips[:, 1] - strips[:, 0]).reshape(-1, 3, 3) / scale
-    np.testing.assert_allclose(drawn, wanted, atol=1e-6)
+def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(sure, told):
+    """As many times as its title says, to the side that the file says."""
+    drawn = drawn_in(sure / "right_report" / "report.html")
+    [times], group = times_of(drawn["scene"]["title"]), drawn["scene"]["groups"][0]
+    asked, programmed = (path(*layer_of(group, name)) for name in ("path asked", "as programmed"))
+    before, half = told
+    np.testing.assert_allclose((programmed - asked) / times, before, atol=2e-4 / times + 1e-7)
+    low, high = layer_of(group, "where it may be, 95 %")
+    np.testing.assert_allclose(
+        (high - low).reshape(-1, 3, 3) / 2 / times, half[:, None] * np.eye(3), atol=2e-4 / times + 1e-7
+    )
+    lines = {line["name"]: line["values"] for line in drawn["runs"][0]["lines"]}
+    np.testing.assert_allclose(lines["as programmed"], 1e3 * np.linalg.norm(before, axis=1), rtol=1e-3)
+    within = np.array(lines["corrected, within (95 %)"], dtype=float)
+    np.testing.assert_allclose(within, 1e3 * half.max(axis=1), rtol=1e-3)
 
 
-def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(
-    folder, corrected, bounded, tmp_path
-):
+def test_the_recording_draws_the_interval_and_no_success_that_nobody_measured(sure, told):
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
-    lines = plotted(chunks_of(bounded / "right_report" / "recording.rrd"), "/off_mm")
-    report = json.loads((bounded / "right_report" / "report.json").read_text())
-    assert list(lines) == ["not corrected", "corrected, within (95 %)"]
-    rows = [[row["before_mm"], row["half_95_mm"]] for row in report["rows"]]
-    for values, wanted in zip(lines.values(), np.transpose(rows), strict=True):
-        np.testing.assert_allclose(values[:, 0], np.maximum(wanted, 1e-3), rtol=PLACED)
-    unseen = run(folder / "joints", corrected[0] / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.stdout.startswith("Do not run this: ")
-    chunks = chunks_of(tmp_path / "right_report" / "recording.rrd")
-    assert columns(chunks, "/off_mm/name")["Points2D:labels"][0] == ["not corrected"]
-    assert "**Do not run this: " in document(chunks, "/summary")
-    for name in ("report.html", "report.md"):
-        text = (tmp_path / "right_report" / name).read_text()
-        assert text.index("Do not run this: ") < text.index("As programmed"), name
+    chunks, (before, half) = sound(sure / "right_report" / "recording.rrd", "As programmed"), told
+    chart = "/charts/path_from_near/how_far_the_loaded_tool_is_off_at_each_point_mm"
+    size = 1e3 * np.linalg.norm(before, axis=1)
+    worst = np.array(columns(on(chunks, "worst_first"), f"{chart}/as_programmed")["pose"]) - 1
+    rank = columns(on(chunks, "worst_first"), f"{chart}/as_programmed")["worst_first"]
+    order = worst[np.argsort(rank)]
+    np.testing.assert_allclose(series(chunks, f"{chart}/as_programmed"), size[order], rtol=1e-6)
+    np.testing.assert_allclose(
+        series(chunks, f"{chart}/corrected_within_95"), 1e3 * half.max(axis=1)[order], rtol=1e-6
+    )
 
 
-def path(layer):
+def path(start, end):
     """Points of a line that is cut into pieces [m]."""
-    at, to = (np.array(layer[key][0]).reshape(-1, 3) / 1e4 for key in ("at", "to"))
-    return np.vstack([at, to[-1:]])
+    return np.vstack([start[0], end[0, -1:]])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checks import check_markdown
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, layer_of, said, times_of
 from read_back import chunks_of, columns, document, series, sound, views
 from run_here import here
 
@@ -69,17 +69,21 @@ def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
     assert blank_panes(made[0] / "recording.rrd") == []
 
 
-def test_residuals_are_readings_less_the_deflections_of_the_models(made, report, data):
-    """By the compliances of models.json, not by the command's own arrays."""
+def moved_by(fit, data):
+    """Deflections by the compliances of models.json, not by the command's own arrays, (runs, m, 3) [m]."""
     cell = tb.build_cell("kr500_l480")
-    fits = json.loads((made[0] / "models.json").read_text())
+    C = np.zeros((48, 48))
+    for k, block in enumerate(fit["links"].values()):
+        C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
+    C[range(42, 48), range(42, 48)] = [x or 0.0 for x in fit["joints"].values()]
     at = chain(cell.vjm, data.q)
+    return displacement(at, secant(at, C, data.wrench, data.point), cell.vjm.markers)
+
+
+def test_residuals_are_readings_less_the_deflections_of_the_models(made, report, data):
+    fits = json.loads((made[0] / "models.json").read_text())
     for fit in fits["models"]:
-        C = np.zeros((48, 48))
-        for k, block in enumerate(fit["links"].values()):
-            C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
-        C[range(42, 48), range(42, 48)] = [x or 0.0 for x in fit["joints"].values()]
-        moved = displacement(at, secant(at, C, data.wrench, data.point), cell.vjm.markers)
+        moved = moved_by(fit, data)
         left = 1e3 * np.linalg.norm(data.deflection - moved, axis=2)
         found = [row["residual_mm"][fit["name"]] for row in report["residuals"]]
         np.testing.assert_allclose(found, left.max(axis=1), rtol=1e-9)
@@ -202,3 +206,29 @@ def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(mad
     errors = report["map"]["errors"]
     half = [errors["worst"][name]["error_mm"] for name in errors["compared"]]
     assert shown.page.locator("#map button").all_inner_texts() == [f"worst: {mm:.3g} mm" for mm in half]
+
+
+def test_what_the_page_draws_are_the_models_and_the_numbers_of_the_report(made, report, data):
+    """Arrows lead from where targets were read to where each model has them; numbers are in millimetres."""
+    drawn = drawn_in(made[0] / "report.html")
+    runs = drawn["scene"]["groups"][0]
+    M, A = times_of(drawn["scene"]["title"])
+    fits = {fit["name"]: fit for fit in json.loads((made[0] / "models.json").read_text())["models"]}
+    shown = [line["name"] for line in drawn["runs"][0]["lines"]]
+    order = [data.run.tolist().index(int(label)) for label in drawn["runs"][0]["labels"]]
+    assert [re.match(r"Run (\d+)", name)[1] for name in runs["names"]] == drawn["runs"][0]["labels"]
+    read = data.before[order] + M * data.deflection[order]
+    before, after = layer_of(runs, "deflection as read")
+    np.testing.assert_allclose(before, data.before[order], atol=1e-4)
+    np.testing.assert_allclose(after, read, atol=1e-4)
+    for name, line in zip(shown, drawn["runs"][0]["lines"], strict=True):
+        start, end = layer_of(runs, f"error of {name}")
+        np.testing.assert_allclose(start, read, atol=1e-4)
+        off = moved_by(fits[name], data)[order] - data.deflection[order]
+        np.testing.assert_allclose((end - start) / A, off, atol=1e-4 / A)
+        left = [report["residuals"][k]["residual_mm"][name] for k in order]
+        np.testing.assert_allclose(line["values"], left, rtol=1e-3)
+    errors = report["map"]["errors"]
+    np.testing.assert_allclose(drawn["map"]["at"], errors["position_m"], atol=1e-3)
+    for line in drawn["map"]["lines"]:
+        np.testing.assert_allclose(line["values"], errors["error_mm"][line["name"]], rtol=1e-3)

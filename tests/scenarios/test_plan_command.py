@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, said
+from read_figure import named
 
 from testbench.bench.campaign import Scenario, hanging, measure
 from testbench.bench.models import MODELS
@@ -307,3 +308,41 @@ def test_the_page_shows_poses_and_tasks_and_a_task_that_is_clicked(planned, repo
     assert said(shown).startswith("Run 1. Hang ")
     shown.page.locator(".runs svg[role=img]").first.click()
     assert said(shown).startswith("Task ")
+
+
+def test_the_figure_draws_tasks_by_their_errors_and_poses_by_their_places(planned, report):
+    """The largest error first, under its own number, with its own interval."""
+    [file] = [path for path in planned.iterdir() if path.suffix == ".png" and "map" not in path.name]
+    every, above = named(file, "Every task"), named(file, "Tool from above")
+    rows = sorted(report["tasks"], key=lambda row: -row["expected_error_mm"])
+    [(_, _, _, _, drawn)] = [line for line in every.lines if line[1] == "o"]
+    np.testing.assert_allclose(drawn, [row["expected_error_mm"] for row in rows])
+    ends = [[low, high] for (_, low), (_, high) in every.strokes[0]]
+    keys = [f"expected_error_{end}_mm" for end in ("p05", "p95")]
+    np.testing.assert_allclose(ends, [[row[key] for key in keys] for row in rows])
+    assert every.ticks[0] == [str(row["task"]) for row in rows]
+    assert every.labels[1] == "expected error [mm]"
+    for label, of in (("tasks", report["tasks"]), ("plan, numbered", report["plan"])):
+        [(x, y)] = [line[3:] for line in above.lines if line[0] == label]
+        np.testing.assert_allclose(np.column_stack([x, y]), [row["tool_m"][:2] for row in of])
+    assert above.labels == ["x [m]", "y [m]"]
+
+
+def test_the_page_draws_the_errors_to_expect_with_their_intervals(planned, report):
+    """Of tasks and poses under their own numbers, and over the workspace, in millimetres."""
+    drawn = drawn_in(planned / "report.html")
+    keys = [f"expected_error_{end}mm" for end in ("", "p05_", "p95_")]
+    for chart, rows, name in zip(
+        drawn["runs"], (report["tasks"], report["plan"]), ("task", "run"), strict=True
+    ):
+        own = {str(row[name]): row for row in rows}
+        [line] = chart["lines"]
+        wanted = np.transpose([[own[label][key] for key in keys] for label in chart["labels"]])
+        np.testing.assert_allclose([line["values"], *line["ends"]], wanted, rtol=1e-3)
+        group = drawn["scene"]["groups"][chart["group"]]
+        assert group["names"] == [f"{name.capitalize()} {label}" for label in chart["labels"]]
+        assert "(mm)" in chart["title"]
+    errors = report["map"]
+    np.testing.assert_allclose(drawn["map"]["at"], errors["position_m"], atol=1e-3)
+    for line in drawn["map"]["lines"]:
+        np.testing.assert_allclose(line["values"], errors["error_mm"][line["name"]], rtol=1e-3)

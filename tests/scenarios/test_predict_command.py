@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, layer_of, said, times_of
 from read_back import columns, on, series, sound
 from run_here import here
 
@@ -22,6 +22,7 @@ from testbench.bench.prediction import Wanted, predicted
 from testbench.bench.prediction_report import reported
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
+from testbench.correct.stiffness import stiffness
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights
@@ -250,3 +251,36 @@ def test_the_page_shows_every_pose_and_the_softest_place(made, open_page):
     assert said(shown).startswith(f"Pose {report['worst'][0]['label']}.")
     shown.page.locator("#map button").click()
     assert f"{report['map']['worst_mm']:.3f} mm" in said(shown)
+
+
+@pytest.fixture(scope="module")
+def acted(kr500, model, q):
+    """What acts in the poses of `made`, deflections there, and the compliance of the tool's origin."""
+    wrench, point = np.zeros((POSES, 6)), np.tile(kr500.vjm.load, (POSES, 1))
+    wrench[:-1, 2], wrench[-1, 1], point[-1] = -GRAVITY * MASS, PULL, 0
+    own, loads = tb.load_model(model), [tb.Load(wrench, point)]
+    return tb.predict(own, q, loads), stiffness(own, q, loads).compliance[:, :3, :3]
+
+
+def squared(C):
+    """Of compliances C (..., 3, 3) the matrices C C^T, whose ellipsoids a force of 1 N moves a point over."""
+    return C @ C.swapaxes(-1, -2)
+
+
+def test_the_page_draws_deflections_and_what_a_force_does_as_often_enlarged_as_it_says(made, acted):
+    moved, C = acted
+    drawn = drawn_in(made[0] / "report.html")
+    group, (M, G) = drawn["scene"]["groups"][0], times_of(drawn["scene"]["title"])
+    order = [int(name.removeprefix("Pose ")) - 1 for name in group["names"]]
+    start, end = layer_of(group, "deflection")
+    np.testing.assert_allclose((end - start) / M, moved.deflection[order], atol=1e-4 / M)
+    np.testing.assert_allclose(start, (moved.position - moved.deflection)[order], atol=1e-4)
+    low, high = layer_of(group, "where a force moves it")
+    np.testing.assert_allclose((low + high) / 2, np.tile(end[:, :1], (1, 3, 1)), atol=1e-4)
+    ways = (high - low) / 2 / G / 1000
+    atol = 1e-4 / G * np.linalg.norm(C, axis=(1, 2)).max()
+    np.testing.assert_allclose(np.einsum("pkx,pky->pxy", ways, ways), squared(C[order]), atol=atol / 1000)
+    [line] = drawn["runs"][0]["lines"]
+    size, half = 1e3 * moved.size[order, 0], 1e3 * moved.widest[order, 0]
+    for found, wanted in zip([line["values"], *line["ends"]], (size, size - half, size + half), strict=True):
+        np.testing.assert_allclose(found, np.maximum(wanted, 0), rtol=1e-3)

@@ -101,6 +101,9 @@ def test_the_figure_has_every_place_from_two_sides_in_one_scale_and_names_the_wo
         if k < 3:
             rms = np.sqrt(np.mean(errors[name] ** 2))
             assert axes.get_title() == f"{name}: RMS {rms:.3f} mm"
+        else:
+            assert axes.get_xlabel() == "x [m]"
+        assert axes.get_ylabel() == ("" if k % 3 else f"{'xyz'[shown[1]]} [m]")
     colours = [axes.collections[0].get_facecolors()[-1].tolist() for axes in panes[:3]]
     assert len({tuple(colour) for colour in colours}) == 3  # the greatest of each, on one scale
     title, caption = figure.get_suptitle(), figure.get_supxlabel().replace("\n", " ")
@@ -130,6 +133,9 @@ def test_rows_titles_and_the_scale_of_colours_are_of_the_errors_in_millimetres(a
         own = np.array(own)
         assert rows[name].typical_mm == pytest.approx(np.sqrt(np.mean(own**2)))
         assert rows[name].worst_mm == own.max()
+        k = rows[name].place - 1  # on the timeline, from 1
+        assert found.error_mm[name][k] == own.max()
+        assert rows[name].where_m == ", ".join(f"{x:.2f}" for x in found.position_m[k])
         assert abs(rows[name].typical_mm / own.max() - 1) > 0.02
     figure = error_map(found, "an arm")
     titles = [axes.get_title() for axes in figure.axes if axes.get_title()]

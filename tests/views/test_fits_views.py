@@ -53,7 +53,7 @@ def _paged(fits):
     words = views.words(fits)
     blocks = [words.block(name) for name in ("title", "answer", "statements", "more")]
     return SimpleNamespace(
-        block=words.block, has=words.has, worst=words.worst, whole=lambda: "\n".join(blocks)
+        block=words.block, has=words.has, worst_lines=words.worst_lines, whole=lambda: "\n".join(blocks)
     )
 
 

@@ -2,10 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 from chromium import DESKTOP, PHONE
+from scipy.spatial.transform import Rotation
 
+from testbench.plant.shapes import Frames
 from testbench.views.page.html import FOLDER, SCRIPTS
+from testbench.views.page.scene import _frames
 
 FITS = '<meta name="viewport" content="width=device-width">'
 PAGE = f"""<!doctype html><meta charset="utf-8">{FITS}<title>A page</title>
@@ -54,8 +58,9 @@ LINES = [
     {"name": "A", "colour": "#008800", "values": [1.0, 3.0, 2.0], "ends": [[0.5, 2.5, 1.5], [1.5, 3.5, 2.5]]},
     {"name": "B", "colour": "#c28400", "values": [0.1, 0.2, 0.3], "ends": None},
 ]
-PIXEL = """(k) => {
-  const own = map.panes[0], [x, y] = [own.places[3 * k], own.places[3 * k + 1]];
+CHOOSE = "(group, pose) => (window.chosen = [group, pose])"
+PIXEL = """(pane, k) => {
+  const own = map.panes[pane], [x, y] = [own.places[3 * k], own.places[3 * k + 1]];
   const rgba = own.canvas.getContext("2d").getImageData(x, y, 1, 1).data;
   return rgba[0] - rgba[2];
 }"""
@@ -70,13 +75,30 @@ def scripted(body):
 
 @pytest.mark.look
 def test_colours_of_a_map_run_from_the_least_error_to_the_greatest(open_page, write):
-    data = {"at": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "lines": LINES, "group": 0}
-    asked = f"window.map = new Maps(place, {json.dumps(data)}, {json.dumps(RAMP)}, () => 0)"
+    data = {"at": [[0.5, 0.2, 0.3], [1, 0, 0.2], [0, 1, 0.6]], "lines": LINES, "group": 0}
+    asked = f"window.map = new Maps(place, {json.dumps(data)}, {json.dumps(RAMP)}, {CHOOSE})"
     page = open_page(write(scripted(asked))).page
     seen = page.evaluate("[0.1, 3].map((mm) => map.colour(map.share(mm)))")
     assert seen == ["rgb(0,0,255)", "rgb(255,0,0)"]
     page.wait_for_function("map.panes.every((pane) => pane.places)")
-    assert page.evaluate(f"({PIXEL})(1)") > page.evaluate(f"({PIXEL})(0)")  # the greatest is the reddest
+    for k, line in enumerate(LINES):
+        reds = [page.evaluate(f"({PIXEL})({k}, {place})") for place in range(3)]
+        assert np.argsort(reds).tolist() == np.argsort(line["values"]).tolist()
+        worst = int(np.argmax(line["values"]))
+        x, y, z = data["at"][worst]
+        pane = page.locator(".pane").nth(k)
+        words = pane.inner_text()
+        assert f"worst: {line['values'][worst]:g} mm" in words
+        assert f"at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in words
+        box = pane.locator("canvas").bounding_box()
+        for place in range(3):
+            left, up = page.evaluate(
+                f"[0, 1].map((k) => map.panes[{k}].places[3 * {place} + k] / map.panes[{k}].ratio)"
+            )
+            page.mouse.click(box["x"] + left, box["y"] + up)
+            assert page.evaluate("chosen") == [0, place]
+        pane.locator("button").click()
+        assert page.evaluate("chosen") == [0, worst]
     key = page.inner_text(".key")
     assert key.startswith("0.1 mm")
     gradient = page.evaluate("document.querySelector('.ramp').style.background")
@@ -99,18 +121,197 @@ def test_a_chart_of_runs_sorts_the_worst_first_and_says_numbers_with_their_inter
     assert first() == "run 2: A 3.000 (2.500 to 3.500), B 0.200"
 
 
-@pytest.mark.look
-def test_a_column_is_drawn_with_its_own_numbers(open_page, write):
-    cells = [
-        [{"text": n}, {"text": f"{v} mm", "v": v}, {"text": "9", "v": 9.0}]
-        for n, v in (("A", 1.5), ("B", 4.0))
+DRAWN = """(svg) => {
+  const all = (kind) => [...svg.querySelectorAll(kind)], number = (own, key) => Number(own.getAttribute(key));
+  const ends = (own) => ["x1", "x2", "y1", "y2"].map((key) => number(own, key));
+  const shade = (own) => own.getAttribute("stroke");
+  return {
+    ticks: all("text.soft").map((own) => [own.textContent, number(own, "x"), number(own, "y") - 4]),
+    texts: all("text:not(.soft)").map((own) => [own.firstChild.textContent, number(own, "y") - 4]),
+    dots: all("circle").map((own) => [number(own, "cx"), number(own, "cy"), shade(own), own.textContent]),
+    lines: all("line:not(.grid)").map((own) => [...ends(own), shade(own)]),
+  };
+}"""
+NAMES, COLOURS = ("A", "B", "C"), ("#008800", "#c28400", "#3462e8")
+
+
+def table_of(numbers, titles, **more):
+    """A table of models as the script has it: of every cell value and interval."""
+    rows = [
+        {
+            "cells": [
+                {"text": name},
+                *({"text": f"{v:g} mm", "v": v, "low": low, "high": high} for v, low, high in own),
+            ]
+        }
+        for name, own in zip(NAMES, numbers, strict=True)
     ]
-    table = {"rows": [{"cells": own, "marked": False} for own in cells], "looks": {}}
-    table["head"] = [{"title": title} for title in ("model", "error", "other")]
-    page = open_page(write(scripted(f"place.append(drawColumn({json.dumps(table)}, 1, 600))"))).page
-    told = page.evaluate(
-        "[...document.querySelectorAll('svg > text')].map((own) => own.firstChild.textContent)"
-    )
-    assert [text for text in told if text in ("1.5", "4.0", "4", "9")][-2:] == ["1.5", "4.0"]
-    across = page.evaluate("[...document.querySelectorAll('svg title')].map((own) => own.textContent)")
-    assert {"A: 1.5 mm", "B: 4.0 mm"} <= set(across)
+    looks = {n: {"colour": c, "mark": "o", "filled": True} for n, c in zip(NAMES, COLOURS, strict=True)}
+    head = [{"title": title, "drawn": True} for title in ("model", *titles)]
+    return {
+        "rows": [row | {"marked": False} for row in rows],
+        "looks": looks,
+        "head": head,
+        "first": -1,
+    } | more
+
+
+def axis_of(ticks, which):
+    """A function from places to the numbers that the ticks of an axis say, [what, x, y] each."""
+    values = np.array([float(tick[0]) for tick in ticks])
+    places = np.array([tick[which] for tick in ticks])
+    logarithmic = (values > 0).all()  # any other has a zero
+    fit = np.polyfit(places, np.log(values) if logarithmic else values, 1)
+    return lambda place: np.exp(np.polyval(fit, place)) if logarithmic else np.polyval(fit, place)
+
+
+@pytest.mark.look
+@pytest.mark.parametrize("largest", [5.0, 500.0])
+def test_a_column_is_drawn_by_its_own_numbers_with_their_intervals_in_the_colours_of_its_rows(
+    open_page, write, largest
+):
+    """Dots and ends of lines are read back by the ticks, of a logarithmic axis too."""
+    own = [(1.5, 1.2, 1.8), (4.0, 3.9, 4.5), (largest, 0.8 * largest, 1.3 * largest)]
+    numbers = [(cell, (9.0, 8.0, 10.0)) for cell in own]
+    body = f"place.append(drawColumn({json.dumps(table_of(numbers, ('error', 'other')))}, 1, 600))"
+    page = open_page(write(scripted(body))).page
+    drawn = page.evaluate(f"({DRAWN})(place.firstChild)")
+    said = axis_of(drawn["ticks"], 1)
+    texts = [text for text, _ in drawn["texts"]]
+    for k, (name, colour, (v, low, high)) in enumerate(zip(NAMES, COLOURS, own, strict=True)):
+        x, y, shade, words = drawn["dots"][k]
+        assert (shade, words) == (colour, f"{name}: {v:g} mm")
+        assert said(x) == pytest.approx(v, rel=1e-6)
+        x1, x2, y1, y2, shade = drawn["lines"][k]
+        assert said(np.array([x1, x2])) == pytest.approx([low, high], rel=1e-6)
+        assert (y1, y2, shade) == (y, y, colour)
+        assert texts[2 * k : 2 * k + 2] == [name, f"{v:g}"]
+        assert [at for _, at in drawn["texts"][2 * k : 2 * k + 2]] == [y, y]
+
+
+@pytest.mark.look
+def test_columns_side_by_side_have_their_titles_below_their_own_dots(open_page, write):
+    numbers = [[(v, v, v) for v in row] for row in ((1.0, 2.0, 4.0), (9.0, 3.0, 5.0), (7.0, 8.0, 6.0))]
+    titles = ("10 um", "20 um", "30 um")
+    table = table_of(numbers, titles, across="noise", title="")
+    page = open_page(write(scripted(f"dotChart(place, {json.dumps(table)})"))).page
+    drawn = page.evaluate(f"({DRAWN})(document.querySelector('svg[role=img]'))")
+    below = {text: x for text, x, _ in drawn["ticks"] if text in titles}
+    said = axis_of([tick for tick in drawn["ticks"] if tick[0] not in titles], 2)
+    for k, (x, y, shade, words) in enumerate(drawn["dots"]):
+        row, column = divmod(k, 3)
+        assert (x, shade) == (below[titles[column]], COLOURS[row])
+        assert said(y) == pytest.approx(numbers[row][column][0], rel=1e-6)
+        assert words == f"{NAMES[row]}: {numbers[row][column][0]:g} mm"
+    assert [text for text, _ in drawn["texts"]] == list(NAMES)
+
+
+@pytest.mark.look
+def test_what_is_clicked_in_a_chart_of_runs_is_the_run_that_is_drawn_there(open_page, write):
+    """Dots and intervals are read back by the ticks, in the order of runs and worst first."""
+    chart = {"title": "t", "labels": ["1", "2", "3"], "lines": LINES, "limit": 2.2, "group": 4, "note": ""}
+    page = open_page(write(scripted(f'runChart(place, {json.dumps(chart)}, ["a", "b", "c"], {CHOOSE})'))).page
+    svg = page.locator("svg[role=img]")
+    box = svg.bounding_box()
+    for order in ([0, 1, 2], [1, 2, 0]):
+        drawn = svg.evaluate(DRAWN)
+        ticks = [tick for tick in drawn["ticks"] if tick[1] < 44]
+        said, labels = axis_of(ticks, 2), [tick[0] for tick in drawn["ticks"] if tick[1] > 44]
+        assert labels == [chart["labels"][k] for k in order]
+        dots, (level, *lines) = iter(drawn["dots"]), drawn["lines"]
+        assert said(level[2]) == pytest.approx(2.2, rel=1e-6)
+        ends = [[line["ends"][0][k], line["ends"][1][k]] for k in order for line in LINES[:1]]
+        np.testing.assert_allclose([said(np.array(one[2:4])) for one in lines], ends, rtol=1e-6)
+        for k in order:
+            for line in LINES:
+                x, y, shade, _ = next(dots)
+                assert said(y) == pytest.approx(line["values"][k], rel=1e-6)
+                assert shade == line["colour"]
+            page.mouse.click(box["x"] + x, box["y"] + 100)
+            assert page.evaluate("chosen") == [4, k]
+        page.get_by_role("button", name="worst first").click()
+
+
+@pytest.mark.look
+def test_bodies_stand_in_a_page_where_their_frames_have_them_and_points_where_an_eye_would_see_them(
+    open_page, write, rng
+):
+    """Turns by matrices, and a pinhole before the eye with z up, in numpy; all points are in the picture."""
+    turns, at = Rotation.random(2, rng=rng).as_matrix(), rng.normal(size=(2, 3))
+    [numbers] = _frames(Frames(at[None], turns[None]))
+    body = rng.normal(size=(5, 3))
+    page = open_page(write(scripted(""))).page
+    for k in range(2):
+        points = page.evaluate(f"Array.from(moved({body.ravel().tolist()}, {numbers}, {7 * k}))")
+        np.testing.assert_allclose(np.reshape(points, (-1, 3)), body @ turns[k].T + at[k], atol=1e-3)
+    (width, height), yaw, pitch, cloud = (640, 480), 0.7, 0.3, rng.normal(size=(40, 3))
+    page.evaluate(f"window.camera = Camera.around({cloud.ravel().tolist()}, {yaw}, {pitch})")
+    asked = f"camera.projector({width}, {height})(...p, out, 0)"
+    seen = page.evaluate(f"{cloud.tolist()}.map((p) => {{ const out = [0, 0, 0]; {asked}; return out }})")
+    target, distance = np.array(page.evaluate("camera.target")), page.evaluate("camera.distance")
+    away = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
+    right = np.cross([0, 0, 1], away) / np.cos(pitch)
+    up = np.cross(away, right)
+    offset = cloud - target - distance * away
+    depth = -offset @ away
+    x, y = (offset @ axis / depth for axis in (right, up))
+    focal = page.evaluate("FOCAL") * height / 2
+    there = np.column_stack([width / 2 + focal * x, height / 2 - focal * y, depth])
+    np.testing.assert_allclose(seen, there, rtol=1e-9)
+    assert (there[:, :2] > 0).all()
+    assert (there[:, :2] < (width, height)).all()
+
+
+def layer(name, colour, kind, at, to=None, shown=True):
+    whole = [None if x is None else (1e4 * np.array(x)).tolist() for x in (at, to)]
+    own = dict(zip(("at", "to"), whole, strict=True))
+    return {"name": name, "colour": colour, "kind": kind, "labels": [], "shown": shown} | own
+
+
+SEEN = """([x, y, z, along, aside, dx, dy, dz]) => {
+  const canvas = scene.canvas, out = [0, 0, 0, 0, 0, 0], pen = canvas.getContext("2d");
+  const project = scene.camera.projector(canvas.width, canvas.height);
+  project(x, y, z, out, 0);
+  project(x + dx, y + dy, z + dz, out, 3);
+  const [u, v] = [out[3] - out[0], out[4] - out[1]], size = Math.hypot(u, v) || 1;
+  const at = [out[0] + (along * u - aside * v) / size, out[1] + (along * v + aside * u) / size];
+  return [...pen.getImageData(Math.floor(at[0]), Math.floor(at[1]), 1, 1).data.slice(0, 3)];
+}"""
+
+
+@pytest.mark.look
+def test_a_pose_shows_its_own_layers_and_words_and_those_that_are_ticked_alone(open_page, write):
+    """Dots at their places, arrows with their heads where they end."""
+    red, blue, green, still = [255, 0, 0], [0, 0, 255], [0, 255, 0], [[[0.0] * 6 + [1.0]]] * 2
+    dots, other = [[0, 0, 0], [0, 1, 0.5]], [[0, 0.5, 1], [0, 0.5, 1]]
+    start, end = [[0, 0, 2], [0, 0, 2]], [[0, 1, 2], [0, 1, 2]]
+    layers = [
+        layer("on", "#ff0000", "dots", dots),
+        layer("off", "#0000ff", "dots", other, shown=False),
+        layer("way", "#00ff00", "arrows", start, end),
+    ]
+    rigid = [(1e4 * np.array(pose)).ravel().tolist() for pose in still]
+    group = {"name": "g", "names": ["a", "b"], "words": ["One", "Two"], "first": 1, "near": None}
+    data = {"title": "T.", "solids": [], "groups": [group | {"rigid": rigid, "bent": None, "layers": layers}]}
+    made = "place.innerHTML = \"<canvas style='width:400px;height:400px'></canvas>\""
+    body = f"{made}; window.scene = new Scene(place, {json.dumps(data)})"
+    page = open_page(write(scripted(body))).page
+
+    def at(place, along=0, aside=0, way=(0, 1, 0)):
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+        return page.evaluate(SEEN, [*place, along, aside, *way])
+
+    def shown():
+        return [at(dots[0]) == red, at(dots[1]) == red, at(other[0]) == blue]
+
+    assert page.locator(".says").first.inner_text() == "b. Two"
+    assert shown() == [False, True, False]
+    assert min(at(end[0], -8, aside)[1] for aside in (2.6, -2.6)) > 200  # its head is wider
+    assert max(at(start[0], 8, aside)[1] for aside in (2.6, -2.6)) == 0
+    assert at(start[0], 20) == green
+    page.locator("input[type=range]").fill("0")
+    assert page.locator(".says").first.inner_text() == "a. One"
+    assert shown() == [True, False, False]
+    for name in ("on", "off"):
+        page.get_by_label(name, exact=True).click()
+    assert shown() == [False, False, True]

@@ -21,8 +21,6 @@ from testbench.trials.spread import spread
 from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look
 from testbench.views.figure import Figure, over
 from testbench.views.markdown import Markdown
-from testbench.views.recording.sweep import write_sweep
-from testbench.views.recording.swept import Sweep, points
 from testbench.views.schema import Best, Table, best_of, pivot
 
 NAMES = {"linear": "Eq. (6)", "secant": "Eq. (7) once", "integrated": "Eq. (7) integrated"}
@@ -230,28 +228,9 @@ def _drawn(f: Row) -> dict[str, list[Row]]:
 
 
 def write(run: Run[Settings, Report]) -> None:
-    """errors.csv of the first seed, and recording.rrd."""
+    """errors.csv of the first seed."""
     [rows] = trials(run.settings, run.seeds[:1])
     write_errors(run.folder / "errors.csv", load_arm(find_arm(run.settings.arm)), rows)
-    write_recording(run)
-
-
-def write_recording(run: Run[Settings, Report]) -> None:
-    """Error against the hung weight; what is exact is no line worth looking at."""
-    own = _drawn(Row(run.report.numbers))
-    name, x, y = columns("prediction load_N error_um")
-    sagging = [line for line in own if LOOKS[line].prior]
-    sweep = Sweep(
-        x,
-        y,
-        points([row for rows in own.values() for row in rows], name, x, y),
-        LOOKS,
-        against=[line for line in sagging if line.startswith(NAMES["linear"])],
-        among=sagging,
-    )
-    write_sweep(
-        run.folder / "recording.rrd", run.header, sweep, run.report.summary(sweep.words.block("medians"))
-    )
 
 
 def write_errors(file: Path, arm: Arm, rows: Sequence[PoseRow]) -> None:

@@ -4,39 +4,35 @@ import csv
 
 import numpy as np
 
-from testbench.bench.absolute_report import OrderRow, SpectrumRow
 from testbench.bench.campaign import Cell
-from testbench.bench.rows import UM
+from testbench.bench.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.plant.shapes import rigid_frames
 from testbench.report.report import Report
-from testbench.report.table import Row
 from testbench.studies.real_ur10.figure import LOOKS
-from testbench.studies.real_ur10.ladder import JOINTS, TWO, WAVES
+from testbench.studies.real_ur10.ladder import TWO
 from testbench.studies.real_ur10.readings import read, split
 from testbench.studies.real_ur10.trained import SHOWN
 from testbench.studies.real_ur10.trial import Settings
 from testbench.studies.study import Run
-from testbench.views.markdown import grid
-from testbench.views.recording.absolute import AbsoluteScene, Arrows, write_absolute
+from testbench.views.magnified import arrow_scale
+from testbench.views.page.charts import Line, RunChart
+from testbench.views.page.page import Seen
+from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.picked import of_all, picked
 from testbench.views.recording.arm import origins
 
-POSES, ARROWS = 300, 800  #: Poses that are shown, and errors that stand still, at most, evenly spaced.
-HOW = """**Colours** Arrows lead from model to reading, times {scale:g}: blue is small, orange is
-{most:.2g} mm or more, the same on both sides. Vermillion: the pose in sight. Grey: the arm.
-
-**Scrub** the time bar below: `worst_first` begins where {before} errs most, `run` keeps the order of
-the readings."""
+LONGEST = 0.3  #: Most arrows of errors over the reach [1].
 
 
-def write(run: Run[Settings, Report]) -> None:
-    """errors.csv and recording.rrd."""
+def write(run: Run[Settings, Report]) -> Seen:
+    """errors.csv; what is drawn: the arm amid its errors."""
     readings = read(run.settings.thin)
     judged = [one.series for one in split(SHOWN, readings.series).judged]
     errors = [np.concatenate([_left(run.settings, one, model.name) for one in judged]) for model in TWO]
     write_errors(run, readings.cell, judged, errors)
-    write_recording(run, readings.cell, judged, errors)
+    return seen(readings.cell, judged, errors)
 
 
 def _left(asked: Settings, series: Series, name: str) -> Array:
@@ -59,43 +55,31 @@ def write_errors(run: Run[Settings, Report], cell: Cell, judged: list[Series], e
             lines.writerow([*row, *(round(UM * float(x), 2) for vector in off for x in vector)])
 
 
-def write_recording(
-    run: Run[Settings, Report], cell: Cell, judged: list[Series], errors: list[Array]
-) -> None:
-    """The arm amid its errors, without and with joint errors."""
-    q = np.concatenate([one.q for one in judged])
-    still, some = (np.unique(np.linspace(0, len(q) - 1, min(n, len(q))).astype(int)) for n in (ARROWS, POSES))
-    places = tuple(origins(cell, cell.arm.markers, rigid_frames(cell.room, q)))
-    before, after = (Arrows(places, tuple(error[:, None])) for error in errors)
+def seen(cell: Cell, judged: list[Series], errors: list[Array]) -> Seen:
+    """The arm amid its errors by both models, from where each has the target to the reading."""
+    q, sizes = np.concatenate([one.q for one in judged]), [MM * np.linalg.norm(e, axis=1) for e in errors]
+    some = picked(sizes[-1], np.arange(len(q)))
+    rigid = rigid_frames(cell.room, q[some])
+    at = origins(cell, cell.arm.markers, rigid)
+    A = arrow_scale(errors[0][some], LONGEST * cell.vjm.reach)
     names = [f"Series {one.name}, run {row}" for one in judged for row in one.row]
-    mm = [1e3 * one.longest for one in (before, after)]
-    words = [f"- {{:.3f}} mm, {model.name}" for model in TWO]
-    made = AbsoluteScene(
-        cell=cell,
-        q=q[some],
-        number=some + 1,
-        drawn=before.of(some),
-        calibrated=after.of(some),
-        still=(before.of(still), after.of(still)),
-        pose_words=[
-            "\n".join([f"**{names[k]}**", "", *(w.format(x[k]) for w, x in zip(words, mm, strict=True))])
+    models = [(model.name, LOOKS[model.name]) for model in TWO]
+    group = Poses(
+        name="Positions that were not fitted",
+        names=[names[k] for k in some],
+        words=[
+            ", ".join(f"{name} {mm[k]:.3f} mm" for (name, _), mm in zip(models, sizes, strict=True)) + "."
             for k in some
         ],
-        summary=run.report.summary(run.tables["short"]),
-        tables=grid(run.tables["ladder"]),
-        geometry="\n\n".join(grid(run.tables[name]) for name in ("compliances", "waves", "joints")),
-        spectrum=[_spectrum(joint) for joint in Row(run.report.numbers).joints],
-        models={
-            kind: (model.name, LOOKS[model.name].colour)
-            for kind, model in (("drawn", JOINTS), ("calibrated", WAVES))
-        },
-        kind="ladder",
-        opens="drawn",
+        rigid=rigid,
+        bent=None,
+        layers=[
+            Layer(f"error of {name}", look.colour, "arrows", at, at + A * error[some, None])
+            for (name, look), error in zip(models, errors, strict=True)
+        ],
+        first=int(sizes[-1][some].argmax()),
     )
-    how = HOW.format(scale=made.scale, most=made.top_mm, before=JOINTS.name)
-    write_absolute(run.folder / "recording.rrd", run.header, made.saying(how))
-
-
-def _spectrum(joint: Row) -> SpectrumRow:
-    orders = [OrderRow(k + 1, y, 0.0) for k, y in enumerate(joint.amplitude_both_urad)]
-    return SpectrumRow(joint.joint, joint.rms_both_urad, orders)
+    lines = [Line(name, look, mm[some]) for (name, look), mm in zip(models, sizes, strict=True)]
+    note = of_all(len(some), len(q), "positions")
+    chart = RunChart("Error at each position (mm)", 0, [names[k] for k in some], lines, note=note)
+    return Seen(scene=Scene(cell, f"Errors x {A:g}.", [group]), runs=[chart])

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import UM, dataset_row
 from testbench.data.csvfile import write_csv
 from testbench.identify.factorised import order_range
-from testbench.report.columns import KNOWN, SI, columns
+from testbench.report.columns import SI, columns
 from testbench.report.report import Report, say
 from testbench.report.table import Cells, Row, Trials, aligned, merged, number, paired
 from testbench.studies import paper
@@ -30,14 +29,8 @@ from testbench.studies.single_link.trial import (
 )
 from testbench.studies.study import Run
 from testbench.trials.spread import span, wins
-from testbench.views.colours import look
 from testbench.views.figure import Figure
-from testbench.views.markdown import Markdown, counted, grid
-from testbench.views.recording.chart import Chart, dots
-from testbench.views.recording.pen import snake
-from testbench.views.recording.plane import TITLE, WHOLE
-from testbench.views.recording.single_link import Matrices, write_single_link
-from testbench.views.recording.swept import Sweep, points
+from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Column, Table, best_of, show_truth
 
 POSITION, ROTATION = "prediction.position_rms_um", "prediction.rotation_rms_urad"
@@ -403,33 +396,9 @@ def figures(found: Report) -> dict[str, Figure]:
 
 
 def write(run: Run[Settings, Report]) -> None:
-    """dataset.csv of the first draw, and recording.rrd."""
+    """dataset.csv of the first draw."""
     draw = measure(build_cell(find_arm(NAME)), run.settings, run.seeds[0])
     write_csv(draw.identification, (), run.folder / "dataset.csv")
-    f, recorded = Row(run.report.numbers), tuple(replace(own, exact=True) for own in columns(RECORDED))
-    *drawn, _ = _matrices(f).items()
-    shown = Matrices(
-        documents={
-            "summary": run.report.summary(Table(recorded, f.models), PICTURES),
-            "table": grid(run.report.tables["matrices"]),
-        },
-        matrices={name: np.array(C.matrix) for name, C in drawn},
-        errors=[_chart(f, KNOWN[key]) for key in (POSITION, ROTATION)],
-        orders=[
-            Sweep(KNOWN["m"], own, points(f.order, KNOWN["name"], KNOWN["m"], own), {GCO: look(GCO, "psd")})
-            for own in columns(f"excess_percent {POSITION}")
-        ],
-    )
-    write_single_link(run.folder / "recording.rrd", run.header, shown)
-
-
-def _chart(f: Row, column: Column) -> Chart:
-    """Errors model by model, with their spread over draws."""
-    title, path = f"RMS {column.heading} ({column.unit}), logarithmic", snake(column.heading)
-    shown = dots(
-        Table((KNOWN["name"], column), f.models), [look(m.structure, m.constraint).colour for m in f.models]
-    )
-    return Chart(f"error_{column.unit}/{path}", title, shown, (WHOLE[0], WHOLE[1] / 2 - TITLE))
 
 
 def _last(key: str) -> str:

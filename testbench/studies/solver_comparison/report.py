@@ -1,7 +1,6 @@
 """What the trials say: F_M and times of every solver, what is proven, where local solves end."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,9 +19,7 @@ from testbench.studies.study import Run
 from testbench.trials.spread import middle
 from testbench.views.figure import Figure
 from testbench.views.gains import ratio
-from testbench.views.markdown import Markdown, counted, grid
-from testbench.views.recording.chart import dots
-from testbench.views.recording.solver import TIMELINE, Race, write_solver
+from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table
 
 SHARP = 1e-6  #: Relative excess of F_M within which local solves end that do not creep along a flat valley.
@@ -274,31 +271,7 @@ def figures(found: Report) -> dict[str, Figure]:
 
 
 def write(run: Run[Settings, Report]) -> None:
-    """dataset.csv and recording.rrd."""
+    """dataset.csv of the first seed."""
     cell = build_cell(find_arm(ARM))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
     write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
-    write_solver(run.folder / "recording.rrd", run.header, race(run.report))
-
-
-def race(found: Report) -> Race:
-    """Words and numbers of the recording; times to within 1 % of the optimum, then to the end."""
-    f = Row(found.numbers)
-    summary = found.summary(
-        Table(tuple(replace(column, exact=True) for column in columns(SHORT)), f.solvers, bold="d"),
-        "\n".join(f"- {row.solver}" for row in f.solvers),
-        f"Medians of {counted(len(f.seed), 'seed')}; ways and gap are those of seed {f.convergence.seed}. "
-        "Gap: F_M over its proven lower bound, minus 1.",
-        "**Colours** Green: the conic program (d). The other solvers have a colour of their own.",
-        f"**Scrub** `{TIMELINE}` counts the improvements of F_M of every solver (tab Iterations).",
-    )
-    colours = {key: look.colour for key, look in LOOKS.items()}
-    times = Table(columns("key seconds_to_1_percent seconds"), f.solvers)
-    return Race(
-        summary=summary,
-        notes=grid(found.tables["minima"]),
-        ways={key: np.array(way) for key, way in f.convergence.points.items()},
-        colours=colours,
-        bold="d",
-        times=dots(times, [colours[row.key] for row in f.solvers]),
-    )

@@ -59,15 +59,6 @@ def picture(rows: Sequence[Sequence[Array]]) -> npt.NDArray[np.uint8]:
     return found
 
 
-def write_heatmap(pen: Pen, path: str, C: Array) -> None:
-    """One matrix without unit in a small pane, its axes named; see `heatmap_view`."""
-    pen.still(f"{path}/cells", rr.Image(picture([[C]])))
-    rows = np.column_stack([np.full(SIZE, -0.8), np.arange(SIZE)])  # a label hangs below its point
-    columns = np.array([(SIZE / 4, -1.2), (3 * SIZE / 4, -1.2)])  # there is no room for one each
-    heads = ["   ".join(LABELS[:3]), "  ".join(LABELS[3:])]
-    pen.names(f"{path}/names", np.vstack([rows, columns]), [*LABELS, *heads], NOISE)
-
-
 def heatmap_view(path: str, name: str) -> rrb.Spatial2DView:
     """The view of one matrix."""
     bounds = rrb.VisualBounds2D(x_range=(-1.6, SIZE + 0.2), y_range=(-1.3, SIZE + 0.2))

@@ -9,14 +9,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import FillMode
 
-from testbench.bench.campaign import Cell
 from testbench.bench.error_places import ErrorPlaces, WorstPlace
 from testbench.errors import Array
-from testbench.plant.shapes import rigid_frames
 from testbench.views.colours import SCALE
 from testbench.views.markdown import Words
-from testbench.views.recording.arm import orbit, origins, reach, write_places
-from testbench.views.recording.camera import frame
 from testbench.views.recording.error_map import (
     SMALLEST,
     key_view,
@@ -26,9 +22,9 @@ from testbench.views.recording.error_map import (
     write_cubes,
     write_key,
 )
-from testbench.views.recording.pen import Line, Pen, snake, text_view
+from testbench.views.recording.pen import Pen, snake, text_view
 from testbench.views.recording.style import NOISE, NOMINAL, Colour
-from testbench.views.scale import Scale, scale_for, scale_of
+from testbench.views.scale import Scale, scale_of
 from testbench.views.schema import show
 from testbench.views.worst import WorstRow, worst_rows, worst_table
 
@@ -114,42 +110,6 @@ def _words(found: ErrorPlaces, tasks: Tasks, scale: Scale) -> Words:
     return Words(Path(__file__).parent, values, "error_maps.md.j2")
 
 
-def place_words(found: ErrorPlaces) -> list[str]:
-    """Markdown of every place: the errors there, and where it is."""
-    text = _words(found, EMPTY, scale_for(found))
-    worst = {name: own.place for name, own in found.worst.items() if name in found.compared}
-    return [
-        text.block("place", place=k, worst_of=[name for name, place in worst.items() if place == k])
-        for k in range(len(found.run))
-    ]
-
-
-def write_places_of(pen: Pen, cell: Cell, scene: PlaceScene, words: str, plot: str = "") -> None:
-    """The maps, and on the timeline of places the arm, the words, and the errors of the compared models.
-
-    Args:
-        pen: Of the recording.
-        cell: The arm.
-        scene: Errors by place.
-        words: Entity of the words of what is shown.
-        plot: Root of a plot that has the errors too, the unit in its name; none if empty.
-    """
-    found = scene.found
-    frames = rigid_frames(cell.room, np.array(found.q))
-    size, count = reach(frames), 1 + np.arange(len(found.run))
-    write_error_maps(pen, found, size, scene.tasks, scene.more)
-    place = pen.on(rr.TimeColumn(TIMELINE, sequence=count))
-    write_places(place, cell, frames)
-    write_here(place, origins(cell, [cell.arm.tool], frames)[:, 0], size)
-    place.texts(words, place_words(found))
-    for name in found.compared if plot else ():
-        mm = found.errors(name)
-        known = np.isfinite(mm)
-        if known.any():
-            line = Line(f"{plot}/{snake(name)}", f"{name} (mm)", scene.colours[name], 2.0)
-            pen.on(rr.TimeColumn(TIMELINE, sequence=count[known])).line(line, mm[known])
-
-
 def write_here(pen: Pen, tool: Array, reach: float) -> None:
     """A shell about the place that the arm is in, a row a time: tool (times, 3) [m]."""
     shell = rr.Ellipsoids3D.from_fields(colors=NOMINAL, fill_mode=FillMode.MajorWireframe, line_radii=-1.0)
@@ -186,12 +146,3 @@ def _map_view(row: WorstRow, typical: str, eye: rrb.EyeControls3D) -> rrb.Spatia
         name=f"{row.model}: {known}, axes (m)",
         eye_controls=eye,
     )
-
-
-def map_eye(found: ErrorPlaces, cell: Cell, further: Array | None = None) -> rrb.EyeControls3D:
-    """A camera that has all places, the arm at the first and further points (n, 3) [m] in view."""
-    first, at = rigid_frames(cell.room, np.array(found.q[:1])), np.array(found.position_m)
-    label = np.array([*at[:, :2].mean(axis=0), at[:, 2].max() + 2 * CLEAR * reach(first)])
-    points = np.vstack([at, label, first.positions[0, 1:], *([] if further is None else [further])])
-    tool = origins(cell, [cell.arm.tool], first)[0, 0, :2]
-    return orbit(*frame(points, np.full(len(points), 2 * BALL * reach(first)), tool, aspect=PANE))

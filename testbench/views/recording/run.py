@@ -4,7 +4,7 @@ Every group of poses has a tab. All are on both timelines: `worst_first`, and `p
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -102,13 +102,16 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
     """
     groups = _groups(seen)
     tabs = [_tab(seen.scene, own) for own in groups] if seen.scene else []
+    if seen.map and not any(np.isfinite(line.values).any() for line in seen.map.lines):
+        seen = replace(seen, map=None)  # nowhere is there a bound
     where = [_map_tab(seen.map, groups[seen.map.group])] if seen.map else []
     pictures: list[rrb.Container | rrb.View] = [
         rrb.Spatial2DView(origin=f"figure/{snake(name)}", name=name) for name in figures
     ]
     if pictures and not tabs:
         pictures[0] = _beside(pictures[0], name="Overview")
-    views = [*tabs, *where, *pictures, text_view("tables", "Tables")]
+    lead = [] if tabs or pictures else [text_view("summary", "Summary")]
+    views = [*lead, *tabs, *where, *pictures, text_view("tables", "Tables")]
     places = len(groups[0].poses.names) if groups else 1
     with recording(path, "run", header, layout(*views, timeline=WORST, places=places)) as pen:
         pen.documents({"summary": summary(words), "tables": _tables(words, seen)})
