@@ -184,6 +184,7 @@ def test_the_answer_is_the_gain_of_the_best_whichever_it_is(winner):
     plain = name if filling in ("none", "least trace") else "least squares (MLS56)"
     size = middle(2.0 if filling in ("none", "least trace") else 7.0)
     assert found.claims[0] == f"Without a prior the least error is that of {plain}: {size:.3f} mm."
+    assert f"; without a prior {plain}, {1.5 * size:.3f} mm; joints alone" in "\n".join(found.claims)
     assert f"Worst with non-linear truth: {winner} 3.000 mm" in found.worst
     assert found.numbers["best"].methods == (name,)
 
@@ -201,6 +202,8 @@ def test_the_sentences_carry_the_numbers_of_their_models(whole):
     error = {m.name: middle(m.workspace.rms_mm) for m in f["models"]}
     for name in CHOICE[1:]:
         assert f"{name} {error[name]:.3f} mm without, {error[f'{name}, GCO + prior']:.3f} mm with it" in text
+    other = {m.name: middle(m.workspace.rms_mm) for m in f["nonlinear"]}
+    assert f"squares {other['MLS56']:.3f} mm, joints alone {other['Joints']:.3f} mm." in found.worst
     assert f"With 5, 13, 40 poses MGCO56 without a prior beats Joints in {f['beaten'][0].wins}, " in text
     assert f"believed, MGCO56 errs by {show(f['fixed_scale'].MGCO56)} mm." in text
     plain, robust, clean = (show(f["outliers"][f"{key}_mm"]) for key in ("plain", "robust", "clean"))

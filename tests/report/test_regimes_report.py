@@ -141,6 +141,15 @@ def test_models_are_those_of_the_featured_cell_and_the_answer_is_of_the_best_str
     assert f"GCO ({best}) {errors[best]:.0f} um" in found.answer
 
 
+def test_the_gain_of_the_cone_is_told_at_most_and_at_least_noise(whole):
+    found, _ = whole
+    low, high = (found.numbers["levels"]["gravity"][k].gco_over_lent.median for k in (0, -1))
+    said = (
+        f"{high:.2f} times their error where noise costs over 100 % of the deflection, {low:.2f} at 0 to 1 %."
+    )
+    assert said in found.claims[2]
+
+
 def gaining(row):
     """The cone halves the error with 2 poses, free directions do with 8; GCO costs with 12, one has free."""
     if row.uncertainty != "none":
