@@ -15,7 +15,6 @@ from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, St
 
 from testbench.bench.truths import CALLED
 from testbench.errors import shown
-from testbench.trials.duel import Duel
 from testbench.trials.spread import middle, span, twins_once
 from testbench.views.gains import less, more, ratio
 from testbench.views.schema import Table, brackets, show, show_truth, written_out
@@ -195,7 +194,6 @@ def _environment(folder: Path) -> Environment:
         "once": lambda texts: twins_once([texts]),
     }
     found.filters["ended"] = ended
-    found.filters["against"] = against
     return found
 
 
@@ -247,15 +245,3 @@ def place(metres: Sequence[float]) -> str:
 def counted(number: int, noun: str) -> str:
     """Such as 1 pose, 5,132 poses."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
-def against(d: Duel) -> str:
-    """Who beats whom in how many seeds, as a sentence."""
-    if d.alike == d.seeds:
-        why = ": there the cone does nothing" if d.cone else ""
-        return f"{d.ours} and {d.theirs} err alike in all {d.seeds} seeds{why}."
-    alike = f" and errs alike in {d.alike}" if d.alike else ""
-    return (
-        f"{d.ours} beats {d.theirs} over the workspace in {d.workspace} of {d.seeds} seeds{alike}, "
-        f"{show(d.ratio, '.2f')} times its error; at the check poses, against the truth, in {d.check}."
-    )

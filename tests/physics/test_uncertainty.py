@@ -22,9 +22,9 @@ from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.report.table import Trials
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
-from testbench.studies.identifiability.summary import covered
-from testbench.trials.spread import grouped
+from testbench.studies.identifiability.report import coverage
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +177,7 @@ def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_
 def shares(datasets):
     """How often intervals hold the truth, by name."""
     rows = [row for dataset in datasets for row in dataset]
-    return {name: covered(own) for name, own in grouped(rows, lambda row: row.name).items()}
+    return {name: coverage(own) for (name,), own in Trials.of([(0, rows)]).groups("name")}
 
 
 def test_intervals_cover_as_often_as_they_say(full_pose):
@@ -186,11 +186,11 @@ def test_intervals_cover_as_often_as_they_say(full_pose):
     found = shares(fitted(case, k, bootstrapped=k < 2) for k in range(40))
     for name in ("arm_6r, least squares, linearised", "arm_6r, GCO, linearised"):
         row = found[name]
-        assert row.covered == pytest.approx(0.95, abs=4 * row.standard_error)
+        assert row.covered_percent == pytest.approx(95, abs=4 * row.standard_error_percent)
         assert row.datasets == 40
         assert row.intervals == 40 * len(case.functionals)
     assert found["arm_6r, GCO, bootstrap"].datasets == 2
-    assert found["arm_6r, GCO, bootstrap"].covered > 0.6
+    assert found["arm_6r, GCO, bootstrap"].covered_percent > 60
 
 
 @pytest.mark.parametrize("strength", [Strength(0.1), Strength(0.3, 0.2)])
@@ -200,15 +200,15 @@ def test_posterior_intervals_cover_truths_drawn_from_the_prior(kr500, gravity, s
     rows = elsewhere(kr500, s, gravity)
     case = Case("kr500", reduce(kr500.vjm, s, gravity.identification), m, np.zeros(s.n), rows)
     for row in shares(posterior(case, k, strength) for k in range(60)).values():
-        assert row.covered == pytest.approx(0.95, abs=4 * row.standard_error)
+        assert row.covered_percent == pytest.approx(95, abs=4 * row.standard_error_percent)
 
 
 def test_bounds_cover_all_deflections_at_once(full_pose):
     case, _ = full_pose
     few = replace(case, functionals=case.functionals[:3])
-    row = covered([bounded(few, k) for k in range(20)])
+    row = coverage(Trials.of([(0, [bounded(few, k) for k in range(20)])]))
     assert row.all_covered >= 0.8  # at least 0.95 in truth: 20 draws have fewer with 0.03 %
-    assert row.unbounded == 0
+    assert row.unbounded_percent == 0
 
 
 def test_bad_input_is_named(arm_6r, kr500, full_pose, gravity):

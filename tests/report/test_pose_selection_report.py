@@ -153,9 +153,9 @@ def test_promises_are_counted_case_by_case_and_the_least_kept_is_named(both):
         "prior": whole["prior"].tolist(),
     }
     wanted = {f"{key}: {name}".removesuffix(": ") for key, own in labels.items() for name in own}
-    assert {row.cases for row in kept} == wanted
+    assert {row.promised for row in kept} == wanted
     for row in kept:
-        what, _, name = row.cases.partition(": ")
+        what, _, name = row.promised.partition(": ")
         own = whole.pick(np.array(labels[what]) == name)
         error = own["tasks_mm"]
         assert (row.count, row.below, row.above) == (len(own), np.mean(error < 25), np.mean(error > 36))
@@ -166,7 +166,7 @@ def test_promises_are_counted_case_by_case_and_the_least_kept_is_named(both):
     assert found.numbers["kept_joints"].ratio == spread(joints / 30)
     least, text = min(kept[1:], key=lambda row: row.inside_95), "".join(found.claims)
     assert f"holds in {kept[0].inside_90:.0%} of 12 cases".replace("%", " %") in text
-    said = f"least often with {least.cases}: {least.inside_90:.0%} and {least.inside_95:.0%}."
+    said = f"least often with {least.promised}: {least.inside_90:.0%} and {least.inside_95:.0%}."
     assert said.replace("%", " %") in text
 
 

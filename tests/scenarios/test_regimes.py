@@ -21,7 +21,7 @@ def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
 
 def test_two_kinds_of_the_family_take_turns_in_every_cell(report, rows):
     assert [Settings().arms(seed) for seed in (4, 5)] == [["tubes", "off_20"], ["off_40", "cast"]]
-    assert {(row["seed"], row["truth"]) for row in rows} == {
+    assert {(row["seed"], row["true_arm"]) for row in rows} == {
         (4, "tubes"), (4, "off_20"), (5, "off_40"), (5, "cast")
     }  # fmt: skip
     for kind, count in CELLS.items():
@@ -31,7 +31,7 @@ def test_two_kinds_of_the_family_take_turns_in_every_cell(report, rows):
 
 def test_where_the_cone_does_not_bind_it_does_nothing_to_what_is_seen(rows):
     """The trace weight of GCO is all that is left: in the fitted runs and with the same free directions."""
-    free = [row for row in rows if row["prior"] == "none" and not row["binds"]]
+    free = [row for row in rows if row["uncertainty"] == "none" and not row["binds"]]
     assert len(free) > 20
     for row in free:
         assert row["gco_um"] == pytest.approx(row["lent_um"], rel=0.02)
@@ -41,7 +41,7 @@ def test_where_the_cone_does_not_bind_it_does_nothing_to_what_is_seen(rows):
 
 def test_a_conservative_least_squares_with_a_prior_is_gco(rows):
     for row in rows:
-        if row["prior"] != "none" and not row["binds"]:
+        if row["uncertainty"] != "none" and not row["binds"]:
             assert row["gco_um"] == pytest.approx(row["ls_um"], rel=1e-3)
 
 

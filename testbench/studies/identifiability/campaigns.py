@@ -22,6 +22,7 @@ from testbench.identify.crossval import Candidate, held_out_errors, one_standard
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.prior import Strength
 from testbench.identify.regularised import fit_all, fit_reduced
+from testbench.studies.identifiability.coverage import Covered
 from testbench.studies.identifiability.methods import (
     SCALE_BELIEVED,
     STRUCTURES,
@@ -55,19 +56,20 @@ class Tried:
 
 
 @dataclass(frozen=True)
-class CampaignRow:
-    """One fit."""
+class TrialRow:
+    """One fit of a campaign, or the intervals of one dataset."""
 
-    part: Part  #: What is varied.
-    fit: ModelRow  #: The model.
+    part: Part | None = None  #: What is varied; None of intervals.
+    fit: ModelRow | None = None  #: The model.
     x: float | None = None  #: Scale of the prior or number of poses, where that is varied.
-    held_out_f_m: float | None = None  #: Of a choice: F_M on poses held out.
+    f_m_held_out: float | None = None  #: Of a choice: F_M on poses held out.
     chosen: bool | None = None  #: Whether it is recommended: by what is held out.
     spoiled: int | None = None  #: Readings that are outliers.
     rejected: int | None = None  #: Readings that the fit did without.
+    intervals: Covered | None = None
 
 
-def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[CampaignRow]:
+def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[TrialRow]:
     """All fits of one seed."""
     scenario, poses = scenario.model_copy(update={"truth": "linear"}), draw_poses(cell, scenario, seed)
     linear = simulate_at(cell, scenario, seed, poses)
@@ -86,16 +88,16 @@ def rows(cell: Cell, scenario: Scenario, tried: Tried, seed: int) -> Iterator[Ca
     yield from _all_methods(cell, linear, "linear", {own: fits[own] for own in asked})
     yield from _all_methods(cell, bent, "nonlinear", fit_each(cell, bent, asked, seed))
     for own in scaled:
-        yield CampaignRow("scale", fits[own].row, own.scale)
+        yield TrialRow("scale", fits[own].row, own.scale)
     for own in believed:
-        yield CampaignRow("fixed scale", replace(fits[own].row, name=own.structure))
+        yield TrialRow("fixed scale", replace(fits[own].row, name=own.structure))
     known = [incumbent, *(choice[name] for name in VARIED)]
     for count in tried.poses:
         more = _with_poses(scenario, count)
         campaign = linear if more == scenario else simulate(cell, more, seed)
         found = fits if more == scenario else fit_each(cell, campaign, known, seed)
         for row in (*plain(cell, campaign), *(found[own].row for own in known)):
-            yield CampaignRow("poses", row, count)
+            yield TrialRow("poses", row, count)
     yield from _choice({name: fits[choice[name]] for name in tried.choice})
     yield from _outliers(cell, linear, seed)
 
@@ -108,9 +110,9 @@ def _with_poses(scenario: Scenario, count: int) -> Scenario:
 
 def _all_methods(
     cell: Cell, campaign: Campaign, part: Part, fits: Mapping[Asked, Fitted]
-) -> Iterator[CampaignRow]:
+) -> Iterator[TrialRow]:
     """Models without a prior, then with; beside least squares how GCO does with the same, as firm a prior."""
-    yield from (CampaignRow(part, row) for row in plain(cell, campaign))
+    yield from (TrialRow(part, row) for row in plain(cell, campaign))
     least_squares = [fit for fit in fits.values() if fit.row.constraint == "none"]
     firm = [fit_reduced(fit.seen.regression, "psd", fit.estimate.belief) for fit in least_squares]
     ours = iter(judge_all(cell, campaign, firm))
@@ -119,10 +121,10 @@ def _all_methods(
         if fit.row.constraint == "none":
             ratio = MM * next(ours).truth.rms / middle(fit.row.workspace.rms_mm)
             row = replace(row, gco_over_ls_at_this_strength=ratio)
-        yield CampaignRow(part, row)
+        yield TrialRow(part, row)
 
 
-def _choice(fits: Mapping[str, Fitted]) -> Iterator[CampaignRow]:
+def _choice(fits: Mapping[str, Fitted]) -> Iterator[TrialRow]:
     """Cross-validated errors of every structure with the prior, and which one the rule recommends."""
     candidates = []
     for name, fit in fits.items():
@@ -133,10 +135,10 @@ def _choice(fits: Mapping[str, Fitted]) -> Iterator[CampaignRow]:
     chosen = one_standard_error(candidates)
     for c in candidates:
         row = replace(fits[c.name].row, name=c.name)
-        yield CampaignRow("choice", row, held_out_f_m=c.error, chosen=c.name == chosen)
+        yield TrialRow("choice", row, f_m_held_out=c.error, chosen=c.name == chosen)
 
 
-def _outliers(cell: Cell, campaign: Campaign, seed: int) -> Iterator[CampaignRow]:
+def _outliers(cell: Cell, campaign: Campaign, seed: int) -> Iterator[TrialRow]:
     """What outliers cost with and without the robust loss, at one strength of the prior."""
     spoiled, where = spoil(campaign.identification, SPOILED, SPOILED_BY, stream(seed, 6))
     method = with_prior(gco, wrong_prior(cell, seed, SCALE), Strength(ROBUST_UNCERTAINTY))
@@ -145,6 +147,6 @@ def _outliers(cell: Cell, campaign: Campaign, seed: int) -> Iterator[CampaignRow
     bad = replace(campaign, identification=spoiled)
     [(clean, _)] = identified(cell, campaign, [model], "prior")
     (unaware, _), (aware, estimate) = identified(cell, bad, [model, careful], "prior")
-    yield CampaignRow("clean", clean)
-    yield CampaignRow("plain", unaware)
-    yield CampaignRow("robust", aware, spoiled=int(where.sum()), rejected=len(estimate.rejected))
+    yield TrialRow("clean", clean)
+    yield TrialRow("plain", unaware)
+    yield TrialRow("robust", aware, spoiled=int(where.sum()), rejected=len(estimate.rejected))

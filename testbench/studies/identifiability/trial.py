@@ -13,10 +13,9 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, of_arm
 from testbench.studies.identifiability import campaigns, coverage
-from testbench.studies.identifiability.campaigns import CampaignRow, Tried
+from testbench.studies.identifiability.campaigns import TrialRow, Tried
 from testbench.studies.identifiability.coverage import Covered
 
-NAME = "identifiability"
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
 QUICK = Tried(
     structures=("MGCO56", "MGCO68"),
@@ -50,14 +49,6 @@ class Settings:
     family: int  #: Those with an arm of the family.
 
 
-@dataclass(frozen=True)
-class TrialRow:
-    """One fit of a campaign, or the intervals of one dataset."""
-
-    campaign: CampaignRow | None = None
-    intervals: Covered | None = None
-
-
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     return Settings(
@@ -89,10 +80,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
 
     found = []
     for seed in seeds:
-        k, rows = seed - asked.first, []
+        k, rows = seed - asked.first, list[TrialRow]()
         if k < asked.campaigns:
-            rows += [
-                TrialRow(campaign=row) for row in campaigns.rows(cell, asked.scenario, asked.tried, seed)
-            ]
+            rows += campaigns.rows(cell, asked.scenario, asked.tried, seed)
         found.append(rows + [TrialRow(intervals=row) for row in drawn(k)])
     return found

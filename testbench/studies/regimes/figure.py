@@ -1,28 +1,21 @@
 """Maps of noise by poses: GCO over least squares, and what of it the cone does by itself."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import SubFigure
 from matplotlib.patches import Rectangle
 
-from testbench.studies.regimes.campaigns import Kind
-from testbench.studies.regimes.report import MapCell, RegimesReport
-from testbench.studies.regimes.tables import KINDS, OVER_EQUAL, OVER_LENT, OVER_LS
-from testbench.trials.spread import Spread, span
-from testbench.views.figure import SMALL, page, say
-from testbench.views.gains import beside
+from testbench.report.table import Row
+from testbench.trials.spread import ends, middle
+from testbench.views.figure import SMALL, Figure, page, say
 from testbench.views.schema import Column
 
-ROWS: dict[Kind, tuple[Column, ...]] = {
-    "gravity": (OVER_LS, OVER_EQUAL, OVER_LENT),
-    "full_pose": (OVER_LS, OVER_LENT),
-}
 MOST = 10.0  #: Ratio of the darkest colours, and its inverse.
 SCALE = LogNorm(1 / MOST, MOST, clip=True)
 COLOURS = colormaps["BrBG_r"]
@@ -31,28 +24,25 @@ DARK = 3.0  #: Ratio, or its inverse, beyond which numbers are white.
 TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)
 
 
-def maps(report: RegimesReport) -> Figure:
-    """Under a weight, then under wrenches: a panel a structure and ratio."""
+def maps(kinds: Mapping[str, tuple[Sequence[Row], Sequence[Column]]], answer: str, reading: str) -> Figure:
+    """A panel a structure and ratio.
+
+    Args:
+        kinds: Cells and the ratios that are drawn, by kind of reading.
+        answer: See `say`.
+        reading: The same.
+    """
     figure = page(13.6)
-    grid = figure.add_gridspec(len(ROWS), 1, height_ratios=[len(own) for own in ROWS.values()])
-    for k, (kind, columns) in enumerate(ROWS.items()):
+    grid = figure.add_gridspec(len(kinds), 1, height_ratios=[len(drawn) for _, drawn in kinds.values()])
+    for k, (words, (cells, drawn)) in enumerate(kinds.items()):
         part = figure.add_subfigure(grid[k])
-        _panels(part, report.cells[kind], columns)
-        part.suptitle(KINDS[kind], fontsize="large")
-    own = report.gains
-    gains = {"least squares": own.least_squares, "joints alone": own.joints}
-    say(
-        figure,
-        f"A weight, {report.featured_poses} poses, {report.featured_um:g} um of noise, {own.structure}: "
-        f"{beside(gains, 'um')}",
-        f"Numbers: GCO's RMS error over the workspace over the other's, medians of {report.trials} trials, "
-        f"{len(report.truth)} true arms in turn. Hatched: their {span(report.gains.joints.trials)} holds 1. "
-        "Framed: GCO beats joints alone in most trials.",
-    )
+        _panels(part, cells, drawn)
+        part.suptitle(words, fontsize="large")
+    say(figure, answer, reading)
     return figure
 
 
-def _panels(figure: SubFigure, cells: Sequence[MapCell], columns: Sequence[Column]) -> None:
+def _panels(figure: SubFigure, cells: Sequence[Row], columns: Sequence[Column]) -> None:
     structures = list(dict.fromkeys(cell.structure for cell in cells))
     panels = figure.subplots(len(columns), len(structures), sharex=True, sharey=True, squeeze=False)
     for line, column in zip(panels, columns, strict=True):
@@ -69,19 +59,19 @@ def _panels(figure: SubFigure, cells: Sequence[MapCell], columns: Sequence[Colum
     bar.set_label("below 1 GCO is better")
 
 
-def heat(axes: Axes, cells: Sequence[MapCell], column: Column) -> None:
+def heat(axes: Axes, cells: Sequence[Row], column: Column) -> None:
     """The cells of one structure: colour and number are the median."""
-    noise, poses = (sorted({getattr(c, key) for c in cells}) for key in ("noise_um", "poses"))
+    noise, poses = (sorted({cell[key] for cell in cells}) for key in ("sigma_um", "poses"))
     values = np.full((len(poses), len(noise)), np.nan)
     for cell in cells:
-        y, x = poses.index(cell.poses), noise.index(cell.noise_um)
-        ratio: Spread = column.value(cell)
-        values[y, x] = ratio.median
-        colour = "white" if abs(np.log(ratio.median)) > np.log(DARK) else "black"
-        axes.text(x, y, column.text(ratio.median), color=colour, ha="center", va="center", fontsize=SMALL)
-        if ratio.ends[0] < 1 < ratio.ends[1]:
+        y, x = poses.index(cell.poses), noise.index(cell.sigma_um)
+        low, high = ends(column.value(cell))
+        ratio = values[y, x] = middle(column.value(cell))
+        colour = "white" if abs(np.log(ratio)) > np.log(DARK) else "black"
+        axes.text(x, y, column.text(ratio), color=colour, ha="center", va="center", fontsize=SMALL)
+        if low < 1 < high:
             axes.add_patch(_around(x, y, 0.5, hatch="//", edgecolor=(0, 0, 0, 0.13), linewidth=0))
-        if cell.beats_joints:
+        if cell.beats_joints_in > 0.5:
             axes.add_patch(_around(x, y, 0.46, edgecolor=colour, linewidth=1.2))
     axes.imshow(values, cmap=COLOURS, norm=SCALE, aspect="auto", origin="lower")
     axes.set_xticks(range(len(noise)), [f"{level:g}" for level in noise])

@@ -14,20 +14,6 @@ from testbench.model.vjm import Vjm
 from testbench.studies.regimes.campaigns import Clean, Grid
 from testbench.studies.regimes.fits import Compared
 
-
-@dataclass(frozen=True)
-class Errors:
-    """RMS errors of all fits of a structure, a cell each [um]."""
-
-    ls: Array  #: Over the workspace, (cells,).
-    gco: Array
-    equal: Array | None
-    lent: Array | None
-    ls_fitted: Array  #: In the fitted runs.
-    gco_fitted: Array
-    moved: Array  #: RMS deflection over the workspace that GCO predicts.
-
-
 ONE = np.sqrt(0.5)  #: Sigma of a reading at which F_M is the RMS distance itself [m].
 
 
@@ -39,17 +25,30 @@ class Judge:
     clean: Clean
     grid: Grid
 
-    def errors(self, found: Compared) -> Errors:
-        """Of all fits."""
-        return Errors(
-            ls=self.anywhere(found.ls),
-            gco=self.anywhere(found.gco),
-            equal=None if found.equal is None else self.anywhere(found.equal),
-            lent=None if found.lent is None else self.anywhere(found.lent),
-            ls_fitted=self.fitted(found.ls),
-            gco_fitted=self.fitted(found.gco),
-            moved=self.moved(found.gco),
-        )
+    def columns(self, found: Compared, expected: Array) -> dict[str, Array | Sequence[object]]:
+        """What is worth telling of all fits by column of a row, a cell each.
+
+        Args:
+            found: The fits.
+            expected: Error that noise is expected to leave least squares, (cells,) [um].
+        """
+        ranks = [estimate.regression.rank for estimate in found.ls]
+        none = [None] * len(ranks)
+        return {
+            "ls_um": self.anywhere(found.ls),
+            "gco_um": self.anywhere(found.gco),
+            "equal_um": self.anywhere(found.equal) if found.equal else none,
+            "lent_um": self.anywhere(found.lent) if found.lent else none,
+            "ls_fitted_um": self.fitted(found.ls),
+            "gco_fitted_um": self.fitted(found.gco),
+            "conservative": [estimate.conservative for estimate in found.ls],
+            "binds": found.binds,
+            "taken": found.taken,
+            "expected": expected / self.moved(found.gco),
+            "rank": ranks,
+            "free": [estimate.structure.n - rank for estimate, rank in zip(found.ls, ranks, strict=True)],
+            "solved": [estimate.status == "solved" for estimate in found.gco],
+        }
 
     def anywhere(self, estimates: Sequence[Estimate]) -> Array:
         """RMS error in poses never measured, of an estimate a cell, (cells,) [um]."""

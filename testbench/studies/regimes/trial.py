@@ -15,16 +15,15 @@ from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import UM, DatasetRow, dataset_row
 from testbench.bench.truths import TRUTHS
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
+from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.studies.regimes.campaigns import MEASURE, Grid, Kind
-from testbench.studies.regimes.fits import Compared, with_prior, without_prior
+from testbench.studies.regimes.fits import with_prior, without_prior
 from testbench.studies.regimes.judged import Judge
 
-NAME = "regimes"
 STRUCTURES = (template56, mgco47, mgco68, all153)
 AT_ONCE = 2  #: Kinds of true arm in one trial.
 FAMILY = ("tubes", "off_20", "off_40", "cast")
@@ -70,11 +69,11 @@ class CellRow:
     """One structure in one cell of one arm."""
 
     kind: Kind  #: What is loaded and read.
-    truth: str  #: Kind of true arm.
+    true_arm: str  #: Its kind.
     structure: str  #: Of the compared models.
-    prior: str  #: How firmly both believe the CAD prior, or none.
+    uncertainty: str  #: Of the CAD prior, the same for both, or none.
     poses: int
-    noise_um: float  #: Of a reading along an axis.
+    sigma_um: float  #: Noise of a reading along an axis.
     ls_um: float  #: RMS error over the workspace of least squares.
     gco_um: float
     equal_um: float | None  #: Least squares, conservative if it can be at equal fit; None with a prior.
@@ -145,46 +144,17 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[CellRo
             own = [reduce(cell.vjm, structure, runs) for runs in data]
             found = {NONE: without_prior(own)}
             found |= {name: with_prior(cell.vjm, own, prior, believed) for name, believed in PRIORS.items()}
-            columns = Columns(kind, truth, structure.name, incumbent, judge.expected(own))
+            expected = judge.expected(own)
             for name, compared in found.items():
-                yield from columns.rows(name, judge, compared)
-
-
-@dataclass(frozen=True)
-class Columns:
-    """What the rows of a structure share, or have whatever fits it."""
-
-    kind: Kind
-    truth: str
-    structure: str
-    joints: Array  #: Error of the incumbent, (cells,) [um].
-    expected: Array  #: Error that noise is expected to leave least squares, (cells,) [um].
-
-    def rows(self, prior: str, judge: Judge, found: Compared) -> Iterator[CellRow]:
-        """A row a cell."""
-        errors, binds, taken = judge.errors(found), found.binds, found.taken
-        for k, (poses, sigma) in enumerate(judge.grid.cells):
-            regression = found.ls[k].regression
-            yield CellRow(
-                kind=self.kind,
-                truth=self.truth,
-                structure=self.structure,
-                prior=prior,
-                poses=poses,
-                noise_um=UM * sigma,
-                ls_um=errors.ls[k],
-                gco_um=errors.gco[k],
-                equal_um=None if errors.equal is None else errors.equal[k],
-                lent_um=None if errors.lent is None else errors.lent[k],
-                joints_um=self.joints[k],
-                ls_fitted_um=errors.ls_fitted[k],
-                gco_fitted_um=errors.gco_fitted[k],
-                conservative=found.ls[k].conservative,
-                binds=binds[k],
-                taken=taken[k],
-                expected=self.expected[k] / errors.moved[k],
-                rank=regression.rank,
-                free=regression.structure.n - regression.rank,
-                solved=found.gco[k].status == "solved",
-                measured=None,
-            )
+                judged = {"joints_um": incumbent, **judge.columns(compared, expected)}
+                for k, (poses, sigma) in enumerate(grid.cells):
+                    yield CellRow(
+                        kind=kind,
+                        true_arm=truth,
+                        structure=structure.name,
+                        uncertainty=name,
+                        poses=poses,
+                        sigma_um=UM * sigma,
+                        measured=None,
+                        **{column: cells[k] for column, cells in judged.items()},  # type: ignore[arg-type]
+                    )
