@@ -4,26 +4,43 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from testbench.bench.baselines import JOINTS, distinct
+from testbench.bench.baselines import JOINTS, distinct, is_least_squares
 from testbench.bench.campaign import Campaign, Cell
+from testbench.bench.default import DEFAULT
 from testbench.bench.error_places import ErrorPlaces, Places, error_places
 from testbench.bench.judged import Result
+from testbench.bench.truths import CALLED, FAMILY
 from testbench.data.csvfile import write_csv
 from testbench.identify import Constraint
 from testbench.report.columns import columns
-from testbench.report.report import Report
-from testbench.report.table import Row, Trials, aligned, nested, paired
-from testbench.trials.spread import middle, wins
+from testbench.report.report import Report, say
+from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, nested, paired
+from testbench.trials.spread import SAME, Number, Spread, middle, wins
+from testbench.views.markdown import Markdown
 from testbench.views.page.calibration import Calibrated, calibration_seen
 from testbench.views.page.page import Seen
 from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
 from testbench.views.recording.stream import Header
-from testbench.views.schema import Table, best_of
+from testbench.views.schema import Column, Table, best_of, pivot
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 DRAWN = columns(f"name {TRUE} check_true.rms_mm")
 RECORDED = columns(f"name conservative {TRUE} times_less")
+ERROR = "rms_um"  #: What models are judged by in every case of a factor, such as noise or a disturbance.
+RMS = replace(columns(ERROR)[0], form=".0f")
+BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
+DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
+"""What the cone does without a prior and with it, then both and the default against the incumbent."""
+METHODS: Mapping[Constraint, str] = {
+    "none": "least squares",
+    "psd": "GCO",
+    "free": "least squares, conservative of equal fit",
+}
+ARMS = Markdown(
+    "True arms: links of tubes, as in the model; links 10, 20 and 40 % off any tube; cast links; unequal "
+    "joints. The model and the prior stay those of the arm's folder."
+)
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
@@ -42,17 +59,130 @@ def recommended(models: Sequence[Row]) -> str:
     return min(alike, key=lambda m: (m.parameters, m.constraint != "psd")).name if alike else ""
 
 
-def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]]) -> Row:
+def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRUE, scale: float = 1.0) -> Row:
     """Two models in the same trials, by what the comparison is called; those that are there.
 
-    Each is what `Gain` holds, and `won`, the share of trials in which ours errs less.
+    Each is what `Gain` holds, and `won`, the share of trials in which ours errs less. For value and scale see
+    `paired`.
     """
     found = Row()
     for name, (ours, theirs) in asked.items():
-        if gain := paired(trials, ours, theirs, TRUE):
-            a, b = aligned(trials, (ours, theirs), TRUE).T
+        if gain := paired(trials, ours, theirs, value, scale):
+            a, b = aligned(trials, (ours, theirs), value).T
             found[name] = Row(vars(gain), alike=gain.alike, won=wins(a, b) / len(a))
     return found
+
+
+def of_default(trials: Trials, models: Sequence[Row]) -> Row:
+    """The default in one case beside the best of least squares without a prior, and beside joints alone."""
+    plain = {m.name: m.rms_um for m in models if is_least_squares(m.structure, m.constraint, prior=m.prior)}
+    [least_squares, *_] = best_of(plain).names
+    return pairs(
+        trials, {"least_squares": (DEFAULT, least_squares), "joints": (DEFAULT, JOINTS)}, ERROR, 1e-3
+    )
+
+
+def beside_rivals(models: Sequence[Row], gains: Row) -> list[Markdown]:
+    """Errors of the default, of least squares and of joints alone in one case, a sentence each rival."""
+    own = {m.name: m for m in models}
+    least_squares, joints = gains.least_squares, gains.joints
+    return [
+        say(
+            "{name} {rms_um:~.0f} um, least squares {other.rms_um:~.0f} um; {it:less}.",
+            own[least_squares.ours],
+            other=own[least_squares.theirs],
+            it=least_squares,
+        ),
+        say("Joints alone {rms_um:~.0f} um, {it:more trial}.", own[joints.theirs], it=joints),
+    ]
+
+
+def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = "name") -> list[Row]:
+    """Two on the same readings, by case: ratio of errors, shares of trials in which ours is less, or alike.
+
+    Args:
+        trials: Of all.
+        asked: Ours and theirs.
+        by: Columns in which the rows of a case are alike.
+        of: The column of ours and theirs.
+    """
+    found = []
+    for ours, theirs in asked:
+        own = trials.where(**{of: ours})
+        a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, TRIAL))
+        won, lost = a < (1 - SAME) * b, b < (1 - SAME) * a
+        for row in merged(own.keep(*by).add(ratio=a / b, won=won, tied=~won & ~lost), *by):
+            shares = {name: float(row[name]) for name in ("won", "tied")}
+            found.append(Row({**row, "ours": ours, "theirs": theirs, **shares}))
+    return found
+
+
+def by_cone(where: str, found: Sequence[Row]) -> Markdown:
+    """What the cone does by itself in one case, without a prior and with it.
+
+    Args:
+        where: The case.
+        found: Its duels.
+    """
+    plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
+    alike = ", and they err alike in {tied:yes}" if filled.tied else ""
+    return say(
+        "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:yes} of the trials. "
+        f"With the prior it does in {{won:yes}}{alike}.",
+        filled,
+        plain=plain,
+        where=where,
+    )
+
+
+def existing(rows: Sequence[Row]) -> list[Row]:
+    """Models by case, without a completion that exists in no trial with noise: least squares once more."""
+    there = {row.name for row in rows if row.sigma_um > 0 and row.conservative is not False}
+    return [row for row in rows if row.constraint != "free" or row.name in there]
+
+
+def contract(models: Sequence[Row], where: str, judged: str) -> list[Row]:
+    """Rows of report.json's `models` of one case, judged by the check set or over the workspace."""
+    none = {"check": None, "workspace": None, "paper": None}
+    return [
+        Row(
+            {key: m[key] for key in ("constraint", "prior", "conservative", "solved")} | none,
+            name=f"{m.name}, {where}",
+            method=METHODS[m.constraint],
+            **{judged: Row(rms_mm=_mm(m.rms_um), p95_mm=_mm(m.p95_um))},
+        )
+        for m in models
+    ]
+
+
+def _mm(um: Number) -> Number:
+    return um.scaled(1e-3) if isinstance(um, Spread) else middle(um) / 1e3
+
+
+def true_arms(trials: Trials) -> Row:
+    """In how many trials each true arm is."""
+    return Row({arm: len(own.values(TRIAL)) for (arm,), own in trials.groups("true_arm")})
+
+
+def arms_told(asked: str, arms: Mapping[str, int]) -> Markdown:
+    """The same in words, of what was asked for."""
+    if asked != FAMILY:
+        return say("True arm: {arm}.", arm=CALLED[asked])
+    return say(
+        "True arms in turn: {arms}.", arms=", ".join(f"{CALLED[arm]} ({n})" for arm, n in arms.items())
+    )
+
+
+def by_arm(trials: Trials, value: str) -> list[Row]:
+    """A quantity of every model by true arm; nothing of one arm."""
+    several = len(trials.values("true_arm")) > 1
+    return merged(trials.keep("name", "true_arm", value), "name", "true_arm") if several else []
+
+
+def arm_table(rows: Table, value: Column) -> Table:
+    """A row a model and a column a true arm."""
+    name, arm = columns("name true_arm")
+    return pivot(rows, name, arm, value)
 
 
 def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:

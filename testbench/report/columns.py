@@ -5,6 +5,7 @@ from dataclasses import replace
 from testbench.bench.truths import CALLED
 from testbench.views.schema import Column
 
+ROUNDING_UM = 1e-3  #: Errors below are rounding.
 READINGS = "RMS\ncheck\nread-\nings\nmm"
 EVERY = (
     Column("name", "model"),
@@ -43,6 +44,24 @@ EVERY = (
     Column("theirs_mm", "the other's", "mm"),
     Column("times", "the other's over its", form=".2f"),
     Column("won", "better in", form="yes"),
+    # Models by cases of a factor: noise, instruments, disturbances
+    Column("truth", "truth"),
+    Column("rms_um", "RMS error", "um", ".2f", rounding=ROUNDING_UM),
+    Column("p95_um", "95 % error", "um", ".1f", rounding=ROUNDING_UM),
+    Column("sigma_um", "noise of a reading", "um", "g"),
+    Column("noise_free_um", "error without noise", "um", ".1f", rounding=ROUNDING_UM),
+    Column("um_per_um", "cost of a um of noise", "um", ".2f"),
+    Column("ratio", "its error over the other's", form=".2f"),
+    Column("tied", "alike in", form="yes"),
+    Column("instrument", "instrument"),
+    Column("distance_m", "distance", "m", "g"),
+    Column("case", "disturbance", called={"none": "no disturbance"}),
+    Column("moved_um", "moves deflections by", "um", ".0f"),
+    Column("added_um", "adds to the error", "um", "+.0f"),
+    Column("true_change_percent", "error changes, true", "%", "+.1f"),
+    Column("true_within", "within the claim, true", form="yes"),
+    Column("read_change_percent", "changes, against readings", "%", "+.1f"),
+    Column("read_within", "within the claim, against readings", form="yes"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.bench.rows import UM
 from testbench.errors import Array
 from testbench.identify import Constraint
-from testbench.studies.noise_sensitivity.summary import METHODS
+from testbench.report.campaigns import METHODS
 from testbench.studies.regimes.report import (
     Counts,
     Explained,
