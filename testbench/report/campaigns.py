@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from testbench.bench.baselines import JOINTS, distinct, is_least_squares
+from testbench.bench.baselines import JOINTS, distinct
 from testbench.bench.campaign import Campaign, Cell
 from testbench.bench.default import DEFAULT
 from testbench.bench.error_places import ErrorPlaces, Places, error_places
@@ -16,13 +16,14 @@ from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, nested, paired
 from testbench.trials.spread import SAME, Number, Spread, middle, wins
+from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
 from testbench.views.page.calibration import Calibrated, calibration_seen
 from testbench.views.page.page import Seen
 from testbench.views.recording.calibration import write_calibration
 from testbench.views.recording.drawing import Calibration
 from testbench.views.recording.stream import Header
-from testbench.views.schema import Column, Table, best_of, pivot
+from testbench.views.schema import Best, Column, Table, best_of, pivot
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 DRAWN = columns(f"name {TRUE} check_true.rms_mm")
@@ -73,13 +74,42 @@ def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRU
     return found
 
 
-def of_default(trials: Trials, models: Sequence[Row]) -> Row:
-    """The default in one case beside the best of least squares without a prior, and beside joints alone."""
-    plain = {m.name: m.rms_um for m in models if is_least_squares(m.structure, m.constraint, prior=m.prior)}
-    [least_squares, *_] = best_of(plain).names
-    return pairs(
-        trials, {"least_squares": (DEFAULT, least_squares), "joints": (DEFAULT, JOINTS)}, ERROR, 1e-3
+def at_case(trials: Trials, models: Sequence[Row]) -> Row:
+    """Who is best in one case, with any prior and with none; what the default gains; all these by true arm.
+
+    Args:
+        trials: Of the case.
+        models: The same merged, a row a model.
+    """
+    errors = {m.name: m.rms_um for m in models}
+    without = [m for m in models if not m.prior and m.name != JOINTS]
+    best, plain = (best_of({m.name: m.rms_um for m in own}).names for own in (models, without))
+    [rival, *_] = best_of({m.name: m.rms_um for m in without if m.constraint == "none"}).names
+    rivals = {"least_squares": (DEFAULT, rival), "joints": (DEFAULT, JOINTS)}
+    return Row(
+        leaders=Row(
+            best=best,
+            best_um=errors[best[0]],
+            default_um=errors[DEFAULT],
+            plain=plain,
+            plain_um=errors[plain[0]],
+            joints_um=errors[JOINTS],
+        ),
+        gains=pairs(trials, rivals, ERROR, 1e-3),
+        by_arm=by_arm(trials.where(name={*best, DEFAULT, *plain, JOINTS}), ERROR),
     )
+
+
+def head(asked: str, seeds: Sequence[int], trials: Trials) -> Row:
+    """What report.json says first of the family of true arms, or of the one that was asked for."""
+    arms = {arm: len(own.values(TRIAL)) for (arm,), own in trials.groups("true_arm")}
+    seed = list(seeds) if len(seeds) > 1 else seeds[0]
+    return Row(seed=seed, noise=True, true_arm=asked, true_arms=arms)
+
+
+def named(names: Sequence[str]) -> str:
+    """Names in a sentence; of several that they are alike."""
+    return Best(tuple(names), 0.0).words
 
 
 def beside_rivals(models: Sequence[Row], gains: Row) -> list[Markdown]:
@@ -97,6 +127,11 @@ def beside_rivals(models: Sequence[Row], gains: Row) -> list[Markdown]:
     ]
 
 
+def gains_told(gains: Row) -> str:
+    """The same for the title of a figure."""
+    return beside({"least squares": gains.least_squares, "joints alone": gains.joints}, "um")
+
+
 def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = "name") -> list[Row]:
     """Two on the same readings, by case: ratio of errors, shares of trials in which ours is less, or alike.
 
@@ -111,9 +146,11 @@ def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = 
         own = trials.where(**{of: ours})
         a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, TRIAL))
         won, lost = a < (1 - SAME) * b, b < (1 - SAME) * a
-        for row in merged(own.keep(*by).add(ratio=a / b, won=won, tied=~won & ~lost), *by):
+        kept = own.keep(*by).add(ratio=a / b, won=won, tied=~won & ~lost)
+        for _, case in kept.groups(*by):
+            [row] = merged(case)
             shares = {name: float(row[name]) for name in ("won", "tied")}
-            found.append(Row({**row, "ours": ours, "theirs": theirs, **shares}))
+            found.append(Row({**row, "ours": ours, "theirs": theirs, "trials": len(case), **shares}))
     return found
 
 
@@ -127,7 +164,7 @@ def by_cone(where: str, found: Sequence[Row]) -> Markdown:
     plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
     alike = ", and they err alike in {tied:yes}" if filled.tied else ""
     return say(
-        "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:yes} of the trials. "
+        "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:yes} of {trials} trials. "
         f"With the prior it does in {{won:yes}}{alike}.",
         filled,
         plain=plain,
@@ -159,17 +196,12 @@ def _mm(um: Number) -> Number:
     return um.scaled(1e-3) if isinstance(um, Spread) else middle(um) / 1e3
 
 
-def true_arms(trials: Trials) -> Row:
-    """In how many trials each true arm is."""
-    return Row({arm: len(own.values(TRIAL)) for (arm,), own in trials.groups("true_arm")})
-
-
-def arms_told(asked: str, arms: Mapping[str, int]) -> Markdown:
-    """The same in words, of what was asked for."""
-    if asked != FAMILY:
-        return say("True arm: {arm}.", arm=CALLED[asked])
+def arms_told(f: Row) -> Markdown:
+    """True arms in words, with their trials."""
+    if f.true_arm != FAMILY:
+        return say("True arm: {arm}.", arm=CALLED[f.true_arm])
     return say(
-        "True arms in turn: {arms}.", arms=", ".join(f"{CALLED[arm]} ({n})" for arm, n in arms.items())
+        "True arms in turn: {arms}.", arms=", ".join(f"{CALLED[arm]} ({n})" for arm, n in f.true_arms.items())
     )
 
 

@@ -177,7 +177,7 @@ def test_models_that_err_alike_are_alike_and_then_the_cone_does_nothing():
     assert "MLS56 + prior, MGCO56 + prior, MGCO69 + prior and ALL153 + prior (alike): 2.50 um." in text
     assert "8 poses: at the largest noise the prior lowers the cost of noise to MGCO69; without noise" in text
     assert (
-        "MGCO56 beats MLS56 in 100 % of the trials. With the prior it does in 0 %, and they err alike in"
+        "MGCO56 beats MLS56 in 100 % of 5 trials. With the prior it does in 0 %, and they err alike in"
         in text
     )
     for words in (

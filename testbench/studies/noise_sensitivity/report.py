@@ -12,23 +12,8 @@ from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
 from testbench.bench.truths import member, true_cell
 from testbench.data.csvfile import write_csv
-from testbench.report.campaigns import (
-    ARMS,
-    DUELS,
-    ERROR,
-    METHODS,
-    RMS,
-    arm_table,
-    arms_told,
-    beside_rivals,
-    by_arm,
-    by_cone,
-    contract,
-    duels,
-    existing,
-    of_default,
-    true_arms,
-)
+from testbench.report import campaigns
+from testbench.report.campaigns import ARMS, ERROR, METHODS, RMS, arm_table, duels, named
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
@@ -39,9 +24,8 @@ from testbench.studies.noise_sensitivity.trial import HEAVY, INSTRUMENT, NAME, S
 from testbench.studies.study import Run
 from testbench.trials.spread import Number, grouped, middle, span
 from testbench.views.figure import Figure
-from testbench.views.gains import beside
 from testbench.views.markdown import Markdown, listed
-from testbench.views.schema import ALIKE, Best, Table, best_of, pivot
+from testbench.views.schema import ALIKE, Table, best_of, pivot
 
 PARTS = {"gravity": "KR 500, 8 poses", "six_dof": "108 runs of section 5.2"}
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
@@ -73,11 +57,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     case = ("truth", "instrument", "distance_m")
     instruments = merged(read.where(name=INSTRUMENT).drop(TRIAL, "true_arm", "sigma_um", "measured."), *case)
     f = Row(
-        seed=list(seeds) if len(seeds) > 1 else seeds[0],
-        noise=True,
+        campaigns.head(asked.true_arm, seeds, trials),
         truth={"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
-        true_arm=asked.true_arm,
-        true_arms=true_arms(trials),
         default=DEFAULT,
         trials=Row({part: len(own.values(TRIAL)) for (part,), own in trials.groups("part")}),
         sigmas_um=[UM * sigma for sigma in asked.sigmas],
@@ -91,14 +72,18 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         weighted_over_flat=duels(read, WEIGHTS, "truth", "name", "distance_m", of="instrument"),
         weighted_by_arm=duels(near, WEIGHTS, "truth", "name", "true_arm", of="instrument"),
         conservative=_conservative([row for own in parts.values() for row in own.sweeps]),
-        models=[m for part, own in parts.items() for m in contract(_near(own), PARTS[part], JUDGED[part])],
+        models=[
+            m
+            for part, own in parts.items()
+            for m in campaigns.contract(_near(own), PARTS[part], JUDGED[part])
+        ],
         dataset=merged(trials.where(part="gravity", seed=seeds[0]).keep("measured."))[0].measured,
     )
     return Report(
         scenario=NAME,
         question=Markdown("What does tracker noise cost, by method and structure?"),
         title=_title(f),
-        answer=lines([_at(f, "gravity"), *beside_rivals(_near(parts["gravity"]), f.gains.gravity)]),
+        answer=lines([_at(f, "gravity"), *campaigns.beside_rivals(_near(parts["gravity"]), f.gains.gravity)]),
         worst=say(
             "Worst at {sigma_um:g} um of noise, {where}: {default} {default_um:~.0f} um, least squares "
             "{least_squares_um:~.0f} um, joints alone {joints_um:~.0f} um.",
@@ -128,33 +113,22 @@ def _of_part(part: str, trials: Trials) -> Row:
     noises = trials.values("sigma_um")
     sigma = min(noises, key=lambda own: abs(own - TRACKER_UM[part]))
     models = distinct([row for row in levels if row.sigma_um == sigma])
-    errors = {m.name: m.rms_um for m in models}
-    plain = best_of({m.name: m.rms_um for m in models if not m.prior and m.name != JOINTS}).names
-    best, here = best_of(errors).names, trials.where(sigma_um=sigma)
-    gains, slopes = of_default(here, models), _slopes(trials)
+    here = campaigns.at_case(trials.where(sigma_um=sigma), models)
     last = {row.name: row.rms_um for row in levels if row.sigma_um == max(noises)}
+    slopes = _slopes(trials)
     return Row(
+        here,
         sweeps=levels,
         slopes=slopes,
         costs=_costs([*slopes.values()]),
-        leaders=Row(
-            sigma_um=sigma,
-            best=best,
-            best_um=errors[best[0]],
-            default_um=errors[DEFAULT],
-            plain=plain,
-            plain_um=errors[plain[0]],
-            joints_um=errors[JOINTS],
-        ),
-        gains=gains,
+        leaders=Row(here.leaders, sigma_um=sigma),
         worst=Row(
             sigma_um=max(noises),
             default_um=last[DEFAULT],
-            least_squares_um=last[gains.least_squares.theirs],
+            least_squares_um=last[here.gains.least_squares.theirs],
             joints_um=last[JOINTS],
         ),
-        by_arm=by_arm(here.where(name={*best, DEFAULT, *plain, JOINTS}), ERROR),
-        paired=duels(trials.pick(trials["sigma_um"] > 0), DUELS, "sigma_um"),
+        paired=duels(trials.pick(trials["sigma_um"] > 0), campaigns.DUELS, "sigma_um"),
     )
 
 
@@ -218,7 +192,7 @@ def _title(f: Row) -> Markdown:
         f,
         least=f.sigmas_um[0],
         most=f.sigmas_um[-1],
-        arms=arms_told(f.true_arm, f.true_arms),
+        arms=campaigns.arms_told(f),
         ends=span(f.trials.gravity),
     )
 
@@ -230,10 +204,10 @@ def _at(f: Row, part: str) -> Markdown:
 
 def _claims(f: Row, parts: Mapping[str, Row]) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
-    yield lines([_at(f, "six_dof"), *beside_rivals(_near(parts["six_dof"]), f.gains.six_dof)])
+    yield lines([_at(f, "six_dof"), *campaigns.beside_rivals(_near(parts["six_dof"]), f.gains.six_dof)])
     yield _cost(f, "gravity")
     here = [d for d in f.paired.gravity if d.sigma_um == f.leaders.gravity.sigma_um]
-    yield by_cone(f", {PARTS['gravity']}, {f.leaders.gravity.sigma_um:g} um", here)
+    yield campaigns.by_cone(f", {PARTS['gravity']}, {f.leaders.gravity.sigma_um:g} um", here)
     ratios = [middle(row.ratio) for row in f.weighted_over_flat if row.distance_m == NEAR]
     yield say(
         "Laser tracker at {near_m:g} m: full covariances help in {n} of {of} cases; error over that of flat "
@@ -256,7 +230,7 @@ def _claims(f: Row, parts: Mapping[str, Row]) -> Iterator[Markdown]:
     for part in PARTS:
         yield say(
             "{at} least error {best} {best_um:.0f} um, without a prior {plain} {plain_um:.0f} um.",
-            f.leaders[part] | {name: _named(f.leaders[part][name]) for name in ("best", "plain")},
+            f.leaders[part] | {name: named(f.leaders[part][name]) for name in ("best", "plain")},
             at=_at(f, part),
         )
         yield say(
@@ -277,8 +251,8 @@ def _claims(f: Row, parts: Mapping[str, Row]) -> Iterator[Markdown]:
         "Instruments at {near_m:g} m, linear truth, {instruments_by}: least error {near.least_value:.0f} um "
         "({least}), largest {near.most_value:.0f} um ({most}).",
         f,
-        least=_named([f'"{name}"' for name in f.near.least]),
-        most=_named([f'"{name}"' for name in f.near.most]),
+        least=named([f'"{name}"' for name in f.near.least]),
+        most=named([f'"{name}"' for name in f.near.most]),
     )
 
 
@@ -290,15 +264,10 @@ def _cost(f: Row, part: str) -> Markdown:
         "{with_prior.least_value:~.2f} um.",
         own,
         where=PARTS[part],
-        least=_named(own.plain.least),
-        most=_named(own.plain.most),
-        filled=_named(own.with_prior.least),
+        least=named(own.plain.least),
+        most=named(own.plain.most),
+        filled=named(own.with_prior.least),
     )
-
-
-def _named(names: Sequence[str]) -> str:
-    """Names in a sentence; of several that they are alike."""
-    return Best(tuple(names), 0.0).words
 
 
 def _tables(f: Row) -> dict[str, Table]:
@@ -308,7 +277,7 @@ def _tables(f: Row) -> dict[str, Table]:
         rows, title = f.sweeps[part], f"{words}: RMS error, um, by noise of a reading"
         name, sigma, rms, p95 = columns(f"name sigma_um {ERROR} p95_um")
         found[f"{part}_short"] = pivot(
-            Table((), existing(rows), title), name, sigma, replace(RMS, exact=True)
+            Table((), campaigns.existing(rows), title), name, sigma, replace(RMS, exact=True)
         )
         found[f"{part}_rms"] = pivot(Table((), rows, title), name, sigma, replace(rms, form=".1f"))
         found[f"{part}_p95"] = pivot(Table((), rows, title.replace("RMS", "95 %")), name, sigma, p95)
@@ -332,8 +301,8 @@ def _tables(f: Row) -> dict[str, Table]:
 def figures(found: Report) -> dict[str, Figure]:
     """Error against noise for both arms, and against distance for the instruments."""
     f = Row(found.numbers)
-    gains = {"least squares": f.gains.gravity.least_squares, "joints alone": f.gains.gravity.joints}
-    return {"noise_sensitivity.png": sensitivity(f, PARTS, f"{_at(f, 'gravity')} {beside(gains, 'um')}")}
+    answer = f"{_at(f, 'gravity')} {campaigns.gains_told(f.gains.gravity)}"
+    return {"noise_sensitivity.png": sensitivity(f, PARTS, answer)}
 
 
 def write(run: Run[Settings, Report]) -> None:
