@@ -31,15 +31,14 @@ INSTRUMENTS = ("weighted", "flat weights", "weighted, maximum errors", "weighted
 READ_BY = ("MGCO56 + prior", DEFAULT)
 
 
-def rows_of(rng, change):
-    """Of one trial: every model at every noise, then instruments; `change` gives fields of a row."""
+def rows_of(rng):
+    """Of one trial: every model at every noise, then instruments."""
 
     def row(name, part, truth, **own):
         structure, constraint, prior = MODELS[name]
         fixed = {"structure": structure, "constraint": constraint, "prior": prior, "instrument": None}
         known = {"name": name, "part": part, "truth": truth, "distance_m": None, "sigma_um": None}
-        made = of_one_trial(NoiseRow, rng, **fixed | known | own)
-        return replace(made, **change(made))
+        return of_one_trial(NoiseRow, rng, **fixed | known | own)
 
     for part, truth in (("six_dof", "linear"), ("gravity", "nonlinear")):
         for sigma in SIGMAS:
@@ -51,15 +50,16 @@ def rows_of(rng, change):
             yield row(name, "instrument", truth, instrument=instrument, distance_m=x)
 
 
-def made(change=lambda _: {}, seeds=SEEDS, arm=None):
-    """A report of made-up trials, and these."""
+def made(change=lambda *_: {}):
+    """A report of made-up trials, and these; `change` gives fields of a row, of it and its seed."""
 
     def rows(seed):
-        own = [*rows_of(np.random.default_rng(seed), lambda r: change(r) if arm is None else change(r, seed))]
-        return [replace(r, true_arm=arm[seed] if arm else member("family", seed)) for r in own]
+        own = rows_of(np.random.default_rng(seed))
+        known = [replace(row, true_arm=member("family", seed)) for row in own]
+        return [replace(row, **change(row, seed)) for row in known]
 
-    trials = table_of(seeds, rows)
-    return report(SETTINGS, seeds, trials), trials
+    trials = table_of(SEEDS, rows)
+    return report(SETTINGS, SEEDS, trials), trials
 
 
 def told(found):
@@ -106,13 +106,14 @@ def test_tables_show_the_numbers_under_headings_with_their_units():
     found, _ = made()
     f = found.numbers
     for part in PARTS:
-        for key, what in (("rms", "rms_um"), ("short", "rms_um"), ("p95", "p95_um")):
+        for key, what, words in (
+            ("rms", "rms_um", "RMS"),
+            ("short", "rms_um", "RMS"),
+            ("p95", "p95_um", "95 %"),
+        ):
             table = found.tables[f"{part}_{key}"]
             check_pivot(table, f["sweeps"][part], ("name", "sigma_um", what), "um")
-            assert (
-                table.title
-                == f"{PARTS[part]}: {'95 %' if key == 'p95' else 'RMS'} error, um, by noise of a reading"
-            )
+            assert table.title == f"{PARTS[part]}: {words} error, um, by noise of a reading"
         slopes = {"model": "name", "error without noise, um": "noise_free_um"}
         slopes["cost of a um of noise, um"] = "um_per_um"
         check_table(found.tables[f"{part}_slopes"], [*f["slopes"][part].values()], slopes)
@@ -122,12 +123,8 @@ def test_tables_show_the_numbers_under_headings_with_their_units():
     weights = {"truth": "truth", "model": "name", "distance, m": "distance_m"}
     weights |= {"its error over the other's": "ratio", "better in": "won"}
     check_table(found.tables["weighted"], f["weighted_over_flat"], weights)
-    read = {
-        "truth": "truth",
-        "instrument": "instrument",
-        "distance, m": "distance_m",
-        "RMS error, um": "rms_um",
-    }
+    read = {name: name for name in ("truth", "instrument")}
+    read |= {"distance, m": "distance_m", "RMS error, um": "rms_um"}
     check_table(found.tables["instruments"], f["instruments"], read)
 
 
@@ -135,7 +132,7 @@ def test_tables_show_the_numbers_under_headings_with_their_units():
 def test_best_and_gain_are_those_at_the_noise_of_the_tracker_and_costs_those_up_to_the_largest(best):
     errors = {name: 1000.0 + 100 * k for k, name in enumerate(MODELS)} | {best: 10.0}
 
-    def change(row):
+    def change(row, _):
         if row.part == "instrument":
             return {}
         sizes = {0.0: 0.0, TRACKER[row.part][0]: errors[row.name], 200.0: 2 * errors[row.name]}
@@ -163,7 +160,7 @@ def test_best_and_gain_are_those_at_the_noise_of_the_tracker_and_costs_those_up_
 
 
 def test_models_that_err_alike_are_alike_and_then_the_cone_does_nothing():
-    def change(row):
+    def change(row, _):
         free = {"conservative": row.constraint == "psd"}
         same = {"MGCO69": 900.0, "MGCO56": 80.0}.get(row.name, 500.0) if row.sigma_um != 0 else 0.0
         return free | ({"rms_um": same} if row.part == "gravity" else {})
@@ -193,7 +190,7 @@ def test_models_that_err_alike_are_alike_and_then_the_cone_does_nothing():
 def test_weights_are_told_of_every_case_and_instruments_by_name(won):
     """Full covariances win with one truth and model, and lose in the other three cases."""
 
-    def change(row):
+    def change(row, _):
         better = (row.truth, row.name) == ("nonlinear", won)
         own = {"flat weights": 40.0, "weighted": 20.0 if better else 80.0, "flat 50 um": 99.0}
         return {"rms_um": own.get(row.instrument, 60.0)} if row.instrument else {}
@@ -207,25 +204,19 @@ def test_errors_by_true_arm_are_those_of_its_trials_and_the_title_counts_them():
     arms = dict(zip(SEEDS, ("cast", "tubes", "cast", "tubes", "tubes"), strict=True))
 
     def change(row, seed):
-        return {
-            "rms_um": (40.0 if arms[seed] == "cast" else 10.0) + seed * (row.instrument != "flat weights")
-        }
+        size = 40.0 if arms[seed] == "cast" else 10.0
+        return {"true_arm": arms[seed], "rms_um": size + seed * (row.instrument != "flat weights")}
 
-    found, _ = made(change, arm=arms)
-    own = {(r.name, r.true_arm): r.rms_um for r in found.numbers["by_arm"]["gravity"]}
+    found, trials = made(change)
+    gravity, weights = found.numbers["by_arm"]["gravity"], found.numbers["weighted_by_arm"]
+    own = {(row.name, row.true_arm): row.rms_um for row in gravity}
     check_spread(own[DEFAULT, "cast"], [44, 46])
     check_spread(own[DEFAULT, "tubes"], [15, 17, 18])
-    for name, value, rows in (
-        ("gravity_by_arm", "rms_um", found.numbers["by_arm"]["gravity"]),
-        (
-            "weighted_by_arm",
-            "ratio",
-            [r | {"name": f"{r.truth} truth, {r.name}"} for r in found.numbers["weighted_by_arm"]],
-        ),
-    ):
+    named = [row | {"name": f"{row.truth} truth, {row.name}"} for row in weights]
+    for name, value, rows in (("gravity_by_arm", "rms_um", gravity), ("weighted_by_arm", "ratio", named)):
         check_pivot(found.tables[name], rows, ("name", "true_arm", value), called=({}, CALLED))
     assert "True arms in turn: cast links (2), links of tubes (3)." in found.title
-    one = report(replace(SETTINGS, true_arm="cast"), SEEDS, made()[1])
+    one = report(replace(SETTINGS, true_arm="cast"), SEEDS, trials)
     assert "True arm: cast links." in one.title
 
 
