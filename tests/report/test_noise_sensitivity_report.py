@@ -79,6 +79,8 @@ def test_numbers_are_medians_and_spreads_by_part_model_and_level_trial_by_trial(
             check_spread(level.rms_um, own["rms_um"])
             check_spread(level.p95_um, own["p95_um"])
             assert (level.conservative, level.solved) == (own["conservative"].mean(), own["solved"].mean())
+        own = trials.where(part=part, name=DEFAULT, sigma_um=sigma)["rms_um"]
+        check_spread(f["gains"][part].joints.ours_mm, own / 1e3)
         for name, slope in f["slopes"][part].items():
             calm, noisy = (trials.where(part=part, name=name, sigma_um=x)["rms_um"] for x in (0.0, 200.0))
             check_spread(slope.um_per_um, np.sqrt(np.maximum(0, noisy**2 - calm**2)) / 200)
@@ -226,7 +228,10 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
     drawn = figures(found)["noise_sensitivity.png"]
     *left, right = drawn.axes
     first = found.tables[STUDY.printed[0]].title.partition(":")[0]
-    assert drawn.get_suptitle().startswith(f"{first}, 50 um of noise: {DEFAULT} ")
+    size = f["leaders"]["gravity"].default_um.median
+    assert f"{first}, 50 um of noise: {DEFAULT} {size:.0f} um; least" in " ".join(
+        drawn.get_suptitle().split()
+    )
     for axes, (part, words) in zip(left, PARTS.items(), strict=True):
         assert axes.get_title() == words
         assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("um", "um")

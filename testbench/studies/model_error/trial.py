@@ -65,7 +65,7 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CaseRow(TrialRow):
     """One fit of one trial."""
 

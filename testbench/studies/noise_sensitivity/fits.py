@@ -43,7 +43,7 @@ class TrialRow(FitRow):
     """One fit of one trial."""
 
     true_arm: str  #: One of TRUTHS.
-    measured: DatasetRow | None  #: The dataset, of one case of the trial alone.
+    measured: DatasetRow | None = None  #: The dataset, of one case of the trial alone.
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:

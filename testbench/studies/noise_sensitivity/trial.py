@@ -79,15 +79,15 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NoiseRow(TrialRow):
     """One fit of one trial."""
 
     part: Part
     truth: Truth
-    sigma_um: float | None  #: Noise of a reading along an axis; None of an instrument.
-    instrument: str | None  #: None of noise alike along all axes.
-    distance_m: float | None  #: Of the instrument; 0 of the one that reads alike wherever it stands.
+    sigma_um: float | None = None  #: Noise of a reading along an axis; None of an instrument.
+    instrument: str | None = None  #: None of noise alike along all axes.
+    distance_m: float | None = None  #: Of the instrument; 0 of the one that reads alike wherever it stands.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -163,12 +163,9 @@ def _levels(
             yield NoiseRow(
                 **vars(row),
                 true_arm=member(asked.true_arm, campaign.seed),
-                measured=None,
                 part=part,
                 truth=campaign.scenario.truth,
                 sigma_um=UM * sigma,
-                instrument=None,
-                distance_m=None,
             )
 
 
@@ -187,10 +184,8 @@ def _instruments(
                 yield NoiseRow(
                     **vars(row),
                     true_arm=member(asked.true_arm, seed),
-                    measured=None,
                     part="instrument",
                     truth=truth,
-                    sigma_um=None,
                     instrument=name,
                     distance_m=distance,
                 )
