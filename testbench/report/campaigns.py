@@ -149,9 +149,14 @@ def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = 
         kept = own.keep(*by).add(ratio=a / b, won=won, tied=~won & ~lost)
         for _, case in kept.groups(*by):
             [row] = merged(case)
-            shares = {name: float(row[name]) for name in ("won", "tied")}
-            found.append(Row({**row, "ours": ours, "theirs": theirs, "trials": len(case), **shares}))
+            pair = Row({**row, "ours": ours, "theirs": theirs, "trials": len(case)})
+            found.append(shares(pair, "won", "tied"))
     return found
+
+
+def shares(row: Row, *names: str) -> Row:
+    """Truth values as shares of trials, also where all trials agree."""
+    return Row(row, **{name: float(row[name]) for name in names})
 
 
 def by_cone(where: str, found: Sequence[Row]) -> Markdown:
@@ -205,15 +210,15 @@ def arms_told(f: Row) -> Markdown:
     )
 
 
-def by_arm(trials: Trials, value: str) -> list[Row]:
-    """A quantity of every model by true arm; nothing of one arm."""
+def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
+    """A quantity of every model, or of what another column names, by true arm; nothing of one arm."""
     several = len(trials.values("true_arm")) > 1
-    return merged(trials.keep("name", "true_arm", value), "name", "true_arm") if several else []
+    return merged(trials.keep(of, "true_arm", value), of, "true_arm") if several else []
 
 
-def arm_table(rows: Table, value: Column) -> Table:
-    """A row a model and a column a true arm."""
-    name, arm = columns("name true_arm")
+def arm_table(rows: Table, value: Column, of: str = "name") -> Table:
+    """The same with a column a true arm."""
+    name, arm = columns(f"{of} true_arm")
     return pivot(rows, name, arm, value)
 
 

@@ -9,7 +9,7 @@ from testbench.bench.default import DEFAULT
 from testbench.bench.truths import CALLED, FAMILY
 from testbench.report import campaigns
 from testbench.report.campaigns import TRUE, arm_table, best, by_arm, error_map, pairs, recommended
-from testbench.report.columns import columns
+from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, paired
 from testbench.studies.gravity_calibration import trial
@@ -108,7 +108,7 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
         "short": Table(columns(SHORT, paper=False), told, bold=take, headline=TRUE),
         "models": Table(columns(MODELS), models, bold=take),
         "pairs": Table(columns(PAIRS), _once(gains), "Pairs of models, over the workspace"),
-        "by_arm": arm_table(own, *columns(TRUE)),
+        "by_arm": arm_table(own, KNOWN[TRUE]),
         "fits": Table(columns(FITS), models, "Fits"),
     }
     return Report(

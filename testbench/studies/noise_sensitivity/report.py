@@ -14,7 +14,7 @@ from testbench.bench.truths import member, true_cell
 from testbench.data.csvfile import write_csv
 from testbench.report import campaigns
 from testbench.report.campaigns import ARMS, ERROR, METHODS, RMS, arm_table, duels, named
-from testbench.report.columns import columns
+from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.noise_sensitivity.figure import sensitivity
@@ -292,7 +292,7 @@ def _tables(f: Row) -> dict[str, Table]:
     found["weighted"] = Table(columns(WEIGHTED_OVER), f.weighted_over_flat, laser)
     arms = [Row(row, name=f"{row.truth} truth, {row.name}") for row in f.weighted_by_arm]
     found["weighted_by_arm"] = arm_table(
-        Table((), arms, f"{laser} at {NEAR:g} m, by true arm"), *columns("ratio")
+        Table((), arms, f"{laser} at {NEAR:g} m, by true arm"), KNOWN["ratio"]
     )
     found["instruments"] = Table(columns(INSTRUMENTS), f.instruments, f"Instruments, {INSTRUMENT}")
     return found
