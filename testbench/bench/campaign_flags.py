@@ -10,6 +10,10 @@ from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, Truth, of_arm
 from testbench.bench.truths import FAMILY, TrueArmName
 
+TrueArmFlag = Annotated[
+    TrueArmName, typer.Option(help="The true arm; in the family the next one each seed. The model stays.")
+]
+
 
 @dataclass(frozen=True)
 class CampaignOptions:
@@ -23,9 +27,7 @@ class CampaignOptions:
         float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")
     ] = 50.0
     truth: Annotated[Truth, typer.Option(help="Kind of truth.")] = "nonlinear"
-    true_arm: Annotated[
-        TrueArmName, typer.Option(help="The true arm; in the family the next one each seed.")
-    ] = FAMILY
+    true_arm: TrueArmFlag = FAMILY
     noise: Annotated[bool, typer.Option(help="Noisy readings.")] = True
     magnification: Annotated[
         float, typer.Option(min=1, max=10_000, help="Of the deflections drawn in the recording.")

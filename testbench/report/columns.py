@@ -51,7 +51,7 @@ EVERY = (
     Column("level", "expected error"),
     Column("uncertainty", "uncertainty of the prior"),
     Column("sigma_um", "noise of a reading", "um", "g"),
-    Column("share", "of the fits", form="yes"),
+    Column("fits_share", "of the fits", form="yes"),
     Column("gco_over_ls", "GCO over least squares", form=".2f"),
     Column("gco_over_equal", "GCO over PSD of equal fit", form=".2f"),
     Column("gco_over_lent", "GCO over least squares, same free directions", form=".2f"),
@@ -70,11 +70,10 @@ EVERY = (
     Column("ties", "alike", form="d"),
     Column("ratio", "its error over the other's", form=".2f"),
     Column("check_wins", "better at check poses", form="d"),
-    Column("chosen", "recommended", form="yes"),
+    Column("is_recommended", "recommended", form="yes"),
     Column("f_m_held_out", "F_M held out", form=".2f"),
     Column("interval", "interval"),
     Column("datasets", "datasets", form="d"),
-    Column("covered_percent", "covered", "%", ".1f"),
     Column("standard_error_percent", "standard error", "%", ".1f"),
     Column("width_um", "mean width", "um", ".0f"),
     Column("unbounded_percent", "unbounded", "%", ".0f"),
@@ -223,7 +222,7 @@ EVERY = (
     Column("below", "below", form="yes"),
     Column("above", "above", form="yes"),
     Column("inside_95", "deflections inside 95 % interval", form="yes"),
-    Column("ratio", "simulated over promised", form=".2f"),
+    Column("over_promised", "simulated over promised", form=".2f"),
     *(
         Column(f"{where}.{key}", f"{heading}, {where}", unit, form)
         for where in ("tasks", "workspace")
@@ -265,7 +264,7 @@ EVERY = (
     Column("over_best", "over the best fixed", form=".2f"),
     Column("over_least", "over the best of the case", form=".2f"),
     Column("loses", "loses to joints alone", form="yes"),
-    Column("wins", "is the best in", form="yes"),
+    Column("best_in", "is the best in", form="yes"),
     Column("misfit", "F_M over floor", form=".2f"),
     Column("chosen", "what the default chose"),
     Column("share", "share of cases", form="yes"),
@@ -301,6 +300,20 @@ EVERY = (
     Column("evidence", "evidence in nats", form=".0f"),
     Column("said", "what was said"),
     Column("found_out", "right", form="yes"),
+    # Models by cases of a factor: noise, instruments, disturbances
+    Column("p95_um", "95 % error", "um", ".1f", rounding=ROUNDING_UM),
+    Column("noise_free_um", "error without noise", "um", ".1f", rounding=ROUNDING_UM),
+    Column("um_per_um", "cost of a um of noise", "um", ".2f"),
+    Column("tied", "alike in", form="yes"),
+    Column("instrument", "instrument"),
+    Column("distance_m", "distance", "m", "g"),
+    Column("case", "disturbance", called={"none": "no disturbance"}),
+    Column("moved_um", "moves deflections by", "um", ".0f"),
+    Column("added_um", "adds to the error", "um", "+.0f"),
+    Column("true_change_percent", "error changes, true", "%", "+.1f"),
+    Column("true_within", "within the claim, true", form="yes"),
+    Column("read_change_percent", "changes, against readings", "%", "+.1f"),
+    Column("read_within", "within the claim, against readings", form="yes"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -163,11 +163,19 @@ def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str]
     found: list[dict[tuple[Any, ...], float]] = []
     for model in models:
         own = trials.where(**{MODEL: model})
-        found.append(
-            dict(zip(zip(*(own[name].tolist() for name in by), strict=True), own[value], strict=True))
-        )
+        found.append(dict(zip(_keys(own, by), own[value], strict=True)))
     shared = [key for key in found[0] if all(key in other for other in found[1:])]
     return np.array([[own[key] for own in found] for key in shared]).reshape(len(shared), len(models))
+
+
+def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cells:
+    """One quantity of the other row that is alike in some columns, row by row; KeyError without one."""
+    known = dict(zip(_keys(others, by), others[value], strict=True))
+    return np.array([known[key] for key in _keys(rows, by)])
+
+
+def _keys(rows: Trials, by: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+    return zip(*(rows[name].tolist() for name in by), strict=True)
 
 
 def nested(flat: Mapping[str, Any]) -> Row:

@@ -67,7 +67,7 @@ def rows(seed, errors):
     best = CHOICE[1 + seed % 2]
     for name in CHOICE:
         held_out, chosen = float(rng.uniform(1, 9)), name == best
-        yield TrialRow("choice", fit(rng, name, "", {}), f_m_held_out=held_out, chosen=chosen)
+        yield TrialRow("choice", fit(rng, name, "", {}), f_m_held_out=held_out, is_recommended=chosen)
     for part in ("clean", "plain", "robust"):
         yield TrialRow(part, fit(rng, "MGCO68", part, {}), spoiled=3, rejected=4)
     for name, kind in COVERED.items():

@@ -161,9 +161,9 @@ def test_promises_are_counted_case_by_case_and_the_least_kept_is_named(both):
         assert (row.count, row.below, row.above) == (len(own), np.mean(error < 25), np.mean(error > 36))
         shares = np.mean((error >= 25) & (error <= 36)), np.mean(own["inside"])
         assert (row.inside_90, row.inside_95) == pytest.approx(shares)
-        assert row.ratio == spread(error / 30)
+        assert row.over_promised == spread(error / 30)
     joints = trials.where(part="promise", fit="Joints")["tasks_mm"]
-    assert found.numbers["kept_joints"].ratio == spread(joints / 30)
+    assert found.numbers["kept_joints"].over_promised == spread(joints / 30)
     least, text = min(kept[1:], key=lambda row: row.inside_95), "".join(found.claims)
     assert f"holds in {kept[0].inside_90:.0%} of 12 cases".replace("%", " %") in text
     said = f"least often with {least.promised}: {least.inside_90:.0%} and {least.inside_95:.0%}."

@@ -115,10 +115,10 @@ def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds_and_by_true_ar
         assert [level.level for level in levels] == list(EXPECTED)
         for level in levels:
             own = every.where(binds=True, expected=EXPECTED[level.level])
-            assert level.share == len(own) / len(every)
+            assert level.fits_share == len(own) / len(every)
             check_spread(level.gco_over_ls, over(own, "gco_over_ls"))
         free, own = found.numbers["free"][kind], every.where(binds=False)
-        assert free.share == len(own) / len(every)
+        assert free.fits_share == len(own) / len(every)
         check_spread(free.gco_over_lent, over(own, "gco_over_lent"))
         own = every.where(binds=True)
         for key, column in {"taken": "taken", "noise": "sigma_um", "poses": "poses"}.items():

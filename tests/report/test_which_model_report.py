@@ -104,7 +104,7 @@ def test_every_method_is_compared_case_by_case_with_joints_with_the_best_and_wit
                 check_spread(own.over_best, [v / every[best][k] for k, v in mine.items()])
             check_spread(own.over_least, [v / least[k] for k, v in mine.items()])
             assert own.loses == pytest.approx(np.mean(over > 1.05))
-            assert own.wins == pytest.approx(np.mean([v <= least[k] for k, v in mine.items()]))
+            assert own.best_in == pytest.approx(np.mean([v <= least[k] for k, v in mine.items()]))
             assert own.cases == len(mine)
 
 

@@ -10,7 +10,7 @@ quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", 2)
 
 
 def cell(report, case, model="ALL153 + prior", noise=0.0):
-    return next(c for c in report["cells"] if (c["case"], c["model"], c["noise_um"]) == (case, model, noise))
+    return next(c for c in report["cells"] if (c["case"], c["name"], c["sigma_um"]) == (case, model, noise))
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
@@ -32,7 +32,7 @@ def test_every_disturbance_is_switched_on_alone_and_all_together(report):
 
 def test_payload_errors_spoil_the_model_and_not_the_arm(report):
     for case in ("none", "payload mass", "payload centre"):
-        assert cell(report, case)["moved_um"]["median"] == 0
+        assert cell(report, case)["moved_um"] == 0
     assert cell(report, "payload centre")["added_um"]["median"] != 0
 
 
@@ -67,7 +67,7 @@ def test_gco_stays_conservative_whatever_the_arm_does(report):
 
 
 def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(report):
-    names = {c["model"] for c in report["cells"]}
+    names = {c["name"] for c in report["cells"]}
     plain = {"Joints", "MLS56", "MLS56, PSD of equal fit", "MGCO56"}
     assert names == plain | {
         "Joints + prior",
@@ -83,7 +83,7 @@ def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(r
 
 
 def test_the_claim_about_the_compensator_is_judged_for_every_model(report):
-    assert {row["model"] for row in report["claim"]} == {c["model"] for c in report["cells"]}
+    assert {row["name"] for row in report["claim"]} == {c["name"] for c in report["cells"]}
     assert {row["case"] for row in report["claim"]} == {"gravity compensator", "stiff compensator"}
 
 

@@ -37,7 +37,7 @@ def rows(quick):
 
 def rms(report, part, model):
     rows = report["sweeps"][part]
-    return [row["rms_um"]["median"] for row in rows if row["model"] == model]
+    return [row["rms_um"]["median"] for row in rows if row["name"] == model]
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
@@ -51,11 +51,12 @@ def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
 def test_every_trial_is_in_the_parquet_file(rows):
     assert {row["seed"] for row in rows} == {6, 7}
     assert sum(row["part"] == "six_dof" for row in rows) == 2 * 12 * 6
-    assert sum(row["part"].startswith("instrument") for row in rows) == 2 * 8
-    assert sum(row["part"].startswith("default") for row in rows) == 2 * 2
+    read_by = [row["name"] for row in rows if row["part"] == "instrument"]
+    assert (read_by.count("MGCO56 + prior"), read_by.count("ALL153 + prior")) == (2 * 8, 2 * 2)
     assert {(row["seed"], row["true_arm"]) for row in rows} == {(6, "tubes"), (7, "off_10")}
     assert all(row["solved"] for row in rows if row["constraint"] != "free")
-    names = [row["model"] for row in rows if (row["seed"], row["part"], row["x"]) == (6, "gravity", 50e-6)]
+    at = (6, "gravity", 50.0)
+    names = [row["name"] for row in rows if (row["seed"], row["part"], row["sigma_um"]) == at]
     plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
     assert names == [
         *plain,
@@ -70,11 +71,12 @@ def test_every_trial_is_in_the_parquet_file(rows):
 @pytest.fixture(scope="module")
 def six_dof(rows):
     """Fits of section 5.2 by true arm, model and noise."""
-    return {(row["true_arm"], row["model"], row["x"]): row for row in rows if row["part"] == "six_dof"}
+    own = [row for row in rows if row["part"] == "six_dof"]
+    return {(row["true_arm"], row["name"], row["sigma_um"]): row for row in own}
 
 
 def test_error_grows_in_proportion_to_noise_where_the_template_holds_the_truth(six_dof, report):
-    errors = [six_dof["tubes", "MLS32", x / 1e6]["rms_um"] for x in report["sigmas_um"]]
+    errors = [six_dof["tubes", "MLS32", x]["rms_um"] for x in report["sigmas_um"]]
     assert errors[0] < 1e-3  # um: no noise, no error
     assert six_dof["off_10", "MLS32", 0.0]["rms_um"] > 100  # um: what no tube can be
     for value, level in zip(errors[1:], report["sigmas_um"][1:], strict=True):
@@ -85,7 +87,7 @@ def test_error_grows_in_proportion_to_noise_where_the_template_holds_the_truth(s
 def test_least_squares_of_equal_fit_errs_as_least_squares_does_in_full_poses(six_dof, report):
     """Readings of full poses see all predictions: the free directions change nothing but the cone."""
     for sigma in report["sigmas_um"][1:]:
-        plain, filled = (six_dof["tubes", name, sigma / 1e6] for name in ("MLS56", "MLS56, PSD of equal fit"))
+        plain, filled = (six_dof["tubes", name, sigma] for name in ("MLS56", "MLS56, PSD of equal fit"))
         assert filled["rms_um"] == pytest.approx(plain["rms_um"], rel=1e-6)
         assert plain["conservative"] == 0
         assert filled["conservative"] == 1 or sigma > 25  # more noise pulls what is seen out of the cone

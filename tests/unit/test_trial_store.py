@@ -19,7 +19,6 @@ import pytest
 from testbench.errors import BenchError, InputError
 from testbench.trials.chunk import do_chunk
 from testbench.trials.experiment import Experiment
-from testbench.trials.groups import Whole, by_group
 from testbench.trials.packed import LONGEST, pack
 from testbench.trials.parquet import batches, open_trials
 from testbench.trials.spread import Number, Share
@@ -594,40 +593,6 @@ def test_seeds_are_consecutive_and_fit_parquet(seeds):
 def test_a_scenario_is_plain_data(tmp_path, scenario):
     with pytest.raises(BenchError, match="scenario: expected plain JSON data"):
         fill(tmp_path, [7], Experiment("toy", scenario, range(7, 12)))
-
-
-@dataclass(frozen=True)
-class Words:
-    word: np.ndarray
-    pi: np.ndarray
-    nan: np.ndarray
-    yes: np.ndarray
-
-
-def test_columns_by_group_are_those_of_the_rows_on_the_disk_and_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("testbench.trials.groups.BATCH", 7)
-    rng = np.random.default_rng(4)
-    rows = {
-        seed: [
-            replace(FULL, pi=x, nan=None if x > 0.5 else x, word=f"w{x:.1f}", yes=x > 0.3, part=part)
-            for part in ("workspace", "check")
-            for x in rng.random(3).tolist()
-        ]
-        for seed in TOY.seeds
-    }
-    with open_store(tmp_path, TOY, row=Full, resume=False) as store:
-        put(store, rows)
-        whole = Whole(store, write_parquet(store, tmp_path))
-        assert repr([list(own) for _, own in whole]) == repr([list(own) for _, own in store.trials()])
-        found = [by_group(trials, ("part", "count"), Words) for trials in (whole, list(rows.items()))]
-    for groups in found:
-        assert list(groups) == [("workspace", -(2**63)), ("check", -(2**63))]
-        for (part, _), own in groups.items():
-            flat = [row for seed in TOY.seeds for row in rows[seed] if row.part == part]
-            assert own.pi.tolist() == [row.pi for row in flat]
-            assert own.yes.tolist() == [row.yes for row in flat]
-            assert own.word.tolist() == [row.word for row in flat]
-            assert repr(own.nan.tolist()) == repr([math.nan if row.nan is None else row.nan for row in flat])
 
 
 def test_a_text_that_is_stored_once_and_used_without_end_is_refused(tmp_path):

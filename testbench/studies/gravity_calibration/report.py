@@ -8,8 +8,8 @@ from testbench.bench.campaign import build_cell
 from testbench.bench.default import DEFAULT
 from testbench.bench.truths import CALLED, FAMILY
 from testbench.report import campaigns
-from testbench.report.campaigns import TRUE, best, error_map, pairs, recommended
-from testbench.report.columns import columns
+from testbench.report.campaigns import TRUE, arm_table, best, by_arm, error_map, pairs, recommended
+from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, paired
 from testbench.studies.gravity_calibration import trial
@@ -22,7 +22,7 @@ from testbench.views.gains import beside
 from testbench.views.map_figure import error_map as map_figure
 from testbench.views.markdown import Markdown
 from testbench.views.page.page import Seen
-from testbench.views.schema import Table, best_of, pivot
+from testbench.views.schema import Table, best_of
 
 PAPERS_ARM = "kr500_l480"
 PANES = {
@@ -98,15 +98,17 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
         recommended=chosen,
         take=take,
         gains=gains,
-        by_arm=merged(trials.keep("name", "true_arm", TRUE), "name", "true_arm") if len(kinds) > 1 else [],
+        by_arm=by_arm(trials, TRUE),
         check_best=list(best_of({m.name: m.check_true.rms_mm for m in told if m.conservative is True}).names),
         map=error_map(trials.where(name={m.name for m in told}), (least_squares, JOINTS, take)),
     )
+    names, arms = {m.name for m in told}, "RMS error over the workspace by true arm, mm"
+    own = Table((), [row for row in f.by_arm if row.name in names], arms, take)
     tables = {
         "short": Table(columns(SHORT, paper=False), told, bold=take, headline=TRUE),
         "models": Table(columns(MODELS), models, bold=take),
         "pairs": Table(columns(PAIRS), _once(gains), "Pairs of models, over the workspace"),
-        "by_arm": _by_arm(f),
+        "by_arm": arm_table(own, KNOWN[TRUE]),
         "fits": Table(columns(FITS), models, "Fits"),
     }
     return Report(
@@ -137,13 +139,6 @@ def _with_status(row: Row, trials: Trials) -> Row:
 def _once(gains: Row) -> list[Row]:
     """Pairs, each once."""
     return list({(pair.ours, pair.theirs): pair for pair in gains.values()}.values())
-
-
-def _by_arm(f: Row) -> Table:
-    names = {m.name for m in distinct(f.models)}
-    told = [row for row in f.by_arm if row.name in names]
-    rows = Table((), told, "RMS error over the workspace by true arm, mm", f.take)
-    return pivot(rows, *columns(f"name true_arm {TRUE}"))
 
 
 def _title(f: Row) -> Markdown:

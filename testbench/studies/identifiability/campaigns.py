@@ -63,7 +63,7 @@ class TrialRow:
     fit: ModelRow | None = None  #: The model.
     x: float | None = None  #: Scale of the prior or number of poses, where that is varied.
     f_m_held_out: float | None = None  #: Of a choice: F_M on poses held out.
-    chosen: bool | None = None  #: Whether it is recommended: by what is held out.
+    is_recommended: bool | None = None  #: Whether it is recommended: by what is held out.
     spoiled: int | None = None  #: Readings that are outliers.
     rejected: int | None = None  #: Readings that the fit did without.
     intervals: Covered | None = None
@@ -135,7 +135,7 @@ def _choice(fits: Mapping[str, Fitted]) -> Iterator[TrialRow]:
     chosen = one_standard_error(candidates)
     for c in candidates:
         row = replace(fits[c.name].row, name=c.name)
-        yield TrialRow("choice", row, f_m_held_out=c.error, chosen=c.name == chosen)
+        yield TrialRow("choice", row, f_m_held_out=c.error, is_recommended=c.name == chosen)
 
 
 def _outliers(cell: Cell, campaign: Campaign, seed: int) -> Iterator[TrialRow]:

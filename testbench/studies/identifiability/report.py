@@ -141,7 +141,7 @@ def _fits(trials: Trials, part: str) -> Trials:
 
 def _models(fits: Trials) -> list[Row]:
     """Models over all seeds; the paper has no such campaign."""
-    own = fits.drop("seed", "x", "f_m_held_out", "chosen", "spoiled", "rejected")
+    own = fits.drop("seed", "x", "f_m_held_out", "is_recommended", "spoiled", "rejected")
     return [Row(row, paper=None) for row in merged(own, "name")]
 
 
@@ -215,12 +215,12 @@ def _beaten(poses: int, fits: Trials) -> Row:
 
 def _choice(fits: Trials) -> Row:
     """What cross-validation over poses recommends, by structure; errors are those over the workspace."""
-    rows = merged(fits.keep("name", "chosen", "f_m_held_out", TRUE), "name")
-    most = max(row.chosen for row in rows)
+    rows = merged(fits.keep("name", "is_recommended", "f_m_held_out", TRUE), "name")
+    most = max(row.is_recommended for row in rows)
     return Row(
         rows=rows,
-        recommended=[row.name for row in rows if row.chosen == most],
-        chosen_workspace_mm=number(fits.where(chosen=True)[TRUE]),
+        recommended=[row.name for row in rows if row.is_recommended == most],
+        chosen_workspace_mm=number(fits.where(is_recommended=True)[TRUE]),
         best_workspace_mm=number(aligned(fits, fits.values("name"), TRUE).min(axis=1)),
     )
 
@@ -317,7 +317,7 @@ def _tables(f: Row) -> dict[str, Table]:
         "poses": _over(f, "poses", "RMS over the workspace by number of poses, mm"),
         "scales": _over(f, "scales", "RMS over the workspace by scale of the prior, mm"),
         "choice": Table(
-            columns(f"name chosen f_m_held_out {TRUE}"),
+            columns(f"name is_recommended f_m_held_out {TRUE}"),
             f.choice.rows,
             "choice of the structure by cross-validation over poses, with the prior",
         ),

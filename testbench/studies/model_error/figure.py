@@ -5,45 +5,49 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbench.studies.model_error.report import CaseErrors, ModelErrorReport
-from testbench.studies.model_error.summary import distinct
-from testbench.studies.model_error.tables import CASE, RMS
+from testbench.report.campaigns import RMS, existing
+from testbench.report.columns import columns
+from testbench.report.table import Row
 from testbench.trials.spread import ends, grouped, middle, span
 from testbench.views.colours import look
 from testbench.views.figure import body, key, log_ticks, page, quiet, say
-from testbench.views.gains import beside
 
 STEP = 0.09  #: Between the models of one case [cases].
 
 
-def disturbances(report: ModelErrorReport) -> Figure:
-    """Median and spread of every model, a line a case: nothing joins one case to the next."""
-    figure = page(2.4 + 0.6 * len(report.sizes))
+def disturbances(f: Row, answer: str) -> Figure:
+    """Median and spread of every model, a line a case: nothing joins one case to the next.
+
+    Args:
+        f: Numbers of the report.
+        answer: The title.
+    """
+    [case], cases = columns("case"), list(f.sizes)
+    figure = page(2.4 + 0.6 * len(cases))
     part = body(figure)
     left, right = part.subplots(1, 2, sharey=True)
-    told = distinct(report.cells)
-    calm, noisy = ([c for c in told if (c.noise_um == 0) == quietly] for quietly in (True, False))
+    told = existing(f.cells)
+    calm, noisy = ([c for c in told if (c.sigma_um == 0) == quietly] for quietly in (True, False))
     for axes, cells, words in (
         (left, calm, "without noise"),
-        (right, noisy, f"with noise of {report.sigma_um:g} um"),
+        (right, noisy, f"with noise of {f.sigma_um:g} um"),
     ):
-        _intervals(axes, cells, list(report.sizes))
+        _intervals(axes, cells, cases)
         axes.set_title(words, fontsize="medium")
-    left.set_yticks(range(len(report.sizes)), [CASE.text(case) for case in report.sizes])
-    left.set_ylim(len(report.sizes) - 0.5, -0.5)
+    left.set_yticks(range(len(cases)), [case.text(name) for name in cases])
+    left.set_ylim(len(cases) - 0.5, -0.5)
     key(part, left.get_legend_handles_labels(), columns=5)
-    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
     say(
         figure,
-        f"{report.arm}, all disturbances together, {report.sigma_um:g} um of noise: {beside(gains, 'um')}",
+        answer,
         "RMS errors over the workspace. Dots: medians, lines: "
-        f"{span(report.trials)} of {report.trials} trials. Filled: with a prior.",
+        f"{span(f.trials)} of {f.trials} trials. Filled: with a prior.",
     )
     return figure
 
 
-def _intervals(axes: Axes, cells: Sequence[CaseErrors], cases: Sequence[str]) -> None:
-    by_model = grouped(cells, lambda cell: cell.model)
+def _intervals(axes: Axes, cells: Sequence[Row], cases: Sequence[str]) -> None:
+    by_model = grouped(cells, lambda cell: cell.name)
     for k, (model, own) in enumerate(by_model.items()):
         shown = look(own[0].structure, own[0].constraint, own[0].prior)
         y = [cases.index(c.case) + STEP * (k - (len(by_model) - 1) / 2) for c in own]

@@ -1,107 +1,263 @@
-"""What the study of model error reports: types of report.json."""
+"""What the trials say: what every disturbance costs, beside the noise, and who bears all of them best."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass, replace
 
-from testbench.bench.rows import DatasetRow
-from testbench.studies.noise_sensitivity.by_arm import ByArm
-from testbench.studies.noise_sensitivity.fits import FitRow
-from testbench.studies.noise_sensitivity.report import ModelAt
-from testbench.trials.gain import Gain
-from testbench.trials.spread import Number, Spread
+import numpy as np
 
+from testbench.arm.catalogue import find_arm
+from testbench.bench.baselines import JOINTS
+from testbench.bench.campaign import Scenario, build_cell, simulate, stream
+from testbench.bench.default import DEFAULT, FILLED
+from testbench.bench.rows import UM
+from testbench.bench.truths import member, true_cell
+from testbench.data.csvfile import write_csv
+from testbench.report import campaigns
+from testbench.report.campaigns import ARMS, ERROR, RMS, arm_table, by_arm, existing, named
+from testbench.report.columns import KNOWN, columns
+from testbench.report.report import Report, lines, say
+from testbench.report.table import TRIAL, Row, Trials, matched, merged
+from testbench.studies.model_error.cases import ALL, NONE, PLAIN_COMPENSATOR, STIFF, cases, sizes
+from testbench.studies.model_error.figure import disturbances
+from testbench.studies.model_error.trial import NAME, Settings, disturbed
+from testbench.studies.noise_sensitivity.fits import reread
+from testbench.studies.study import Run
+from testbench.trials.spread import middle, span
+from testbench.views.figure import Figure
+from testbench.views.markdown import Markdown, counted
+from testbench.views.schema import Table, pivot
 
-@dataclass(frozen=True)
-class CaseErrors(FitRow):
-    """A model in one case over all trials, and what the case adds to the same trial without it."""
-
-    case: str  #: What the true arm does.
-    noise_um: float  #: Of a reading along an axis.
-    moved_um: Number  #: How far the disturbance moves the deflections to be predicted, RMS.
-    added_um: Spread  #: RMS error minus that of the same trial without disturbance.
-
-
-@dataclass(frozen=True)
-class Claim:
-    """Errors with a compensator over those without, less one."""
-
-    case: str  #: Which reading of the compensator.
-    model: str
-    against_truth: Spread
-    within_true: float  #: Share of trials in which that is as small as the paper says.
-    against_readings: Spread  #: With the readings' noise added in quadrature, as the paper measures.
-    within_claim: float  #: The same share of these.
-
-
-@dataclass(frozen=True)
-class Held:
-    """The models for which the paper's claim holds in at least 95 % of the trials."""
-
-    case: str
-    featured: Claim  #: Of the featured model.
-    against_truth: tuple[str, ...]
-    against_readings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Beats:
-    """Two models in the same trials, all disturbances together, with noise."""
-
-    ours: str
-    theirs: str
-    cone: bool  #: Whether they differ in nothing but the cone.
-    better: int  #: Trials in which ours has the smaller error.
-    alike: int  #: Trials in which they differ by a solver's digits.
-    ratio: Spread
+CLAIM_PERCENT = 4.8
+"""Largest difference that the paper quotes of errors with and without a gravity compensator."""
+RANKING = "case moved_um added_um"
+PAIRS = "ours theirs ratio won tied"
+CLAIM = "case name true_change_percent true_within read_change_percent read_within"
+OF_RANKING = Markdown(
+    "Moves: how far the disturbance alone moves the deflections to be predicted, RMS. Adds: trial by trial, "
+    "error with it less error without."
+)
+OF_CLAIM = Markdown(
+    "The claim of the paper: at most 4.8 %. RMS over the workspace. Against readings: "
+    "sqrt(error^2 + 6 sigma^2), the noise of two readings of three axes added in quadrature to both errors, "
+    "as the paper measures."
+)
+OF_SIZES = Markdown(
+    "Frames, joint sensors and hanging point: standard deviations along or about each axis. All together are "
+    "all of these but the stiff compensator."
+)
 
 
-@dataclass(frozen=True)
-class Together:
-    """A model with noise: without disturbance, and with all of them."""
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Medians and spreads by case, model and noise."""
+    sigma_um = UM * asked.sigma
+    trials = _with_changes(trials)
+    _, _, *changes = CLAIM.split()
+    cells = merged(trials.drop(TRIAL, "true_arm", "measured.", *changes), "case", "name", "sigma_um")
+    together = trials.where(case=ALL, sigma_um=sigma_um)
+    every = [row for row in existing(cells) if (row.case, row.sigma_um) == (ALL, sigma_um)]
+    here = campaigns.at_case(together, every)
+    ranking, adds = _ranking(cells), _noise_adds(cells)
+    noisy = [row for row in existing(cells) if row.sigma_um > 0]
+    held = trials.where(sigma_um=sigma_um, case={PLAIN_COMPENSATOR, STIFF})
+    f = Row(
+        campaigns.head(asked.true_arm, seeds, trials),
+        arm=find_arm(asked.arm).resolve().name,
+        truth="nonlinear",
+        sigma_um=sigma_um,
+        scale=asked.scale,
+        trials=len(seeds),
+        workspace_poses=asked.workspace,
+        sizes=sizes(asked.scale, asked.only),
+        cells=cells,
+        claim=[
+            campaigns.shares(row, "true_within", "read_within")
+            for row in merged(held.keep(*CLAIM.split()), "case", "name")
+        ],
+        claim_percent=CLAIM_PERCENT,
+        featured=DEFAULT,
+        ranking=ranking,
+        noise_adds_um=adds,
+        above_noise=[row.case for row in ranking if middle(row.added_um) > adds],
+        best_together=here.leaders.best,
+        joints_together_um=here.leaders.joints_um,
+        gains=here.gains,
+        beats=campaigns.duels(together, campaigns.DUELS),
+        together_by_arm=here.by_arm,
+        claim_by_arm=by_arm(held.where(name=DEFAULT), "true_change_percent", of="case"),
+        models=[
+            model
+            for case in (NONE, ALL)
+            for model in campaigns.contract([row for row in noisy if row.case == case], case, "workspace")
+        ],
+        dataset=merged(together.where(seed=seeds[0]).keep("measured."))[0].measured,
+    )
+    at = say("Disturbed in every way, {sigma_um:g} um of noise:", f)
+    return Report(
+        scenario=NAME,
+        question=say("{arm}: what do disturbances cost that the model does not know?", f),
+        title=_title(f),
+        answer=lines([at, *campaigns.beside_rivals(every, f.gains)]),
+        worst=_worst(ranking),
+        claims=list(_claims(f, every)),
+        numbers=f,
+        tables=_tables(f),
+        body=[
+            *("calm", "noisy", "ranking", OF_RANKING, "together_by_arm", "beats"),
+            *("claim", OF_CLAIM, "claim_by_arm", _sizes(asked), OF_SIZES),
+        ],
+    )
 
-    model: str
-    none_um: Number
-    all_um: Number
+
+def _with_changes(trials: Trials) -> Trials:
+    """What a case adds to the error of the same trial without disturbance, and by how much it changes it.
+
+    Against readings the noise of two readings of three axes stands in quadrature in both errors.
+    """
+    none = matched(trials, trials.where(case=NONE), ERROR, ("name", "sigma_um", TRIAL))
+    noise = 6 * trials["sigma_um"] ** 2
+    true = 100 * (trials[ERROR] / none - 1)
+    read = 100 * (np.sqrt(trials[ERROR] ** 2 + noise) / np.sqrt(none**2 + noise) - 1)
+    return trials.add(
+        added_um=trials[ERROR] - none,
+        true_change_percent=true,
+        true_within=np.abs(true) <= CLAIM_PERCENT,
+        read_change_percent=read,
+        read_within=np.abs(read) <= CLAIM_PERCENT,
+    )
 
 
-@dataclass(frozen=True)
-class Gains:
-    """The featured model with noise and all disturbances together, trial by trial."""
-
-    least_squares: Gain  #: Beside the best of least squares without a prior.
-    joints: Gain  #: Beside joints alone.
+def _ranking(cells: Sequence[Row]) -> list[Row]:
+    """What each disturbance alone does to the default without noise, the costliest first."""
+    alone = [c for c in cells if (c.name, c.sigma_um) == (DEFAULT, 0) and c.case not in (NONE, ALL)]
+    return sorted(alone, key=lambda row: -middle(row.added_um))
 
 
-@dataclass(frozen=True)
-class ModelErrorReport:
-    """report.json."""
+def _noise_adds(cells: Sequence[Row]) -> float:
+    """What noise adds to the default's median error without disturbance [um]."""
+    own = [row for row in cells if (row.name, row.case) == (DEFAULT, NONE)]
+    calm, noisy = (middle(row.rms_um) for row in sorted(own, key=lambda row: row.sigma_um))
+    return noisy - calm
 
-    scenario: str
-    seed: int | list[int]
-    arm: str
-    noise: bool
-    truth: str
-    true_arm: str  #: Its name, or "family".
-    true_arms: Mapping[str, int]  #: Trials of each.
-    sigma_um: float
-    scale: float
-    trials: int
-    workspace_poses: int
-    sizes: Mapping[str, Mapping[str, object]]  #: What every case switches on, SI.
-    cells: list[CaseErrors]
-    claim: list[Claim]
-    claim_percent: float
-    held: list[Held]
-    featured: str
-    ranking: list[CaseErrors]  #: Cases alone, the featured model, no noise; the costliest first.
-    noise_adds_um: float  #: To its median error without disturbance.
-    above_noise: tuple[str, ...]  #: Cases that alone, without noise, add more.
-    together: list[Together]
-    best_together: tuple[str, ...]  #: Several where they are alike.
-    joints_together_um: Number  #: Of joints alone.
-    gains: Gains
-    beats: list[Beats]
-    together_by_arm: list[ByArm]  #: Errors with all together that differ by true arm [um].
-    claim_by_arm: list[ByArm]  #: True changes of the featured model that do [1].
-    models: list[ModelAt]
-    dataset: DatasetRow
+
+def _title(f: Row) -> Markdown:
+    """What was simulated."""
+    return say(
+        "{arm}, poses and weight of section 6, {n}: RMS errors of predicted deflection in {workspace_poses} "
+        "poses never measured, without noise and with {sigma_um:g} um. Disturbances that have a size are "
+        "{scale:g} times their typical one. {arms} Medians ({ends}).",
+        f,
+        n=counted(f.trials, "trial"),
+        arms=campaigns.arms_told(f),
+        ends=span(f.trials),
+    )
+
+
+def _worst(ranking: Sequence[Row]) -> Markdown:
+    """The costliest disturbances."""
+    first, *others = ranking
+    if middle(first.added_um) <= 0:
+        return say("Worst without noise: no disturbance adds to the error of {name}.", first)
+    more = ", ".join(say('"{case}" {added_um:~+.0f} um', row) for row in others[:2])
+    verb = "comes" if len(others) == 1 else "come"
+    return say(
+        'Worst without noise: "{case}" adds {added_um:~.0f} um to the error of {name}'
+        + (f"; then {verb} {more}." if more else "."),
+        first,
+    )
+
+
+def _claims(f: Row, every: Sequence[Row]) -> Iterator[Markdown]:
+    """What else there is to say, what matters most first."""
+    yield say(
+        "Disturbed in every way, with noise, the least error is that of {best}: {rms_um:~.0f} um.",
+        next(row for row in every if row.name == f.best_together[0]),
+        best=named(f.best_together),
+    )
+    yield say(
+        "Noise of {sigma_um:g} um adds {noise_adds_um:.0f} um to the error of {featured} on the undisturbed "
+        "arm. {above} of {n} disturbances alone add more.",
+        f,
+        above=len(f.above_noise),
+        n=len(f.ranking),
+    )
+    yield campaigns.by_cone("", f.beats)
+    for row in f.claim:
+        if row.name == DEFAULT:
+            yield say(
+                '"{case}" changes the true error of {name} by {true_change_percent:~+.1f} %; against '
+                "readings it looks like {read_change_percent:~+.1f} %.",
+                row,
+            )
+    yield ARMS
+
+
+def _tables(f: Row) -> dict[str, Table]:
+    """Errors by disturbance and model, without noise and with it; what disturbances add; the claim."""
+    case, name = columns("case name")
+    noise = f"with noise of {f.sigma_um:g} um"
+    calm, noisy = ([row for row in f.cells if (row.sigma_um == 0) == quiet] for quiet in (True, False))
+    few = [row for row in existing(noisy) if row.name != f"{JOINTS}{FILLED}"]  # it errs as joints alone do
+    arms = Table((), f.together_by_arm, f"All together, {noise}: RMS error, um, by true arm")
+    changes = Table((), f.claim_by_arm, f"{DEFAULT}: change of the true error, %, by true arm")
+    return {
+        "calm": pivot(Table((), calm, "RMS error, um, without noise"), case, name, RMS),
+        "noisy": pivot(Table((), noisy, f"RMS error, um, {noise}"), case, name, RMS),
+        "short": pivot(Table((), few, f"RMS error, um, {noise}"), case, name, replace(RMS, exact=True)),
+        "ranking": Table(columns(RANKING), f.ranking, f"{DEFAULT}, without noise"),
+        "together_by_arm": arm_table(arms, RMS),
+        "beats": Table(columns(PAIRS), f.beats, f"All together, {noise}: on the same readings"),
+        "claim": Table(columns(CLAIM), f.claim, "Errors with the compensator over those without, less 100 %"),
+        "claim_by_arm": arm_table(changes, KNOWN["true_change_percent"], of="case"),
+    }
+
+
+SIZES = {
+    "own_weight": ("The links weigh.", 1.0),
+    "compensator": (
+        "A spring pulls link 2 towards link 1, {rate:g} kN/m as joint 2 turns, {stiffness:g} kN/m as the arm "
+        "deflects.",
+        1e-3,
+    ),
+    "geometry": ("Frames are off by {position:g} mm and {angle:g} mrad.", 1e3),
+    "sensor_offset": ("Joint sensors are off by {size:g} mrad.", 1e3),
+    "mass_error": ("The payload is {size:g} % heavier than recorded.", 100.0),
+    "centre_error": ("The hanging point is off by {size:g} mm.", 1e3),
+    "stiffening": ("Joints are {size:g} % stiffer a mrad of turn.", 100.0),
+    "backlash": ("Joints have {size:g} urad of play to either side.", 1e6),
+    "hysteresis": ("Joints have {size:g} urad of hysteresis to either side.", 1e6),
+    "foundation": ("The foundation bends, {size:g} times as much as assumed.", 1.0),
+}
+"""What a field of Disturbances does, and how many times its SI value the size is."""
+
+
+def _sizes(asked: Settings) -> Markdown:
+    """What each case switches on, a line each."""
+    told = [
+        say("- {case}: {words}", case=name, words=lines(_size(*own) for own in vars(case).items() if own[1]))
+        for name, case in cases(asked.scale, asked.only).items()
+        if name not in (NONE, ALL)
+    ]
+    return Markdown("\n".join(["## What each case switches on", "", *told]))
+
+
+def _size(field: str, value: object) -> Markdown:
+    """A field of Disturbances in words."""
+    sentence, scale = SIZES[field]
+    own = vars(value) if is_dataclass(value) else {"size": value}
+    return say(sentence, {name: scale * size for name, size in own.items() if isinstance(size, float)})
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Errors of every model by disturbance, without noise and with it."""
+    f = Row(found.numbers)
+    where = f"{f.arm}, all disturbances together, {f.sigma_um:g} um of noise:"
+    return {"model_error.png": disturbances(f, f"{where} {campaigns.gains_told(f.gains)}")}
+
+
+def write(run: Run[Settings, Report]) -> None:
+    """dataset.csv of the first seed."""
+    asked, seed = run.settings, run.seeds[0]
+    cell = true_cell(build_cell(find_arm(asked.arm)), member(asked.true_arm, seed), seed)
+    campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)
+    clean, _ = disturbed(cell, campaign, cases(asked.scale, asked.only)[ALL], seed)
+    write_csv(reread(clean, asked.sigma, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")

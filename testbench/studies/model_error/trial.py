@@ -16,7 +16,7 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
-from testbench.bench.default import DEFAULT
+from testbench.bench.campaign_flags import TrueArmFlag
 from testbench.bench.judged import identify_each
 from testbench.bench.models import Model
 from testbench.bench.rows import UM, dataset_row
@@ -24,7 +24,6 @@ from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.plant import Disturbances, disturb, settle_pair
 from testbench.studies.model_error.cases import ALL, cases
-from testbench.studies.noise_sensitivity.by_arm import TrueArmFlag
 from testbench.studies.noise_sensitivity.fits import (
     TrialRow,
     judged,
@@ -32,12 +31,10 @@ from testbench.studies.noise_sensitivity.fits import (
     reread,
     with_wrong_priors,
 )
-from testbench.trials.spread import Number
 
 NAME = "model_error"
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""
-FEATURED = DEFAULT  #: The model by which disturbances are ranked.
 QUICK_WORKSPACE = 20
 
 
@@ -68,13 +65,13 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CaseRow(TrialRow):
     """One fit of one trial."""
 
     case: str  #: What the true arm does.
-    noise_um: float  #: Of a reading along an axis.
-    moved_um: Number  #: How far the disturbance moves the deflections to be predicted, RMS.
+    sigma_um: float  #: Noise of a reading along an axis.
+    moved_um: float  #: How far the disturbance moves the deflections to be predicted, RMS.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -122,7 +119,7 @@ def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> I
                     true_arm=true_arm,
                     measured=measured,
                     case=case,
-                    noise_um=UM * noise,
+                    sigma_um=UM * noise,
                     moved_um=moved,
                 )
 

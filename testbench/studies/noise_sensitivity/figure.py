@@ -1,22 +1,22 @@
 """Error against noise, and against the distance of the instrument."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.bench.baselines import JOINTS
+from testbench.report.campaigns import RMS, existing
+from testbench.report.columns import columns
+from testbench.report.table import Row
 from testbench.studies.noise_sensitivity.instruments import FLAT, WEIGHTED
-from testbench.studies.noise_sensitivity.report import Level, NoiseReport
-from testbench.studies.noise_sensitivity.summary import PARTS
-from testbench.studies.noise_sensitivity.tables import DISTANCE, RMS, SIGMA, distinct
 from testbench.trials.spread import ends, grouped, middle, span
 from testbench.views.colours import GCO, GREY, SERIES, Look, look
 from testbench.views.figure import SMALL, SOFT, Line, draw_line, page, quiet, say
-from testbench.views.gains import beside
 from testbench.views.schema import Column
 
+SIGMA, DISTANCE = columns("sigma_um distance_m")
 SHADES = (GCO, GREY, *SERIES[1:])
 """Of the instruments, which are all read by one model; the second has flat weights."""
 BANDS = (JOINTS, "MLS32", "MLS56", "MGCO56", "ALL153 + prior")
@@ -25,25 +25,28 @@ SAME = 1e-4  #: Share by which errors may differ and be one line.
 LINEAR_UM = 1.0  #: Errors below are drawn on a linear scale: without noise some are exact.
 
 
-def sensitivity(report: NoiseReport) -> Figure:
-    """Error against noise for both arms, and against distance for the instruments."""
+def sensitivity(f: Row, parts: Mapping[str, str], answer: str) -> Figure:
+    """Error against noise for both arms, and against distance for the instruments.
+
+    Args:
+        f: Numbers of the report.
+        parts: Of the sweeps, in words.
+        answer: The title.
+    """
     figure = page(10.5)
     panes = figure.subplot_mosaic("ab;cc", height_ratios=[1.3, 1])
-    for axes, (part, words) in zip((panes["a"], panes["b"]), PARTS.items(), strict=True):
-        for name, own in _alike(report.sweeps[part]).items():
+    for axes, (part, words) in zip((panes["a"], panes["b"]), parts.items(), strict=True):
+        for name, own in _alike(f.sweeps[part]).items():
             first = own[0]
             shade = look(first.structure, first.constraint, first.prior)
-            draw_line(axes, SIGMA, RMS, Line(own, shade, name, band=first.model in BANDS))
+            draw_line(axes, SIGMA, RMS, Line(own, shade, name, band=first.name in BANDS))
         axes.set_title(words, fontsize="medium")
-        _finish(axes, SIGMA, report.sweeps[part])
-    _instruments(panes["c"], [c for c in report.instruments if c.truth == "linear"])
-    led = report.leaders["gravity"]
-    found = report.gains["gravity"]
-    gains = {"least squares": found.least_squares, "joints alone": found.joints}
-    counts = [report.trials[part] for part in ("gravity", "six_dof", "instrument_linear")]
+        _finish(axes, SIGMA, f.sweeps[part])
+    _instruments(panes["c"], [row for row in f.instruments if row.truth == "linear"])
+    counts = [f.trials[part] for part in (*parts, "instrument")]
     say(
         figure,
-        f"{PARTS['gravity']}, {led.noise_um:g} um of noise: {beside(gains, 'um')}",
+        answer,
         f"RMS errors over the workspace. Marks: medians of {', '.join(map(str, counts))} trials; bands, of "
         f"some: {span(min(counts))} of them. "
         f"Filled and dashed: with a prior. Below {LINEAR_UM:g} um the axis is linear.",
@@ -51,25 +54,25 @@ def sensitivity(report: NoiseReport) -> Figure:
     return figure
 
 
-def _instruments(axes: Axes, rows: Sequence[Level]) -> None:
+def _instruments(axes: Axes, rows: Sequence[Row]) -> None:
     """A line an instrument over its distance; the one that stands nowhere is a level."""
-    placed = grouped([c for c in rows if c.x > 0], lambda row: row.model)
+    placed = grouped([row for row in rows if row.distance_m > 0], lambda row: row.instrument)
     for k, (name, distances) in enumerate(placed.items()):
         own = Look(SHADES[k], k, prior=False)
         draw_line(axes, DISTANCE, RMS, Line(distances, own, name, band=name == WEIGHTED))
-    [flat] = [middle(c.rms_um) for c in rows if c.model == FLAT]
+    [flat] = [middle(row.rms_um) for row in rows if row.instrument == FLAT]
     axes.axhline(flat, color=SOFT, linewidth=0.8)
     axes.annotate(FLAT, (1, flat), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=SOFT)
     axes.set_title("laser tracker, MGCO56 with prior, KR 500, linear truth", fontsize="medium")
     _finish(axes, DISTANCE, rows)
-    stations = sorted({c.x for c in rows if c.x > 0})
+    stations = sorted({row.distance_m for row in rows} - {0.0})
     axes.set_xticks(stations, [f"{x:g}" for x in stations])
 
 
-def _alike(levels: Sequence[Level]) -> dict[str, list[Level]]:
+def _alike(levels: Sequence[Row]) -> dict[str, list[Row]]:
     """Models under their names; those that err alike at every noise are one line under the names of all."""
-    found: list[tuple[list[str], list[Level]]] = []
-    for name, own in grouped(distinct(levels), lambda row: row.model).items():
+    found: list[tuple[list[str], list[Row]]] = []
+    for name, own in grouped(existing(levels), lambda row: row.name).items():
         errors = [middle(row.rms_um) for row in own]
         same = [
             names
@@ -83,7 +86,7 @@ def _alike(levels: Sequence[Level]) -> dict[str, list[Level]]:
     return {" =\n".join(names): own for names, own in found}
 
 
-def _finish(axes: Axes, x: Column, rows: Sequence[Level]) -> None:
+def _finish(axes: Axes, x: Column, rows: Sequence[Row]) -> None:
     """Labels, legend and a logarithmic axis that goes down to no error at all."""
     axes.set_xlabel(f"{x.heading} [{x.unit}]")
     axes.set_ylabel(f"{RMS.heading} [{RMS.unit}]")

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from testbench.bench.baselines import equal_fit
@@ -15,11 +14,8 @@ from testbench.bench.rows import UM, DatasetRow
 from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
-from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import all_deflections, score
-from testbench.studies.noise_sensitivity.by_arm import Words
-from testbench.trials.spread import Number, Share
 
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
@@ -30,16 +26,16 @@ LEARNS = ("ALL153",)
 
 @dataclass(frozen=True)
 class FitRow:
-    """A model fitted and judged by true deflections, in one trial or over all."""
+    """A model fitted and judged by true deflections."""
 
-    model: str  #: Its name; of an instrument the instrument's.
+    name: str  #: Of the model.
     structure: str
     constraint: Constraint
     prior: bool
-    rms_um: Number
-    p95_um: Number
-    conservative: Share
-    solved: Share
+    rms_um: float
+    p95_um: float
+    conservative: bool
+    solved: bool
 
 
 @dataclass(frozen=True)
@@ -47,24 +43,7 @@ class TrialRow(FitRow):
     """One fit of one trial."""
 
     true_arm: str  #: One of TRUTHS.
-    measured: DatasetRow | None  #: The dataset, of one case of the trial alone.
-
-
-Holds = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Fits:
-    """Columns of the rows of all trials that are alike in model and case, (trials,)."""
-
-    structure: Words
-    constraint: Words
-    prior: Holds
-    rms_um: Array
-    p95_um: Array
-    conservative: Holds
-    solved: Holds
-    true_arm: Words
+    measured: DatasetRow | None = None  #: The dataset, of one case of the trial alone.
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
@@ -92,7 +71,7 @@ def judged(cell: Cell, model: Model, estimates: Sequence[Estimate], truth: Datas
     errors = [score(moved, truth.deflection) for moved in all_deflections(cell.vjm, estimates, truth)]
     return [
         FitRow(
-            model=model.name,
+            name=model.name,
             structure=model.structure.name,
             constraint=estimate.constraint,
             prior=estimate.belief is not None,

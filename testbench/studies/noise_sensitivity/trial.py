@@ -3,9 +3,9 @@
 Every trial has a true arm of the family, the next one in turn; the model and the prior stay the folder's.
 Three parts. `six_dof`: the 108 runs of section 5.2, both positions and orientations, linear truth. `gravity`:
 the KR 500 under its payload, 8 poses, non-linear truth, judged all over the workspace. `instrument`: the same
-poses read by laser trackers near and far, weighted or not, all identified by one model; `default`: weighted
-or not by the model that `identify` takes. All levels of a trial share their random numbers,
-so that differences between levels and methods are theirs alone.
+poses read by laser trackers near and far, weighted or not, all identified by one model; weighted or not near
+by also by the model that `identify` takes. All levels of a trial share their random numbers, so that
+differences between levels and methods are theirs alone.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,17 +26,16 @@ from testbench.bench.campaign import (
     simulate_at,
     stream,
 )
+from testbench.bench.campaign_flags import TrueArmFlag
 from testbench.bench.default import DEFAULT
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.bench.judged import identify_each
 from testbench.bench.models import Model
-from testbench.bench.rows import dataset_row
+from testbench.bench.rows import UM, dataset_row
 from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.errors import BenchError
-from testbench.studies.noise_sensitivity.by_arm import TrueArmFlag
 from testbench.studies.noise_sensitivity.fits import (
-    FitRow,
     TrialRow,
     judged,
     plain_models,
@@ -55,19 +54,7 @@ SIX_DOF_PRIOR, GRAVITY_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO69"), (JOINTS, "
 INSTRUMENT = "MGCO56 + prior"  #: Instruments are compared by this model alone.
 MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
 
-Part = Literal[
-    "six_dof", "gravity", "instrument_linear", "instrument_nonlinear", "default_linear", "default_nonlinear"
-]
-TRUTHS: dict[Part, Truth] = {
-    "six_dof": "linear",
-    "gravity": "nonlinear",
-    "instrument_linear": "linear",
-    "instrument_nonlinear": "nonlinear",
-    "default_linear": "linear",
-    "default_nonlinear": "nonlinear",
-}
-INSTRUMENT_PARTS: dict[Truth, Part] = {"linear": "instrument_linear", "nonlinear": "instrument_nonlinear"}
-DEFAULT_PARTS: dict[Truth, Part] = {"linear": "default_linear", "nonlinear": "default_nonlinear"}
+Part = Literal["six_dof", "gravity", "instrument"]
 
 
 @dataclass(frozen=True)
@@ -92,12 +79,15 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NoiseRow(TrialRow):
     """One fit of one trial."""
 
     part: Part
-    x: float  #: Noise of a reading along an axis, or distance of the instrument [m].
+    truth: Truth
+    sigma_um: float | None = None  #: Noise of a reading along an axis; None of an instrument.
+    instrument: str | None = None  #: None of noise alike along all axes.
+    distance_m: float | None = None  #: Of the instrument; 0 of the one that reads alike wherever it stands.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -154,26 +144,29 @@ def _campaigns(cell: Cell, seed: int) -> dict[Truth, Campaign]:
 
 def _six_dof(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
     scenario = FullPose(arm=cell.arm.name, least=9e-3, most=41e-3, noise=False)
-    campaign, true_arm = simulate_full_pose(cell, scenario, seed), member(asked.true_arm, seed)
-    for sigma, found in _levels(cell, models, asked, campaign):
-        yield NoiseRow(**vars(found), true_arm=true_arm, measured=None, part="six_dof", x=sigma)
+    return _levels(cell, models, asked, simulate_full_pose(cell, scenario, seed), "six_dof")
 
 
 def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign) -> Iterator[NoiseRow]:
     measured = dataset_row(reread(campaign.identification, FLAT_SIGMA, stream(campaign.seed, 1)))
-    true_arm = member(asked.true_arm, campaign.seed)
-    for sigma, found in _levels(cell, models, asked, campaign):
-        yield NoiseRow(**vars(found), true_arm=true_arm, measured=measured, part="gravity", x=sigma)
+    return (replace(row, measured=measured) for row in _levels(cell, models, asked, campaign, "gravity"))
 
 
 def _levels(
-    cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign
-) -> Iterator[tuple[float, FitRow]]:
+    cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign, part: Part
+) -> Iterator[NoiseRow]:
     """Every level of noise with the fits of all models."""
     data = [reread(campaign.identification, sigma, stream(campaign.seed, 1)) for sigma in asked.sigmas]
     fits = [judged(cell, model, identify_each(cell, model, data), campaign.truth) for model in models]
     for sigma, found in zip(asked.sigmas, zip(*fits, strict=True), strict=True):
-        yield from ((sigma, row) for row in found)
+        for row in found:
+            yield NoiseRow(
+                **vars(row),
+                true_arm=member(asked.true_arm, campaign.seed),
+                part=part,
+                truth=campaign.scenario.truth,
+                sigma_um=UM * sigma,
+            )
 
 
 def _instruments(
@@ -184,13 +177,15 @@ def _instruments(
         data, seed = campaign.identification, campaign.seed
         read = list(readings(data, reread(data, FLAT_SIGMA, stream(seed, 1)), asked.distances, seed))
         weights = [own for own in read if own[0] in (WEIGHTED, UNWEIGHTED) and own[1] == NEAR]
-        true_arm = member(asked.true_arm, seed)
-        for part, by, some in (
-            (INSTRUMENT_PARTS[truth], INSTRUMENT, read),
-            (DEFAULT_PARTS[truth], DEFAULT, weights),
-        ):
+        for by, some in ((INSTRUMENT, read), (DEFAULT, weights)):
             names, distances, sets = zip(*some, strict=True)
             fits = judged(cell, models[by], identify_each(cell, models[by], sets), campaign.truth)
-            for name, x, found in zip(names, distances, fits, strict=True):
-                fields = vars(replace(found, model=name))
-                yield NoiseRow(**fields, true_arm=true_arm, measured=None, part=part, x=x)
+            for name, distance, row in zip(names, distances, fits, strict=True):
+                yield NoiseRow(
+                    **vars(row),
+                    true_arm=member(asked.true_arm, seed),
+                    part="instrument",
+                    truth=truth,
+                    instrument=name,
+                    distance_m=distance,
+                )

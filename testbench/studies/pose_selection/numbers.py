@@ -201,7 +201,7 @@ def _kept(promised: str, own: Trials) -> Row:
         below=below,
         above=above,
         inside_95=float(np.mean(own["inside"])),
-        ratio=number(error / own["expected.expected"]),
+        over_promised=number(error / own["expected.expected"]),
     )
 
 

@@ -31,7 +31,7 @@ PLANS = (
     "observability.o3 observability.o4 observability.o5 seconds"
 )
 FORECASTS = "plan poses expected_mm gco_mm ls_mm gco_over_expected inside_90"
-KEPT = "promised count inside_90 below above inside_95 ratio"
+KEPT = "promised count inside_90 below above inside_95 over_promised"
 VARIANTS = (
     "variant poses directions with_first_load efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
 )
@@ -229,9 +229,9 @@ def _more(f: Row) -> Iterator[Markdown]:
     )
     yield say(
         "Promises hold least often with {least.promised}: {least.inside_90:yes} and {least.inside_95:yes}. "
-        "Simulated over promised error is {whole.ratio:.2f} in all cases, of joints alone "
-        "{joints.ratio:.2f}: a promise takes the links to be of any shape, and all to be as soft as the "
-        "prior is.",
+        "Simulated over promised error is {whole.over_promised:.2f} in all cases, of joints alone "
+        "{joints.over_promised:.2f}: a promise takes the links to be of any shape, and all to be as "
+        "soft as the prior is.",
         least=min(f.kept[1:], key=lambda row: float(row.inside_95)),
         whole=f.kept[0],
         joints=f.kept_joints,

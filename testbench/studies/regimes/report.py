@@ -48,7 +48,7 @@ RATIOS = {
     "fitted": ("gco_fitted_um", "ls_fitted_um"),
 }
 """Errors of each fit over those of another."""
-GROUP = "share gco_over_ls gco_over_lent better_in gco_over_joints beats_joints_in"
+GROUP = "fits_share gco_over_ls gco_over_lent better_in gco_over_joints beats_joints_in"
 PRIOR = "binds_in gco_over_ls where_it_binds gco_over_joints beats_joints_in"
 CELL = (
     f"{GROUP} gco_over_equal lent_over_ls fitted ls_um equal_um gco_um joints_um binds_in conservative_in "
@@ -157,9 +157,9 @@ def _of_kind(rows: Trials) -> Row:
         cells=cells,
         counts=_counts(cells),
         levels=list(_levels(binding, len(plain))),
-        free=Row(level=FREE, share=len(free) / len(plain), **_fits(free, GROUP)) if len(free) else None,
+        free=Row(level=FREE, fits_share=len(free) / len(plain), **_fits(free, GROUP)) if len(free) else None,
         truths=[
-            Row(true_arm=arm, share=len(own) / len(plain), **_fits(own, GROUP))
+            Row(true_arm=arm, fits_share=len(own) / len(plain), **_fits(own, GROUP))
             for (arm,), own in plain.groups("true_arm")
         ],
         priors=[_with_prior(believed.where(uncertainty=name), uncertainty=name) for name in PRIORS],
@@ -205,7 +205,7 @@ def _levels(binding: Trials, fits: int) -> Iterator[Row]:
         own = binding.pick((low <= binding["expected"]) & (binding["expected"] < high))
         if len(own):
             name = f"{100 * low:g} to {100 * high:g} %" if high < np.inf else f"over {100 * low:g} %"
-            yield Row(level=name, share=len(own) / fits, **_fits(own, GROUP))
+            yield Row(level=name, fits_share=len(own) / fits, **_fits(own, GROUP))
 
 
 def _with_prior(own: Trials, **known: float | str) -> Row:
@@ -383,8 +383,8 @@ def _of_free(f: Row, kind: str, words: str) -> Iterator[Markdown]:
     )
     if f.free[kind]:
         yield say(
-            f"{words}: in {{share:yes}} of the fits some conservative model fits as well as least squares. "
-            "There the cone does nothing to what is seen: GCO over least squares is {gco_over_lent:.2f} with "
+            f"{words}: in {{fits_share:yes}} of the fits some conservative model fits as well as least "
+            "squares. There the cone does nothing to what is seen: GCO over least squares is {gco_over_lent:.2f} with "
             "the same free directions, with what GCO takes for these {gco_over_ls:.2f}.",
             f.free[kind],
         )

@@ -16,7 +16,7 @@ IN_ORDER = {"prior_error": PRIORS, "true_arm": TRUTHS}
 ERROR = "workspace.rms_mm"  #: What methods are judged by.
 MARGIN = 0.05  #: Share by which a method's error must exceed that of joints alone for it to lose.
 WORST = 10  #: How many of the worst cases are listed.
-FAMILY = f"name {ERROR} check_true.rms_mm over_joints loses over_best over_least wins misfit conservative"
+FAMILY = f"name {ERROR} check_true.rms_mm over_joints loses over_best over_least best_in misfit conservative"
 OF_METHODS = (*FAMILY.split(), "structure", "constraint", "prior", "solved")
 WORST_CASES = f"seed true_arm prior_error poses chosen {ERROR} over_joints over_best"
 
@@ -44,7 +44,7 @@ def judged(trials: Trials) -> Trials:
         over_best=best,
         over_least=least,
         loses=joints > 1 + MARGIN,
-        wins=least < 1 + SAME,
+        best_in=least < 1 + SAME,
     )
 
 

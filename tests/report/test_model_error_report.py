@@ -1,0 +1,203 @@
+"""What is said and drawn of disturbances is what their trials hold, of trials that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import check_pivot, check_spread, check_table, curves, ends_of, key_of, looks_differ, unit_in
+from made_up import of_one_trial
+from reports import check, table_of
+
+from testbench.bench.truths import CALLED, member
+from testbench.studies.model_error.cases import ALL, NONE, STIFF, cases
+from testbench.studies.model_error.report import figures, report
+from testbench.studies.model_error.study import STUDY
+from testbench.studies.model_error.trial import CaseRow, Settings
+from testbench.views.colours import look
+
+SEEDS = range(2, 7)
+SETTINGS = Settings(arm="kr500_l480", sigma=40e-6)
+CASES = list(cases(1.0))
+PLAIN = "gravity compensator"
+DEFAULT = "ALL153 + prior"
+MODELS = {
+    "Joints": ("Joints", "none", False),
+    "MLS56": ("MLS56", "none", False),
+    "MGCO56": ("MGCO56", "psd", False),
+    "MLS56 + prior": ("MLS56", "none", True),
+    "MGCO56 + prior": ("MGCO56", "psd", True),
+    DEFAULT: ("ALL153", "psd", True),
+}
+CALLED_CASES = ({NONE: "no disturbance"}, {})
+
+
+def made(errors=None, arms=None):
+    """A report of made-up trials, and these; `errors` fixes some by case, model and noise, plus the seed."""
+
+    def rows(seed):
+        rng = np.random.default_rng(seed)
+        for case in CASES:
+            for noise in (0.0, 40.0):
+                for name, (structure, constraint, prior) in MODELS.items():
+                    fixed = {"structure": structure, "constraint": constraint, "prior": prior, "case": case}
+                    row = of_one_trial(CaseRow, rng, name=name, sigma_um=noise, **fixed)
+                    size = (errors or {}).get((case, name, noise), row.rms_um)
+                    arm = member("family", seed)
+                    if arms:
+                        arm, own = arms[seed]
+                        size = own if (name, case) in ((DEFAULT, ALL), (DEFAULT, STIFF)) else 60.0
+                    yield replace(row, rms_um=size, true_arm=arm)
+
+    seeds = [*arms] if arms else SEEDS
+    trials = table_of(seeds, lambda seed: [*rows(seed)])
+    return report(SETTINGS, range(seeds[0], seeds[-1] + 1), trials), trials
+
+
+def test_numbers_are_medians_and_spreads_by_case_model_and_noise_trial_by_trial():
+    found, trials = made()
+    f, text = found.numbers, check(found, STUDY.printed)
+
+    def of(case, name, noise, key="rms_um"):
+        return trials.where(case=case, name=name, sigma_um=noise)[key]
+
+    assert len(f["cells"]) == len(CASES) * len(MODELS) * 2
+    for cell in f["cells"]:
+        own = (cell.case, cell.name, cell.sigma_um)
+        for key in ("rms_um", "p95_um", "moved_um"):
+            check_spread(cell[key], of(*own, key))
+        check_spread(cell.added_um, of(*own) - of(NONE, cell.name, cell.sigma_um))
+        assert (cell.conservative, cell.solved) == tuple(
+            of(*own, k).mean() for k in ("conservative", "solved")
+        )
+    by_name = {m.name: m for m in f["models"]}
+    assert len(by_name) == 2 * len(MODELS)
+    for case in (NONE, ALL):
+        for name in MODELS:
+            check_spread(by_name[f"{name}, {case}"].workspace.rms_mm, of(case, name, 40.0) / 1e3)
+    assert len(f["claim"]) == 2 * len(MODELS)
+    for row in f["claim"]:  # two readings of three axes
+        own, none = (of(case, row.name, 40.0) for case in (row.case, NONE))
+        read = np.sqrt(own**2 + 6 * 40.0**2) / np.sqrt(none**2 + 6 * 40.0**2) - 1
+        for key, change in (("true", own / none - 1), ("read", read)):
+            check_spread(row[f"{key}_change_percent"], 100 * change)
+            assert row[f"{key}_within"] == np.mean(np.abs(change) <= 0.048)
+    for title, key, noise in (("without noise", "calm", 0.0), ("with noise of 40 um", "noisy", 40.0)):
+        own = [cell for cell in f["cells"] if cell.sigma_um == noise]
+        check_pivot(found.tables[key], own, ("case", "name", "rms_um"), called=CALLED_CASES)
+        assert found.tables[key].title == f"RMS error, um, {title}"
+    own = [cell for cell in f["cells"] if cell.sigma_um == 40.0]
+    check_pivot(found.tables["short"], own, ("case", "name", "rms_um"), called=CALLED_CASES)
+    alone = [c for c in f["cells"] if (c.name, c.sigma_um) == (DEFAULT, 0.0) and c.case not in (NONE, ALL)]
+    means = {
+        "disturbance": "case",
+        "moves deflections by, um": "moved_um",
+        "adds to the error, um": "added_um",
+    }
+    check_table(found.tables["ranking"], sorted(alone, key=lambda c: -c.added_um.median), means)
+    claim = {"disturbance": "case", "model": "name", "error changes, true, %": "true_change_percent"}
+    claim |= {"within the claim, true": "true_within", "changes, against readings, %": "read_change_percent"}
+    check_table(
+        found.tables["claim"], f["claim"], claim | {"within the claim, against readings": "read_within"}
+    )
+    for said in (
+        "joint sensors: Joint sensors are off by 0.35 mrad.",
+        "payload mass: The payload is 0.2 % heavier than recorded.",
+        "payload centre: The hanging point is off by 2 mm.",
+        "backlash: Joints have 50 urad of play to either side.",
+        "nominal geometry: Frames are off by 0.5 mm and 0.87 mrad.",
+        "stiffening joints: Joints are 10 % stiffer a mrad of turn.",
+        "65 kN/m as joint 2 turns, 96000 kN/m as the arm deflects.",
+    ):
+        assert said in text
+
+
+@pytest.mark.parametrize("best", MODELS)
+def test_gain_best_and_pairs_are_those_with_noise_and_all_disturbances(best):
+    own = {name: 60.0 + 10 * k for k, name in enumerate(MODELS)} | {best: 31.0}
+    found, _ = made({(ALL, name, 40.0): size for name, size in own.items()})
+    assert found.claims[0] == f"Disturbed in every way, with noise, the least error is that of {best}: 31 um."
+    assert found.answer.startswith(
+        f"Disturbed in every way, 40 um of noise: {DEFAULT} {own[DEFAULT]:.0f} um, least squares "
+        f"{own['MLS56']:.0f} um; "
+    )
+    assert f" Joints alone {own['Joints']:.0f} um, " in found.answer
+    for row in found.numbers["beats"]:
+        a, b = own[row.ours], own[row.theirs]
+        assert (row.ratio, row.won, row.tied) == (a / b, a < b, a == b)
+
+
+def test_models_that_err_alike_are_alike():
+    found, _ = made({(ALL, name, 40.0): 70.0 if name == "MGCO56" else 50.0 for name in MODELS})
+    assert "Joints, MLS56, MLS56 + prior, MGCO56 + prior and ALL153 + prior (alike): 50 um" in found.claims[0]
+    assert "least squares 50 um; alike. Joints alone 50 um, alike." in found.answer
+    assert found.claims[2].endswith(
+        "in 0 % of 5 trials. With the prior it does in 0 %, and they err alike in 100 %."
+    )
+
+
+@pytest.mark.parametrize("worst", ["own weight", STIFF])
+def test_the_costliest_disturbance_is_named_whichever_it_is(worst):
+    errors = {(case, DEFAULT, 0.0): 20.0 + k for k, case in enumerate(CASES)}
+    errors |= {(NONE, DEFAULT, 0.0): 20.0, (NONE, DEFAULT, 40.0): 45.0, (worst, DEFAULT, 0.0): 90.0}
+    found, _ = made(errors)
+    second, third = [c for c in CASES[::-1] if c not in (ALL, worst)][:2]
+    assert found.worst == (
+        f'Worst without noise: "{worst}" adds 70 um to the error of {DEFAULT}; then come "{second}" '
+        f'+{CASES.index(second)} um, "{third}" +{CASES.index(third)} um.'
+    )
+    assert (
+        f"Noise of 40 um adds 25 um to the error of {DEFAULT} on the undisturbed arm. 1 of" in found.claims[1]
+    )
+    assert found.numbers["above_noise"] == [worst]
+
+
+def test_the_true_change_by_the_compensator_stands_before_the_one_that_noise_hides():
+    """50 um become 60: +20 %; beside 98 um of noise in quadrature they are +4.4 %."""
+    errors = {(NONE, name, 40.0): 50.0 for name in MODELS} | {(STIFF, name, 40.0): 500.0 for name in MODELS}
+    found, _ = made(errors | {(PLAIN, name, 40.0): 50.0 if name == "MLS56" else 60.0 for name in MODELS})
+    said = f'"{PLAIN}" changes the true error of {DEFAULT} by +20.0 %; against readings it looks like +4.4 %.'
+    assert said in found.claims
+    claim = {(row.case, row.name): (row.true_within, row.read_within) for row in found.numbers["claim"]}
+    assert claim[PLAIN, "MLS56"] == (True, True)
+    assert claim[PLAIN, DEFAULT] == (False, True)
+    assert claim[STIFF, DEFAULT] == (False, False)
+
+
+def test_errors_and_changes_by_true_arm_are_those_of_its_trials():
+    found, _ = made(arms={2: ("cast", 40.0), 3: ("tubes", 10.0), 4: ("cast", 41.0)})
+    for name, table, value in (
+        (DEFAULT, "together_by_arm", 40.5),
+        (STIFF, "claim_by_arm", 100 * (40.5 / 60 - 1)),
+    ):
+        rows, key = found.numbers[table], {"together_by_arm": "rms_um"}.get(table, "true_change_percent")
+        of = "case" if name == STIFF else "name"
+        own = {(row[of], row.true_arm): row[key] for row in rows}
+        assert own[name, "cast"].median == pytest.approx(value)
+        check_pivot(found.tables[table], rows, (of, "true_arm", key), called=({}, CALLED))
+
+
+def test_the_figure_draws_the_numbers_in_the_colour_of_each_model_and_joins_no_two_cases():
+    found, _ = made()
+    drawn = figures(found)["model_error.png"]
+    left, right = drawn.axes
+    for axes, noise, words in ((left, 0.0, "without noise"), (right, 40.0, "with noise of 40 um")):
+        assert axes.get_title() == words
+        assert unit_in(axes.get_xlabel()) == "um"
+        spreads = [line.get_data() for line in axes.get_lines() if line.get_label().startswith("_")]
+        shades = {line.get_label(): line.get_color() for line in axes.get_lines()}
+        points = curves(axes)
+        assert list(points) == list(MODELS)
+        for name, (x, y) in points.items():
+            cells = [c for c in found.numbers["cells"] if (c.name, c.sigma_um) == (name, noise)]
+            own = {c.case: c.rms_um for c in cells}
+            assert x.tolist() == [own[case].median for case in CASES]
+            assert np.rint(y).tolist() == list(range(len(CASES)))
+            assert shades[name] == look(*MODELS[name]).hex
+            for case, place in zip(CASES, y, strict=True):
+                assert any(np.allclose(s, [ends_of(own[case]), (place, place)]) for s in spreads)
+        for line in axes.get_lines():
+            assert line.get_linestyle() == "None" or len(line.get_xdata()) == 2
+    labels = [t.get_text() for t in left.get_yticklabels()]
+    assert labels == ["no disturbance", *CASES[1:]]
+    assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case on top
+    looks_differ(key_of(drawn))
