@@ -136,7 +136,7 @@ EVERY = (
     Column("judged", "judged on"),
     Column("trained", "trained on"),
     Column("fit", "fit"),
-    Column("poses", "poses that train", form="d"),
+    Column("poses", "poses", form="d"),
     Column("draws", "draws", form="d"),
     Column("blocks_mm", "blocks", "mm"),
     Column("a_to_c_mm", "A to C", "mm"),
@@ -163,6 +163,32 @@ EVERY = (
     Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
     Column("prototype_mm", "prototype", "mm"),
     Column("here_mm", "here", "mm"),
+    # absolute readings: what hides in what, and what lies in its interval
+    Column("arm", "arm"),
+    Column("campaign", "campaign"),
+    Column("trials", "trials", form="d"),
+    Column("readings", "readings", form="d"),
+    Column("error_mm", "error, own weight", "mm"),
+    Column("loaded_mm", "error, payload", "mm"),
+    Column("over_optimum", "over the optimum", form=".2f"),
+    *(
+        Column(f"{key}_{joint}_percent", f"c{joint} off, {words}", "%", ".1f")
+        for joint in (2, 3)
+        for key, words in (("bias", "median"), ("off", "RMS"))
+    ),
+    Column("geometry_off", "geometry off", "mm, mrad"),
+    *(
+        Column(f"inside.{part}_percent", f"{words} inside", "%", ".1f")
+        for part, words in (
+            ("positions", "positions"),
+            ("geometry", "geometry"),
+            ("joint_errors", "joint errors"),
+            ("joints", "joint compliances"),
+            ("entries", "entries of C"),
+        )
+    ),
+    Column("gears_kept_percent", "joint errors kept", "%", ".1f"),
+    Column("links_kept_percent", "links kept", "%", ".1f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
