@@ -189,6 +189,25 @@ EVERY = (
     ),
     Column("gears_kept_percent", "joint errors kept", "%", ".1f"),
     Column("links_kept_percent", "links kept", "%", ".1f"),
+    # jobs of a corrected robot
+    Column("job", "job"),
+    Column("removed_percent", "removed", "%", ".1f"),
+    Column("worst_percent", "worst case", "%", ".1f"),
+    Column("nine_percent", "cases with 90 % or more removed", "%", ".1f"),
+    Column("worse", "cases made worse", form="d"),
+    Column("before.median_mm", "before", "mm"),
+    Column("after.median_mm", "after", "mm"),
+    Column("after.p95_mm", "after, 95th percentile", "mm"),
+    Column("after.most_mm", "after, largest", "mm"),
+    Column("covered_percent", "covered", "%", ".1f"),
+    Column("by_trial_percent", "median removed, trial by trial", "%", ".1f"),
+    Column("median_kept", "trials with a median of 97 %", form="yes"),
+    Column("nine_kept", "trials with 90 % removed in 95 % of points", form="yes"),
+    Column("trials_worse", "trials with a point made worse", form="d"),
+    Column("covered_by_trial_percent", "covered, trial by trial", "%", ".1f"),
+    Column("solved", "solved", form="yes"),
+    Column("unseen_percent", "without bound", "%", ".1f"),
+    Column("buckled", "trials without equilibrium", form="d"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
