@@ -100,7 +100,18 @@ def test_what_hides_is_the_compliance_of_joints_two_and_three():
     rms = 100 * np.sqrt((off[:, 1:3] ** 2).mean(axis=0))
     assert (own.off_2_percent, own.off_3_percent) == pytest.approx(rms)
     assert f"joint 2's compliance is {rms[0]:.0f} % off on ur10; " in found.claims[3]
-    shown = {tuple(line[:5]): line[5:] for line in tables_of(grid(found.tables["campaigns"]))[0][1]}
+    [(head, lines)] = tables_of(grid(found.tables["campaigns"]))
+    assert head[5:] == ["error, own weight, mm", "error, payload, mm", "c2 off, RMS, %", "c3 off, RMS, %"]
+    shown = {tuple(line[:5]): line[5:] for line in lines}
+    [(head, lines)] = tables_of(grid(found.tables["hiding"]))
+    for line, one in zip(lines, f["hiding"], strict=True):
+        cells = dict(zip(head, line, strict=True))
+        assert cells["model"] == one.name
+        assert cells["c2 off, median, %"] == show(one.bias_2_percent, ".1f")
+        assert cells["c3 off, RMS, %"] == show(one.off_3_percent, ".1f")
+        assert cells["geometry off, mm, mrad"] == show(one.geometry_off)
+        assert cells["joint compliances inside, %"] == show(one.inside.joints_percent, ".1f")
+        assert cells["joint errors kept, %"] == show(one.gears_kept_percent, ".1f")
     for one in f["campaigns"]:
         mine = trials.where(true_arm=REAL, arm=one.arm, campaign=one.campaign, name=one.name, readings=200)
         check_spread(one.loaded_mm, mine["loaded_mm"])

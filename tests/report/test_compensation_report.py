@@ -117,7 +117,15 @@ def test_words_and_tables_show_the_numbers(found):
     )
     real = group(f, DEFAULT, ADVISED, REAL)
     assert f"With a disturbed arm {real.removed_percent.median:.1f} %, joints alone" in found.worst
-    [(_, lines)] = tables_of(grid(found.tables["undisturbed, trials"]))
+    [(head, lines)] = tables_of(grid(found.tables["undisturbed, trials"]))
+    assert head[3:] == [
+        "median removed, trial by trial, %",
+        "trials with a median of 97 %",
+        "trials with 90 % removed in 95 % of points",
+        "trials with a point made worse",
+        "covered, trial by trial, %",
+        "solved",
+    ]
     for line in lines:
         own = find(f.groups, name=line[0], campaign=line[1], arm=IDEAL, job=ALL, poses=int(line[2]))
         assert line[3:] == [
@@ -128,6 +136,16 @@ def test_words_and_tables_show_the_numbers(found):
             show(own.covered_by_trial_percent, ".1f"),
             show_truth(own.solved),
         ]
+    [(head, lines)] = tables_of(grid(found.tables["undisturbed, jobs"]))
+    for cells in (dict(zip(head, line, strict=True)) for line in lines):
+        key = {"job": cells["job"], "name": cells["model"], "campaign": cells["campaign"]}
+        own = find(f.groups, **key, arm=IDEAL, poses=int(cells["poses"]))
+        assert cells["removed, %"] == show(own.removed_percent, ".1f")
+        assert cells["worst case, %"] == show(own.worst_percent, ".1f")
+        assert cells["cases with 90 % or more removed, %"] == show(own.nine_percent, ".1f")
+        sizes = own.before.median_mm, own.after.median_mm, own.after.p95_mm, own.after.most_mm
+        heads = "before, mm", "after, mm", "after, 95th percentile, mm", "after, largest, mm"
+        assert [cells[title] for title in heads] == [show(size) for size in sizes]
     [(head, lines)] = tables_of(grid(found.tables["disturbed, truths"]))
     assert head[-2:] == ["after, mm", "covered, %"]
     own = find(f.by_truth, true_arm="cast", name=DEFAULT, arm=REAL)
