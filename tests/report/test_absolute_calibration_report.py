@@ -100,6 +100,15 @@ def test_what_hides_is_the_compliance_of_joints_two_and_three():
     rms = 100 * np.sqrt((off[:, 1:3] ** 2).mean(axis=0))
     assert (own.off_2_percent, own.off_3_percent) == pytest.approx(rms)
     assert f"joint 2's compliance is {rms[0]:.0f} % off on ur10; " in found.claims[3]
+    alone, mixed = (
+        find(f["campaigns"], arm="ur10", campaign=one, name=ALL).loaded_mm.median
+        for one in ("absolute alone", "mixed")
+    )
+    assert f"mixed with loaded pairs: {alone:.3f} and {mixed:.3f} mm (ur10); " in found.claims[4]
+    unseen = find(f["hiding"], arm="ur10", true_arm=NO_GEARS, name=INCUMBENT)
+    assert f"joint 2's compliance is {unseen.bias_2_percent:+.0f} % off on ur10; " in found.claims[6]
+    geometry = find(f["models"], arm="kr500_l480", poses=200, name="geometry alone")
+    assert found.claims[0].endswith(f"; {geometry.error_mm.median:.3f} mm on kr500_l480.")
     [(head, lines)] = tables_of(grid(found.tables["campaigns"]))
     assert head[5:] == ["error, own weight, mm", "error, payload, mm", "c2 off, RMS, %", "c3 off, RMS, %"]
     shown = {tuple(line[:5]): line[5:] for line in lines}

@@ -22,10 +22,14 @@ from testbench.studies.compensation.settings import (
     IDENTIFIED,
     JOBS,
     LEAST_SQUARES,
+    LINEAR,
     MODELS,
+    NOMINAL,
     NOWHERE,
     PERFECT,
+    PRIOR,
     REAL,
+    WEIGHT,
     Settings,
 )
 from testbench.views.colours import CHOICE, JOINTS
@@ -34,13 +38,14 @@ from testbench.views.schema import show, show_truth
 
 SETTINGS, SEEDS = Settings("kr500_l480", 300), range(300, 306)
 POINTS = {"drilling": 30, "milling": 64}
-LEFT = {PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08}
+LEFT = {PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, NOMINAL: 0.3, PRIOR: 0.7}
+TIMES = {REAL: 5, LINEAR: 2, WEIGHT: 3}  #: As much is left.
 
 
 def row(rng, seed, arm, way, name, job):
     n = POINTS[job]
     before = rng.uniform(0.5, 3.0, n)
-    left = LEFT.get(name, 0.5) * (5 if arm == REAL else 1) * rng.uniform(0.5, 1.5, n)
+    left = LEFT.get(name, 0.5) * TIMES.get(arm, 1) * TIMES.get(way.loads, 1) * rng.uniform(0.5, 1.5, n)
     of = 3 * n if name in IDENTIFIED else 0
     return JobRow(
         **{"true_arm": member(FAMILY, seed), "arm": arm, **vars(way), "name": name, "job": job},
@@ -115,8 +120,23 @@ def test_words_and_tables_show_the_numbers(found):
     assert f"Joints alone leave {joints:.3f} mm of {of_default(found).before.median_mm.median:.3f} mm" in (
         found.answer
     )
-    real = group(f, DEFAULT, ADVISED, REAL)
-    assert f"With a disturbed arm {real.removed_percent.median:.1f} %, joints alone" in found.worst
+    hung = replace(ADVISED, loads=WEIGHT)
+    best, plain, weight, weight_plain, real, real_plain, linear, nominal, prior, exact = (
+        f"{group(f, *asked).removed_percent.median:.1f} %"
+        for asked in (
+            *((name, way) for way in (ADVISED, hung) for name in (DEFAULT, "Joints")),
+            *((name, ADVISED, REAL) for name in (DEFAULT, "Joints")),
+            *((DEFAULT, ADVISED, LINEAR), (NOMINAL,), (PRIOR,), (PERFECT, NOWHERE, REAL)),
+        )
+    )
+    assert (
+        f"never loads joint 1: {weight} removed, joints alone {weight_plain}. With a disturbed arm {real}, "
+        in (found.worst)
+    )
+    assert found.worst.endswith(f"{real}, joints alone {real_plain}, perfect compliances {exact}.")
+    assert f"remove {best} of the deflection with the default, {plain} with joints alone" in found.claims[0]
+    assert found.claims[2].endswith(f"the default removes {linear}.")
+    assert f"folder's compliances remove {nominal}, the prior alone {prior}." in found.claims[4]
     [(head, lines)] = tables_of(grid(found.tables["undisturbed, trials"]))
     assert head[3:] == [
         "median removed, trial by trial, %",
