@@ -168,6 +168,7 @@ EVERY = (
     Column("judged", "judged on"),
     Column("trained", "trained on"),
     Column("fit", "fit"),
+    Column("poses", "poses", form="d"),
     Column("draws", "draws", form="d"),
     Column("blocks_mm", "blocks", "mm"),
     Column("a_to_c_mm", "A to C", "mm"),
@@ -199,7 +200,6 @@ EVERY = (
     Column("criterion", "criterion"),
     Column("ground", "tasks"),
     Column("variant", "measured"),
-    Column("poses", "poses", form="d"),
     Column("efficiency_percent", "efficient, at least", "%", ".1f", short="effi-\ncient\n>= %"),
     Column("observability.seen", "directions seen", form=".0f"),
     Column("observability.of", "of", form=".0f"),
@@ -314,6 +314,50 @@ EVERY = (
     Column("true_within", "within the claim, true", form="yes"),
     Column("read_change_percent", "changes, against readings", "%", "+.1f"),
     Column("read_within", "within the claim, against readings", form="yes"),
+    # absolute readings: what hides in what, and what lies in its interval
+    Column("arm", "arm"),
+    Column("campaign", "campaign"),
+    Column("trials", "trials", form="d"),
+    Column("readings", "readings", form="d"),
+    Column("error_mm", "error, own weight", "mm"),
+    Column("loaded_mm", "error, payload", "mm"),
+    Column("over_optimum", "over the optimum", form=".2f"),
+    *(
+        Column(f"{key}_{joint}_percent", f"c{joint} off, {words}", "%", ".1f")
+        for joint in (2, 3)
+        for key, words in (("bias", "median"), ("off", "RMS"))
+    ),
+    Column("geometry_off", "geometry off", "mm, mrad"),
+    *(
+        Column(f"inside.{part}_percent", f"{words} inside", "%", ".1f")
+        for part, words in (
+            ("positions", "positions"),
+            ("geometry", "geometry"),
+            ("joint_errors", "joint errors"),
+            ("joints", "joint compliances"),
+            ("entries", "entries of C"),
+        )
+    ),
+    Column("gears_kept_percent", "joint errors kept", "%", ".1f"),
+    Column("links_kept_percent", "links kept", "%", ".1f"),
+    # jobs of a corrected robot
+    Column("job", "job"),
+    Column("removed_percent", "removed", "%", ".1f"),
+    Column("worst_percent", "worst case", "%", ".1f"),
+    Column("nine_percent", "cases with 90 % or more removed", "%", ".1f"),
+    Column("worse", "cases made worse", form="d"),
+    Column("before.median_mm", "before", "mm"),
+    Column("after.median_mm", "after", "mm"),
+    Column("after.p95_mm", "after, 95th percentile", "mm"),
+    Column("after.most_mm", "after, largest", "mm"),
+    Column("by_trial_percent", "median removed, trial by trial", "%", ".1f"),
+    Column("median_kept", "trials with a median of 97 %", form="yes"),
+    Column("nine_kept", "trials with 90 % removed in 95 % of points", form="yes"),
+    Column("trials_worse", "trials with a point made worse", form="d"),
+    Column("covered_by_trial_percent", "covered, trial by trial", "%", ".1f"),
+    Column("solved", "solved", form="yes"),
+    Column("unseen_percent", "without bound", "%", ".1f"),
+    Column("buckled", "trials without equilibrium", form="d"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -101,8 +101,9 @@ class Trials:
         _, first, codes = np.unique(codes, return_index=True, return_inverse=True)
         ordered, ends = np.argsort(codes, kind="stable"), np.cumsum(np.bincount(codes))
         parts = np.split(ordered, ends[:-1]) if len(ordered) else []
+        keys = [self[name][first].tolist() for name in by]
         for k in np.argsort(first):
-            yield tuple(self[name][first[k]] for name in by), self.pick(parts[k])
+            yield tuple(own[k] for own in keys), self.pick(parts[k])
 
 
 def merged(trials: Trials, *by: str) -> list[Row]:
@@ -188,6 +189,11 @@ def nested(flat: Mapping[str, Any]) -> Row:
             own = own.setdefault(part, Row())
         own[last] = value
     return found
+
+
+def find(rows: Sequence[Row], **alike: Any) -> Row:
+    """The first of some rows that has these values; StopIteration where none has."""
+    return next(row for row in rows if all(row[name] == value for name, value in alike.items()))
 
 
 def rows(value: Any) -> Any:

@@ -36,22 +36,23 @@ def test_every_trial_has_the_rows_that_its_questions_need(rows, report):
 
 
 def test_the_report_is_the_rows(rows, report):
-    [row] = picked(rows, true_arm="real", campaign="absolute alone", model=CHOSEN)
+    [row] = picked(rows, true_arm="real", campaign="absolute alone", name=CHOSEN)
     [own] = [model for model in report["models"] if model["name"] == CHOSEN]
     assert own["error_mm"]["median"] == pytest.approx(row["error_mm"])
     assert own["over_optimum"] == pytest.approx(row["error_mm"] / row["optimum_mm"])
-    assert own["inside"]["positions"] == row["positions.inside"] / row["positions.of"]
-    [hidden] = [h for h in report["hiding"] if (h["true_arm"], h["model"]) == ("rigid links", INCUMBENT)]
-    [row] = picked(rows, true_arm="rigid links", model=INCUMBENT)
+    assert own["inside"]["positions_percent"] == 100 * row["positions.inside"] / row["positions.of"]
+    [hidden] = [h for h in report["hiding"] if (h["true_arm"], h["name"]) == ("rigid links", INCUMBENT)]
+    [row] = picked(rows, true_arm="rigid links", name=INCUMBENT)
     off = np.array(row["compliance_off"])
-    assert (hidden["bias_2"], hidden["off_2"]) == pytest.approx((off[1], abs(off[1])))
+    shown = hidden["bias_2_percent"], hidden["off_2_percent"]
+    assert shown == pytest.approx((100 * off[1], 100 * abs(off[1])))
 
 
 def test_noise_allows_less_than_any_model_leaves_that_lacks_an_error(rows):
     for row in picked(rows, true_arm="real", campaign="absolute alone"):
-        if row["model"] not in (ALL, CHOSEN):
-            assert row["error_mm"] > 0.9 * row["optimum_mm"], row["model"]
-    [alone] = picked(rows, true_arm="real", campaign="absolute alone", model="geometry alone")
+        if row["name"] not in (ALL, CHOSEN):
+            assert row["error_mm"] > 0.9 * row["optimum_mm"], row["name"]
+    [alone] = picked(rows, true_arm="real", campaign="absolute alone", name="geometry alone")
     assert alone["error_mm"] > 2 * alone["optimum_mm"]
 
 

@@ -106,7 +106,7 @@ def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
 
 def test_the_loop_is_exact_where_the_arm_is_as_the_model_and_not_where_it_is_disturbed(rows):
     most = {
-        own: max(max(r["after_mm"]) for r in rows if (r["model"], r["arm"]) == (PERFECT, own)) for own in ARMS
+        own: max(max(r["after_mm"]) for r in rows if (r["name"], r["arm"]) == (PERFECT, own)) for own in ARMS
     }
     assert most[IDEAL] < 1e-6  # Newton leaves 1e-10 m on both sides
     assert most[REAL] > 0.02
@@ -114,7 +114,7 @@ def test_the_loop_is_exact_where_the_arm_is_as_the_model_and_not_where_it_is_dis
 
 def test_a_pull_from_the_side_is_what_the_default_needs(rows):
     def removed(loads):
-        own = [r for r in rows if (r["model"], r["loads"], r["arm"]) == (DEFAULT, loads, IDEAL)]
+        own = [r for r in rows if (r["name"], r["loads"], r["arm"]) == (DEFAULT, loads, IDEAL)]
         shares = [1 - np.array(r["after_mm"]) / np.array(r["before_mm"]) for r in own if r["job"] == MILLING]
         return np.median(shares)
 

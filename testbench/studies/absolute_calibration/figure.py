@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.errors import Array
-from testbench.studies.absolute_calibration.report import AbsoluteCalibrationReport
+from testbench.report.columns import columns
+from testbench.report.table import Row, find
 from testbench.studies.absolute_calibration.settings import (
     ALL,
     ALL_LS,
@@ -20,7 +21,6 @@ from testbench.studies.absolute_calibration.settings import (
     WITH_GEARS,
     WITH_LINKS,
 )
-from testbench.studies.absolute_calibration.tables import ERROR, POSES
 from testbench.trials.spread import spans
 from testbench.views.colours import (
     CHOICE,
@@ -48,87 +48,85 @@ LOOKS = {
 }
 HIDDEN = {REAL: "all", NO_GEARS: "no joint\nerrors", JOINTS_ONLY: "rigid\nlinks"}
 """True arms by what they have, on the axis."""
+HATCHES = {INCUMBENT: "", WITH_GEARS: "..", WITH_LINKS: "//", ALL: ""}  #: Of models whose springs are shown.
 WIDTH = 0.16  #: Of a bar, over the distance of groups.
 
 
-def curves(report: AbsoluteCalibrationReport) -> Figure:
+def curves(f: Row) -> Figure:
     """A column an arm: error by poses, compliance of joint 2 by what is left out, error by campaign."""
-    count = len(report.arms)
-    figure = page(13.0)
+    swept = len({row.poses for row in f.models}) > 1
+    figure = page(13.0 if swept else 9.0)
     part = body(figure)
-    rows = part.subplots(3, count, squeeze=False, height_ratios=[1.3, 1, 1])
-    for row, draw in zip(rows, (_by_poses, _hidden, _campaigns), strict=True):
-        for axes, arm in zip(row, report.arms, strict=True):
-            draw(axes, report, arm)
-    left, more = (row[0].get_legend_handles_labels() for row in rows[:2])
-    known = dict(zip(left[1], left[0], strict=True)) | {
-        label: handle for handle, label in zip(*more, strict=True) if label not in left[1]
-    }
+    draws = {_by_poses: 1.3, _hidden: 1.0, _campaigns: 1.0} if swept else {_hidden: 1.0, _campaigns: 1.0}
+    panes = part.subplots(len(draws), len(f.arms), squeeze=False, height_ratios=[*draws.values()])
+    for row, draw in zip(panes, draws, strict=True):
+        for axes, arm in zip(row, f.arms, strict=True):
+            draw(axes, f, arm)
+            quiet(axes)
+    shared = [own for row in panes[:-1] for own in zip(*row[0].get_legend_handles_labels(), strict=True)]
+    known = {label: handle for handle, label in reversed(shared)}  # of two the upper pane's
+    known = {label: known[label] for _, label in shared}
     key(part, (list(known.values()), list(known)), columns=3)
+    lines = spans(row.error_mm for row in f.campaigns)
     say(
         figure,
-        f"{report.featured} poses, error where nothing was measured: "
-        + "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in report.gains),
-        f"RMS errors, {report.dataset.sigma_um:g} um a reading. Marks: medians; band and lines: "
-        f"{spans(row.error_mm for row in report.campaigns) or 'none'}; {report.trials} trials, "
-        f"{count} arms in turn. Bars: RMS in the middle row, medians below; dashes: "
-        "medians. Compliances: of joint 2, beside the true one.",
+        f"{f.featured} poses, error where nothing was measured: "
+        + "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in f.gains),
+        f"RMS errors, {f.dataset.sigma_um:g} um a reading; {f.trials} trials, {len(f.arms)} arms in turn. "
+        "Marks, dashes, bars of errors: medians; bars of compliances: RMS, of joint 2, beside the true one."
+        + f" Band and lines: {lines}."
+        * bool(lines),
     )
     return figure
 
 
-def _by_poses(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
-    own = [row for row in report.models if row.arm == arm]
+def _by_poses(axes: Axes, f: Row, arm: str) -> None:
+    own, (poses, error) = [row for row in f.models if row.arm == arm], columns("poses error_mm")
     for name in dict.fromkeys(row.name for row in own):
         some = [row for row in own if row.name == name]
-        draw_line(axes, POSES, ERROR, Line(some, LOOKS[name], name, band=name == CHOSEN))
-    best = sorted((row for row in own if row.name == ALL), key=lambda row: row.poses)
-    at = [row.poses for row in best]
-    axes.plot(at, [row.optimum_mm.median for row in best], ":", color="black", label="noise-only optimum")
+        draw_line(axes, poses, error, Line(some, LOOKS[name], name, band=name == CHOSEN))
+    best = {row.poses: row.optimum_mm.median for row in own if row.name == ALL}
+    at = sorted(best)
+    axes.plot(at, [best[n] for n in at], ":", color="black", label="noise-only optimum")
     log_ticks(axes, "y", *axes.dataLim.intervaly)
     axes.set_xscale("log")
     axes.set_xticks(at, [str(n) for n in at])
     axes.set_xticks([], minor=True)
     axes.set(xlabel="poses measured", ylabel="RMS error, own weight [mm]")
     axes.set_title(f"{arm}: error where nothing was measured", fontsize="medium")
-    quiet(axes)
 
 
-def _hidden(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
+def _hidden(axes: Axes, f: Row, arm: str) -> None:
     """Bars of root mean square, a line at the median."""
-    models = [INCUMBENT, WITH_GEARS, WITH_LINKS, ALL]
-    for k, model in enumerate(models):
-        rows = [report.hidden(arm, true, model) for true in HIDDEN]
+    for k, (model, hatch) in enumerate(HATCHES.items()):
+        rows = [find(f.hiding, arm=arm, true_arm=true, name=model) for true in HIDDEN]
         at: Array = np.arange(len(rows)) + np.float64((k - 1.5) * WIDTH)
-        _bars(axes, at, [100 * row.off_2 for row in rows], model)
-        axes.plot(at, [100 * row.bias_2 for row in rows], "_", color="black", markersize=9)
+        _bars(axes, at, [row.off_2_percent for row in rows], (WIDTH, LOOKS[model].hex, hatch, model))
+        axes.plot(at, [row.bias_2_percent for row in rows], "_", color="black", markersize=9)
     axes.axhline(0, color=SOFT, linewidth=0.8)
     axes.set_xticks(range(len(HIDDEN)), list(HIDDEN.values()))
     axes.set(xlabel="what the true arm has", ylabel="compliance off [%]")
     axes.set_title(f"{arm}: what hides in a compliance", fontsize="medium")
-    quiet(axes)
 
 
-def _bars(axes: Axes, at: Array, heights: Sequence[float], model: str) -> None:
-    own = LOOKS[model]
-    hatch = "//" if model == WITH_LINKS else ".." if model == WITH_GEARS else ""
-    axes.bar(at, heights, WIDTH, color=own.hex, hatch=hatch, edgecolor="white", label=model)
-
-
-def _campaigns(axes: Axes, report: AbsoluteCalibrationReport, arm: str) -> None:
-    rows = [row for row in report.campaigns if (row.arm, row.model) == (arm, ALL)]
+def _campaigns(axes: Axes, f: Row, arm: str) -> None:
+    rows = [row for row in f.campaigns if (row.arm, row.name) == (arm, ALL)]
     for offset, quantity, colour, hatch, label in (
         (-0.18, "error_mm", GCO, "", "own weight"),
         (0.18, "loaded_mm", LOAD, "//", "payload"),
     ):
-        heights = [getattr(row, quantity).median for row in rows]
-        at = np.arange(len(rows)) + offset
-        axes.bar(at, heights, 0.34, color=hexadecimal(colour), hatch=hatch, edgecolor="white", label=label)
-        ends = [getattr(row, quantity).ends for row in rows]
-        axes.vlines(at, *np.transpose(ends), color=SOFT)
+        at: Array = np.arange(len(rows)) + np.float64(offset)
+        heights = [row[quantity].median for row in rows]
+        _bars(axes, at, heights, (0.34, hexadecimal(colour), hatch, label))
+        axes.vlines(at, *np.transpose([row[quantity].ends for row in rows]), color=SOFT)
     axes.set_xticks(range(len(rows)), [f"{row.campaign}\n{row.poses} poses" for row in rows])
     axes.set(ylabel="RMS error [mm]")
-    axes.set_title(f"{arm}: {report.featured} readings, all errors on", fontsize="medium")
+    axes.set_title(f"{arm}: {f.featured} readings, all errors on", fontsize="medium")
     axes.legend(frameon=False, fontsize=SMALL, loc="upper left", ncols=2)
     axes.margins(y=0.25)
-    quiet(axes)
+
+
+def _bars(axes: Axes, at: Array, heights: Sequence[float], style: tuple[float, str, str, str]) -> None:
+    """Bars of a width, colour, hatch and label."""
+    width, colour, hatch, label = style
+    axes.bar(at, heights, width, color=colour, hatch=hatch, edgecolor="white", label=label)

@@ -1,24 +1,20 @@
 """What absolute readings tell of an arm: which errors hide behind which, how many poses, what a mix gains."""
 
-from pathlib import Path
-
 from testbench.arm.catalogue import find_arm
-from testbench.studies.absolute_calibration import figure, recording, rows, settings, summary, tables, trial
-from testbench.studies.study import TypedStudy
+from testbench.studies.absolute_calibration import report, settings, trial
+from testbench.studies.study import Study
 
-STUDY = TypedStudy(
+STUDY = Study(
     name=settings.NAME,
     about="Calibrate simulated arms by absolute readings: what hides, how many poses, what loaded pairs add.",
-    folder=Path(__file__).parent,
     options=settings.Options,
     settings=settings.settings,
     seeds=(100, settings.QUICK),
     arms=lambda asked: [find_arm(name) for name in asked.arms],
-    row=rows.Row,
+    row=trial.FitRow,
     trials=trial.trials,
-    summary=summary.summary,
-    tables=tables.tables,
+    report=report.report,
     printed=("short",),
-    figures={"absolute_calibration.png": figure.curves},
-    write=recording.write,
+    figures=report.figures,
+    write=report.write,
 )

@@ -7,20 +7,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from testbench.bench.baselines import JOINTS
-from testbench.studies.compensation.report import CompensationReport, Group
+from testbench.report.table import Row, find
 from testbench.studies.compensation.settings import (
+    ADVISED,
+    ALL,
     BOTH,
     DEFAULT,
+    FEATURED,
+    IDEAL,
     IDENTIFIED,
     LINEAR,
     NOMINAL,
+    NOWHERE,
     PERFECT,
     PLANNED,
     RANDOM,
     REAL,
     WEIGHT,
+    Way,
 )
-from testbench.trials.spread import Spread
 from testbench.views.colours import CHOICE, GREY, Look, look
 from testbench.views.colours import NOMINAL as SKY
 from testbench.views.figure import SMALL, SOFT, body, key, page, quiet, say
@@ -40,86 +45,75 @@ TICKS = (5, 3, 1, 0.5, 0.3, 0.1, 0.03, 0.01, 0.003)  #: Shares left.
 APART = 0.17  #: Distance of dots that stand side by side.
 
 
-def removed(report: CompensationReport) -> Figure:
+def group(f: Row, name: str, way: Way = NOWHERE, arm: str = IDEAL) -> Row:
+    """A model by a campaign, both jobs."""
+    return find(f.groups, name=name, campaign=way.campaign, poses=way.poses, arm=arm, job=ALL)
+
+
+def removed(f: Row) -> Figure:
     """The four campaigns, undisturbed; the same disturbed; the milling path of the first trial."""
     figure = page(13.0)
     part = body(figure)
     above, below = part.subfigures(2, 1)  # type: ignore[misc]  # stubs: one or several
     panes = above.subplots(2, 2, sharey=True)
-    for axes, (by, loads) in zip(panes.flat, CAMPAIGNS, strict=True):
-        _by_poses(axes, report, by, loads)
+    for axes, campaign in zip(panes.flat, CAMPAIGNS, strict=True):
+        every = [[group(f, m, Way(*campaign, n)) for m in IDENTIFIED] for n in f.numbers]
+        _shares(axes, every, [f"{n} poses" for n in f.numbers], "{} poses, {}".format(*campaign))
     disturbed, path = below.subplots(2, 1)
-    _disturbed(disturbed, report)
-    _path(path, report)
+    every = [[group(f, m, Way(*campaign, FEATURED), REAL) for m in IDENTIFIED] for campaign in CAMPAIGNS]
+    every.append([group(f, m, arm=REAL) for m in (NOMINAL, PERFECT)])
+    every.append([group(f, m, ADVISED, LINEAR) for m in IDENTIFIED])
+    names = [*(f"{by},\n{loads}" for by, loads in CAMPAIGNS), "not\nidentified", "second, joints\nlinear"]
+    _shares(disturbed, every, names, f"arm with all that no model knows, {FEATURED} poses")
+    _path(path, f.shown)
     for axes in (*panes[:, 0], disturbed):
         axes.set_ylabel("deflection removed [%]")
-    key(above, disturbed.get_legend_handles_labels(), columns=len(LOOKS))
-    gains = {"least squares": report.gains.least_squares, "joints alone": report.gains.joints}
+    known = dict(zip(*reversed(disturbed.get_legend_handles_labels()), strict=True))
+    key(above, (list(known.values()), list(known)), columns=len(LOOKS))
+    gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}
     say(
         figure,
-        f"{report.arm}, {report.featured} planned poses, weight and pull, error left: {beside(gains)}",
+        f"{f.arm}, {FEATURED} planned poses, weight and pull, error left: {beside(gains)}",
         "Title and above: true arms that bend as a model can. Dots: medians of all points, lines: 5 to 95 % "
-        f"of them; {report.trials} trials, {report.force[0] / 1e3:g} to {report.force[1] / 1e3:g} kN.",
+        f"of them; {f.trials} trials, {f.force[0] / 1e3:g} to {f.force[1] / 1e3:g} kN.",
     )
     return figure
 
 
-def _by_poses(axes: Axes, report: CompensationReport, by: str, loads: str) -> None:
-    for k, poses in enumerate(report.numbers):
-        _dots(axes, k, [report.group(m, f"{by}, {loads}", poses) for m in IDENTIFIED])
-    axes.set_xticks(range(len(report.numbers)), [f"{n} poses" for n in report.numbers])
-    axes.set_title(f"{by} poses, {loads}", fontsize="medium")
-    _share_axis(axes, len(report.numbers))
-
-
-def _disturbed(axes: Axes, report: CompensationReport) -> None:
-    n = report.featured
-    for k, (by, loads) in enumerate(CAMPAIGNS):
-        own = [report.group(m, f"{by}, {loads}", n, arm=REAL) for m in IDENTIFIED]
-        _dots(axes, k, own, named=not k)
-    known = [report.group(m, arm=REAL) for m in (NOMINAL, PERFECT)]
-    _dots(axes, len(CAMPAIGNS), known, named=True)
-    _dots(
-        axes, len(CAMPAIGNS) + 1, [report.group(m, f"{PLANNED}, {BOTH}", n, arm=LINEAR) for m in IDENTIFIED]
-    )
-    names = [*(f"{by},\n{loads}" for by, loads in CAMPAIGNS), "not\nidentified", "second, joints\nlinear"]
-    axes.set_xticks(range(len(names)), names)
-    axes.set_title(f"arm with all that no model knows, {n} poses", fontsize="medium")
-    _share_axis(axes, len(names))
-
-
-def _dots(axes: Axes, at: float, groups: Sequence[Group], *, named: bool = False) -> None:
-    for k, group in enumerate(groups):
-        own, x = LOOKS[group.model], at + APART * (k - (len(groups) - 1) / 2)
-        low, middle, high = _left(group.removed)
-        axes.plot((x, x), (low, high), color=own.hex, linewidth=2, alpha=0.6)
-        label = group.model if named else None
-        axes.plot(
-            x, middle, own.mark, color=own.hex, markerfacecolor=own.face, markersize=own.size(7), label=label
-        )
-
-
-def _left(own: Spread) -> tuple[float, float, float]:
-    """Shares left of the best, the middle and the worst of the cases, where the axis has them."""
-    worst, best = own.ends
-    left = 1 - np.array([best, own.median, worst])
-    low, middle, high = np.clip(left, LEAST, MOST).tolist()
-    return low, middle, high
-
-
-def _share_axis(axes: Axes, count: int) -> None:
+def _shares(axes: Axes, groups: Sequence[Sequence[Row]], names: Sequence[str], title: str) -> None:
     """What is left on a logarithmic axis, named by what is removed: upwards is better."""
+    for k, own in enumerate(groups):
+        _dots(axes, k, own)
+    axes.set_xticks(range(len(names)), names)
+    axes.set_title(title, fontsize="medium")
     axes.axhline(1, color=SOFT, linewidth=0.8, zorder=0)
     axes.set_yscale("log")
     axes.set_ylim(MOST * 1.2, LEAST / 1.2)
     axes.set_yticks(TICKS, [f"{100 * (1 - left):.3g}" for left in TICKS])
     axes.set_yticks([], minor=True)
-    axes.set_xlim(-0.5, count - 0.5)
+    axes.set_xlim(-0.5, len(names) - 0.5)
     quiet(axes)
 
 
-def _path(axes: Axes, report: CompensationReport) -> None:
-    own = report.shown
+def _dots(axes: Axes, at: float, groups: Sequence[Row]) -> None:
+    for k, own in enumerate(groups):
+        look, x = LOOKS[own.name], at + APART * (k - (len(groups) - 1) / 2)
+        worst, best = own.removed_percent.ends
+        left = 1 - np.array([best, own.removed_percent.median, worst]) / 100
+        low, middle, high = np.clip(left, LEAST, MOST)
+        axes.plot((x, x), (low, high), color=look.hex, linewidth=2, alpha=0.6)
+        axes.plot(
+            x,
+            middle,
+            look.mark,
+            color=look.hex,
+            markerfacecolor=look.face,
+            markersize=look.size(7),
+            label=own.name,
+        )
+
+
+def _path(axes: Axes, own: Row) -> None:
     axes.plot(own.way_m, own.before_mm, "--", color=SOFT, label="not corrected")
     for model in (JOINTS, DEFAULT):
         axes.plot(own.way_m, own.after_mm[model], color=LOOKS[model].hex, label=f"corrected, {model}")

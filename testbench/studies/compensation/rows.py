@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from testbench.errors import Array
-
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
 
@@ -30,15 +26,15 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Row:
+class JobRow:
     """One job of one trial, corrected by one model."""
 
-    truth: str  #: The true arm's name.
+    true_arm: str
     arm: str  #: What it does that no model knows, one of ARMS.
     by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
     loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
     poses: int  #: How many were measured; 0 for the same.
-    model: str
+    name: str  #: Of the model.
     chosen: str | None  #: Of the default: what it chose.
     job: str
     force: float  #: Of the process [N].
@@ -50,8 +46,3 @@ class Row:
     unseen: int  #: And so many have none, as the readings say nothing of them.
     buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
     solved: int  #: Points for which joints were found.
-
-    @property
-    def removed(self) -> Array:
-        """Share of the distance that the correction removed, (points,) [1]."""
-        return np.asarray(1 - np.array(self.after_mm) / np.array(self.before_mm))

@@ -35,6 +35,7 @@ CANDIDATES, QUICK_CANDIDATES = 2000, 150
 FORCE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
 DRILLING, MILLING = "drilling", "milling"
 JOBS = (DRILLING, MILLING)
+ALL = "both"  #: Both jobs together.
 NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
 """Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
 DEFAULT = "default"  #: What `identify` takes by default.
@@ -53,7 +54,13 @@ class Way:
     loads: str = ""  #: WEIGHT or BOTH.
     poses: int = 0
 
+    @property
+    def campaign(self) -> str:
+        """In words."""
+        return f"{self.by}, {self.loads}" if self.by else "none"
 
+
+NOWHERE = Way()
 ADVISED = Way(PLANNED, BOTH, FEATURED)
 
 

@@ -32,7 +32,7 @@ from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.studies.compensation.arms import TrueArm, measure, true_arm
 from testbench.studies.compensation.jobs import TIP, drawn, jobs, wrenches
-from testbench.studies.compensation.rows import Row
+from testbench.studies.compensation.rows import JobRow
 from testbench.studies.compensation.settings import (
     ARMS,
     DEFAULT,
@@ -90,13 +90,13 @@ class Executed:
     orders: tuple[Order, ...]
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[JobRow]]:
     """Rows of some seeds; `asked` holds the scene."""
     cell = build_cell(find_arm(asked.arm))
     return [_trial(cell, asked, seed) for seed in seeds]
 
 
-def _trial(cell: Cell, asked: Settings, seed: int) -> list[Row]:
+def _trial(cell: Cell, asked: Settings, seed: int) -> list[JobRow]:
     truth = member(FAMILY, seed)
     true, prior, own = true_cell(cell, truth, seed), prior_in_turn(cell, seed), work(asked, seed)
     rows = []
@@ -106,7 +106,7 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> list[Row]:
         fits = known(true, prior) + identified(true, dict(zip(ways, data, strict=True)), prior)
         done = execute(arm, own, fits)
         for k, fit in enumerate(fits):
-            rows += [replace(row, truth=truth, arm=name) for row in rows_of(own, fit, done, k)]
+            rows += [replace(row, true_arm=truth, arm=name) for row in rows_of(own, fit, done, k)]
     return rows
 
 
@@ -181,7 +181,7 @@ def order(fit: Fit, own: Work) -> Order:
     return Order(found.q, half, found.corrected)
 
 
-def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
+def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[JobRow]:
     """The fit of this number, job by job, of no named arm."""
     after, order = done.after[k], done.orders[k]
     rows = []
@@ -190,13 +190,13 @@ def rows_of(own: Work, fit: Fit, done: Executed, k: int) -> list[Row]:
         told = np.isfinite(half)
         inside = told & (np.abs(after[part][: len(half)]) <= half)
         rows.append(
-            Row(
-                truth="",
+            JobRow(
+                true_arm="",
                 arm="",
                 by=fit.way.by,
                 loads=fit.way.loads,
                 poses=fit.way.poses,
-                model=fit.name,
+                name=fit.name,
                 chosen=fit.chosen,
                 job=job.name,
                 force=size,

@@ -1,22 +1,17 @@
-"""What the study of compensation leaves beside its report: readings, and the tool drawn off and put back."""
+"""What the page and the recording draw: the tool drawn off by the process, and put back."""
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Cell, build_cell
+from testbench.bench.campaign import Cell
 from testbench.bench.rows import MM
-from testbench.bench.truths import FAMILY, member, true_cell
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
 from testbench.plant import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.studies.compensation.arms import measure, true_arm
+from testbench.studies.compensation.arms import true_arm
 from testbench.studies.compensation.jobs import jobs
-from testbench.studies.compensation.report import CompensationReport
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, Settings
 from testbench.studies.compensation.trial import execute, identified, prior_in_turn, work
-from testbench.studies.study import Run
 from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look
 from testbench.views.colours import JOINTS as BLUE
 from testbench.views.magnified import arrow_scale
@@ -31,16 +26,6 @@ LOOKS = {
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST, FORCE = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
-
-
-def write(run: Run[Settings, CompensationReport]) -> Seen:
-    """dataset.csv of the first trial; what is drawn: its jobs, done by the true arm, undisturbed."""
-    asked, seed = run.settings, run.seeds[0]
-    cell = build_cell(find_arm(asked.arm))
-    true, ways = true_cell(cell, member(FAMILY, seed), seed), asked.ways(IDEAL)
-    data = measure(true, true_arm(true, seed, IDEAL), asked, ways, seed)[ways.index(ADVISED)]
-    write_csv(data, cell.arm, run.folder / "dataset.csv")
-    return seen(true, asked, data, seed)
 
 
 def seen(true: Cell, asked: Settings, data: Dataset, seed: int) -> Seen:

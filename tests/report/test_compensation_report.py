@@ -1,0 +1,216 @@
+"""What is said and drawn of corrected jobs is what their trials hold, of trials that are made up."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checks import check_spread, curves, tables_of, unit_in
+from reports import check, table_of
+
+from testbench.bench.truths import CALLED, FAMILY, TRUTHS, member
+from testbench.report.table import Row, find
+from testbench.studies.compensation.figure import LOOKS, group
+from testbench.studies.compensation.report import figures, report
+from testbench.studies.compensation.rows import JobRow
+from testbench.studies.compensation.settings import (
+    ADVISED,
+    ALL,
+    ARMS,
+    DEFAULT,
+    IDEAL,
+    IDENTIFIED,
+    JOBS,
+    LEAST_SQUARES,
+    LINEAR,
+    MODELS,
+    NOMINAL,
+    NOWHERE,
+    PERFECT,
+    PRIOR,
+    REAL,
+    WEIGHT,
+    Settings,
+)
+from testbench.views.colours import CHOICE, JOINTS
+from testbench.views.markdown import grid
+from testbench.views.schema import show, show_truth
+
+SETTINGS, SEEDS = Settings("kr500_l480", 300), range(300, 306)
+POINTS = {"drilling": 30, "milling": 64}
+LEFT = {PERFECT: 1e-8, DEFAULT: 0.02, "Joints": 0.08, NOMINAL: 0.3, PRIOR: 0.7}
+TIMES = {REAL: 5, LINEAR: 2, WEIGHT: 3}  #: As much is left.
+
+
+def row(rng, seed, arm, way, name, job):
+    n = POINTS[job]
+    before = rng.uniform(0.5, 3.0, n)
+    left = LEFT.get(name, 0.5) * TIMES.get(arm, 1) * TIMES.get(way.loads, 1) * rng.uniform(0.5, 1.5, n)
+    of = 3 * n if name in IDENTIFIED else 0
+    return JobRow(
+        **{"true_arm": member(FAMILY, seed), "arm": arm, **vars(way), "name": name, "job": job},
+        chosen="ALL153 + prior" if name == DEFAULT else None,
+        force=2000.0,
+        before_mm=tuple(before.tolist()),
+        after_mm=tuple((left * before).tolist()),
+        **{"inside": round(0.95 * of), "of": of, "unseen": 0, "buckled": False, "solved": n},
+    )
+
+
+def made(spoil=lambda row: row):
+    """A seed each true arm; `spoil` changes the default's rows of the advised campaign in the first seed."""
+
+    def rows(seed):
+        rng = np.random.default_rng(seed)
+        for arm in ARMS:
+            for way, name, job in itertools.product((NOWHERE, *SETTINGS.ways(arm)), MODELS, JOBS):
+                if (name in IDENTIFIED) == (way != NOWHERE):
+                    own = row(rng, seed, arm, way, name, job)
+                    named = (seed, arm, way, name) == (SEEDS[0], IDEAL, ADVISED, DEFAULT)
+                    yield spoil(own) if named else own
+
+    trials = table_of(SEEDS, lambda seed: list(rows(seed)))
+    return report(SETTINGS, SEEDS, trials), trials
+
+
+@pytest.fixture(scope="module")
+def found():
+    return made()
+
+
+def of_default(found):
+    return group(Row(found.numbers), DEFAULT, ADVISED)
+
+
+def points(trials, name, key):
+    """Of every trial of the campaign that is advised."""
+    own = trials.where(**vars(ADVISED), arm=IDEAL, name=name)
+    return np.array([np.concatenate([*one[key]]) for _, one in own.groups("seed")])
+
+
+def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(found):
+    found, trials = found
+    before, after = (points(trials, DEFAULT, key) for key in ("before_mm", "after_mm"))
+    shares, own = 100 * (1 - after / before), of_default(found)
+    assert (own.cases, own.trials, own.worse) == (6 * 94, 6, 0)
+    check_spread(own.removed_percent, shares.ravel())
+    check_spread(own.by_trial_percent, np.median(shares, axis=1))
+    check_spread(own.after.median_mm, np.median(after, axis=1))
+    check_spread(own.before.p95_mm, np.percentile(before, 95, axis=1))
+    assert (own.worst_percent, own.after.most_mm) == pytest.approx((shares.min(), after.max()))
+    assert own.nine_percent == pytest.approx(100 * np.mean(shares >= 90))
+    assert own.median_kept == np.mean(np.median(shares, axis=1) >= 97)
+    assert own.covered_percent == pytest.approx(95, abs=0.5)
+    by_truth = [g for g in found.numbers["by_truth"] if (g.name, g.arm) == (DEFAULT, IDEAL)]
+    assert [(g.true_arm, g.cases) for g in by_truth] == [(name, 94) for name in TRUTHS]
+
+
+def test_words_and_tables_show_the_numbers(found):
+    found, trials = found
+    check(found, ["short"])
+    f = Row(found.numbers)
+    left = {name: np.median(points(trials, name, "after_mm"), axis=1) for name in IDENTIFIED}
+    for name, gain in (("Joints", f.gains.joints), (LEAST_SQUARES, f.gains.least_squares)):
+        check_spread(gain.times, left[name] / left[DEFAULT])
+        assert (gain.ours_mm.median, gain.theirs_mm.median) == pytest.approx(
+            (np.median(left[DEFAULT]), np.median(left[name]))
+        )
+    default, joints, ls = (np.median(left[name]) for name in (DEFAULT, "Joints", LEAST_SQUARES))
+    assert f"the default leaves {default:.3f} mm, least squares {ls:.3f} mm, " in found.answer
+    assert f"Joints alone leave {joints:.3f} mm of {of_default(found).before.median_mm.median:.3f} mm" in (
+        found.answer
+    )
+    hung = replace(ADVISED, loads=WEIGHT)
+    best, plain, weight, weight_plain, real, real_plain, linear, nominal, prior, exact = (
+        f"{group(f, *asked).removed_percent.median:.1f} %"
+        for asked in (
+            *((name, way) for way in (ADVISED, hung) for name in (DEFAULT, "Joints")),
+            *((name, ADVISED, REAL) for name in (DEFAULT, "Joints")),
+            *((DEFAULT, ADVISED, LINEAR), (NOMINAL,), (PRIOR,), (PERFECT, NOWHERE, REAL)),
+        )
+    )
+    assert (
+        f"never loads joint 1: {weight} removed, joints alone {weight_plain}. With a disturbed arm {real}, "
+        in (found.worst)
+    )
+    assert found.worst.endswith(f"{real}, joints alone {real_plain}, perfect compliances {exact}.")
+    assert f"remove {best} of the deflection with the default, {plain} with joints alone" in found.claims[0]
+    assert found.claims[2].endswith(f"the default removes {linear}.")
+    assert f"folder's compliances remove {nominal}, the prior alone {prior}." in found.claims[4]
+    [(head, lines)] = tables_of(grid(found.tables["undisturbed, trials"]))
+    assert head[3:] == [
+        "median removed, trial by trial, %",
+        "trials with a median of 97 %",
+        "trials with 90 % removed in 95 % of points",
+        "trials with a point made worse",
+        "covered, trial by trial, %",
+        "solved",
+    ]
+    for line in lines:
+        own = find(f.groups, name=line[0], campaign=line[1], arm=IDEAL, job=ALL, poses=int(line[2]))
+        assert line[3:] == [
+            show(own.by_trial_percent, ".1f"),
+            show_truth(own.median_kept),
+            show_truth(own.nine_kept),
+            str(own.trials_worse),
+            show(own.covered_by_trial_percent, ".1f"),
+            show_truth(own.solved),
+        ]
+    [(head, lines)] = tables_of(grid(found.tables["undisturbed, jobs"]))
+    for cells in (dict(zip(head, line, strict=True)) for line in lines):
+        key = {"job": cells["job"], "name": cells["model"], "campaign": cells["campaign"]}
+        own = find(f.groups, **key, arm=IDEAL, poses=int(cells["poses"]))
+        assert cells["removed, %"] == show(own.removed_percent, ".1f")
+        assert cells["worst case, %"] == show(own.worst_percent, ".1f")
+        assert cells["cases with 90 % or more removed, %"] == show(own.nine_percent, ".1f")
+        sizes = own.before.median_mm, own.after.median_mm, own.after.p95_mm, own.after.most_mm
+        heads = "before, mm", "after, mm", "after, 95th percentile, mm", "after, largest, mm"
+        assert [cells[title] for title in heads] == [show(size) for size in sizes]
+    [(head, lines)] = tables_of(grid(found.tables["disturbed, truths"]))
+    assert head[-2:] == ["after, mm", "covered, %"]
+    own = find(f.by_truth, true_arm="cast", name=DEFAULT, arm=REAL)
+    [line] = [line for line in lines if line[:2] == [CALLED["cast"], DEFAULT]]
+    assert line[-2:] == [show(own.after.median_mm), f"{own.covered_percent:.1f}"]
+
+
+def test_one_point_made_worse_in_one_trial_is_found():
+    found, _ = made(lambda row: replace(row, after_mm=(1.01 * row.before_mm[0], *row.after_mm[1:])))
+    own = of_default(found)
+    assert (own.worse, own.trials_worse, own.worst_percent) == (2, 1, pytest.approx(-1))  # one of each job
+    assert f"makes 2 of {own.cases} points worse" in found.claims[1]
+
+
+def test_intervals_that_miss_in_one_trial_lower_the_share(found):
+    told = of_default(made(lambda row: replace(row, inside=0))[0])
+    assert told.covered_percent == pytest.approx(of_default(found[0]).covered_percent * 5 / 6)
+    assert told.covered_by_trial_percent.least == 0
+
+
+def test_components_without_a_bound_count_in_no_share_and_are_shown(found):
+    few = made(lambda row: replace(row, inside=40, of=40, unseen=50, buckled=True))[0]
+    own = of_default(few)
+    assert of_default(found[0]).covered_percent < own.covered_percent < 100
+    assert own.unseen_percent == pytest.approx(100 * 2 * 50 / (2 * 90 + 5 * 3 * 94))
+    assert own.buckled == 1
+    heads = [[c.heading for c in told.tables["undisturbed, trials"].columns] for told in (few, found[0])]
+    assert heads[0] == [*heads[1], "without bound", "trials without equilibrium"]
+
+
+def test_the_figure_draws_what_is_left_in_the_colour_of_each_model(found):
+    f, axes = Row(found[0].numbers), figures(found[0])["compensation.png"].axes
+    assert len(axes) == 6
+    assert (LOOKS[DEFAULT], LOOKS["Joints"].colour) == (CHOICE, JOINTS)
+    every = [group(f, name, replace(ADVISED, poses=n)) for n in SETTINGS.numbers for name in IDENTIFIED]
+    lines = axes[1].get_lines()
+    dots = [line for line in lines if line.get_marker() not in ("None", "")]
+    assert [line.get_ydata()[0] for line in dots] == pytest.approx(
+        [1 - own.removed_percent.median / 100 for own in every]
+    )
+    assert [line.get_color() for line in dots] == [LOOKS[own.name].hex for own in every]
+    spreads = [np.sort(line.get_ydata()) for line in lines if len(line.get_xdata()) == 2][: len(every)]
+    ends = [1 - np.array(own.removed_percent.ends)[::-1] / 100 for own in every]
+    np.testing.assert_allclose(spreads, ends)
+    assert (unit_in(axes[0].get_ylabel()), unit_in(axes[5].get_ylabel())) == ("%", "mm")
+    path = curves(axes[5])
+    assert path["corrected, default"][1] == pytest.approx(f.shown.after_mm[DEFAULT])
+    assert path["not corrected"][1] == pytest.approx(f.shown.before_mm)
