@@ -239,7 +239,7 @@ def test_the_figures_draw_the_numbers_in_the_colour_of_each_model(whole):
         assert dot.get_color() == shade[name]
     gco = [name for name in SCALED if KINDS[name][1] == "psd"]
     for png, key, x, wanted, label in (
-        ("poses.png", "poses", "poses", OVER_POSES, "poses that train"),
+        ("poses.png", "poses", "poses", OVER_POSES, "poses"),
         ("prior_scale.png", "scales", "scale", gco, "prior softer than the truth, times"),
     ):
         [axes] = drawn[png].axes

@@ -385,7 +385,8 @@ def _of_free(f: Row, kind: str, words: str) -> Iterator[Markdown]:
         yield say(
             f"{words}: in {{fits_share:yes}} of the fits some conservative model fits as well as least "
             "squares. There the cone does nothing to what is seen: GCO over least squares is "
-            "{gco_over_lent:.2f} with the same free directions, with what GCO takes for these {gco_over_ls:.2f}.",
+            "{gco_over_lent:.2f} with the same free directions, with what GCO takes for these "
+            "{gco_over_ls:.2f}.",
             f.free[kind],
         )
     yield say(
