@@ -14,7 +14,6 @@ from typing import Any
 
 from testbench.errors import InputError
 from testbench.studies.stored import Stored, read_report
-from testbench.studies.study import AnyStudy
 from testbench.views.markdown import grid, lines
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -48,12 +47,12 @@ def _put(mark: str, new: str, old: str, end: str) -> str:
 def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
     name = mark[2]
     try:
-        study: AnyStudy = importlib.import_module(f"testbench.studies.{name}.study").STUDY
+        importlib.import_module(f"testbench.studies.{name}.study")
     except ImportError as err:
         raise InputError(page, mark[1].strip(), f"no study {name!r}") from err
     if not (runs / name / "report.json").is_file():
         return mark[0]
-    report = read_report(runs / name, study)
+    report = read_report(runs / name)
     parts = [_part(page, report, part.strip()) for part in mark[3].split(";")]
     return _put(mark[1], "\n\n".join(parts), mark[4], mark[5])
 

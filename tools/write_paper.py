@@ -43,7 +43,7 @@ def main(
     out: Annotated[Path, typer.Option(help="Markdown to write.")] = PAGE,
 ) -> None:
     """Fill the template with the numbers of the reports."""
-    found = {study.name: read_report(runs / study.name, study) for study in STUDIES}
+    found = {study.name: read_report(runs / study.name) for study in STUDIES}
     try:
         page = Words(TEMPLATE.parent, found, TEMPLATE.name).whole()
     except TemplateError as err:

@@ -35,7 +35,7 @@ def report(checked: Checked) -> Report:
     """How far the payload moves the tool, what must be confirmed, what may be wrong."""
     arm, sag = checked.cell.arm, checked.sag
     names = [*(link.name for link in arm.links), *(joint.name for joint in arm.joints)]
-    parts = [Row(name=n, sag_share_percent=100 * s) for n, s in zip(names, sag.shares.tolist(), strict=True)]
+    parts = [Row(part=n, sag_share_percent=100 * s) for n, s in zip(names, sag.shares.tolist(), strict=True)]
     items = [item for item in checked.items if item.share >= SHOWN]
     confirm = [Row(number=item.words, hangs_percent=100 * item.share) for item in items]
     per = 1e3 * (arm.payload or 1.0) * np.sort(sag.size)
@@ -55,7 +55,7 @@ def report(checked: Checked) -> Report:
     )
     tables = {
         "confirm": Table(columns("number hangs_percent"), confirm, "To confirm"),
-        "parts": Table(columns("name sag_share_percent"), parts, "What sags"),
+        "parts": Table(columns("part sag_share_percent"), parts, "What sags"),
     }
     found = "No doubts about the arm." if not f.doubts else f"Doubts about the arm: {len(f.doubts)}."
     return Report(
@@ -79,7 +79,7 @@ def _worst(f: Row) -> Iterator[str]:
     per = "" if f.payload_kg else " a kg"
     where = ", joints at {joints}" if f.joints else ""
     yield say(f"Most at {{place_m:place}}: {{sag_mm.most:.3g}} mm{per}{where}.", f)
-    yield say("{name} does {sag_share_percent:.0f} % of the sag.", f.softest)
+    yield say("{part} does {sag_share_percent:.0f} % of the sag.", f.softest)
 
 
 def _listed(texts: list[str]) -> Markdown:

@@ -79,6 +79,7 @@ EVERY = (
     Column("unbounded_percent", "unbounded", "%", ".0f"),
     # an arm that is checked
     Column("number", "number"),
+    Column("part", "link or joint"),
     Column("hangs_percent", "share of the sag that hangs on it", "%", ".0f"),
     Column("sag_share_percent", "its share of the sag", "%", ".1f"),
     # Full poses of section 5.2

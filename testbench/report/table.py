@@ -18,6 +18,7 @@ from testbench.trials.spread import spread, twins_once
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
 """Columns that say of which model and of which trial a row is."""
+BEYOND = 1e100  #: No number of a trial is as large.
 
 
 class Row(dict[str, Any]):
@@ -40,9 +41,17 @@ class Trials:
 
     @classmethod
     def read(cls, path: Path) -> "Trials":
-        """What a run wrote: trials.parquet, nested fields as dotted columns."""
+        """What a run wrote: trials.parquet, nested fields as dotted columns.
+
+        Raises:
+            ValueError: When a number is one that no trial can have.
+        """
         table = parquet.read_table(path, use_threads=False)
-        return cls({name: _cells(table[name].combine_chunks()) for name in table.column_names})
+        columns = {name: table[name].combine_chunks() for name in table.column_names}
+        for name, cells in columns.items():
+            if pa.types.is_floating(cells.type) and not (np.abs(cells.drop_null().to_numpy()) < BEYOND).all():
+                raise ValueError(f"{name} has a number that no trial can have")
+        return cls({name: _cells(cells) for name, cells in columns.items()})
 
     @classmethod
     def of(cls, trials: Sequence[tuple[int, Sequence[object]]]) -> "Trials":

@@ -24,16 +24,14 @@ from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
 from testbench.shell.progress import show_progress
 from testbench.studies.patched import checked, constants
-from testbench.studies.study import AnyStudy, Everywhere, P, Rows, Run, Study
+from testbench.studies.study import AnyStudy, Everywhere, P, Run
 from testbench.trials.chunk import Backend
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
-from testbench.trials.groups import Whole
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.page.page import Seen, write_page
 from testbench.views.recording.run import write_run
-from testbench.views.schema import Table
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 
@@ -83,14 +81,13 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
         show_progress(
             run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials", console
         )
-        whole = Whole(store, write_parquet(store, folder))
-        found = Run(study.name, settings, seeds, *found_by(study, settings, seeds, whole), folder, text)
-        figures = _write(study, found)
+        report = study.report(settings, seeds, Trials.read(write_parquet(store, folder)))
+        figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
         seconds = time.perf_counter() - start
         files.write_manifest(
             folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds
         )
-    terminal.print_words(console, found.words, [found.tables[name] for name in study.printed])
+    terminal.print_words(console, report, [report.tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=figures, data=study.data)
 
 
@@ -109,43 +106,21 @@ def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
         raise InputError(out, "", f"{problem}; choose another folder to start afresh") from err
 
 
-def found_by(
-    study: AnyStudy, settings: Any, seeds: range, trials: Rows[Any]
-) -> tuple[Any, Any, Mapping[str, Table]]:
-    """What all trials say: the report, its words, its tables.
-
-    Args:
-        study: The study.
-        settings: What it was asked for.
-        seeds: Of the trials.
-        trials: Of a run that is `Whole`, or any.
-    """
-    if isinstance(study, Study):
-        table = Trials.read(trials.path) if isinstance(trials, Whole) else Trials.of(list(trials))
-        report = study.report(settings, seeds, table)
-        return report, report, report.tables
-    own = study.summary(settings, seeds, trials)
-    return own, study.words(own), study.tables(own)
-
-
-def _write(study: AnyStudy, found: Run[Any, Any]) -> list[str]:
+def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     """Numbers, words, figures, and what else the study leaves; names of the figures."""
     report = found.report
     files.write_json(to_json(report), found.folder / "report.json")
-    (found.folder / "report.md").write_text(found.words.whole(), encoding="utf-8")
-    if isinstance(study, Study):
-        figures = study.figures(report)
-    else:
-        figures = {name: make(report) for name, make in study.figures.items()}
+    (found.folder / "report.md").write_text(report.whole(), encoding="utf-8")
+    figures = study.figures(report)
     for name, figure in figures.items():
         figure.savefig(found.folder / name)
     seen = study.write(found) or Seen()
     recorded = found.folder / "recording.rrd"
     if not recorded.exists():
         pictures = {_title(name): found.folder / name for name in (*figures, *study.extra)}
-        write_run(recorded, found.header, found.words, seen, pictures)
-    tables = [found.tables[name] for name in study.printed]
-    write_page(found.folder, _title(study.name), found.words, replace(seen, tables=tables))
+        write_run(recorded, found.header, report, seen, pictures)
+    tables = [report.tables[name] for name in study.printed]
+    write_page(found.folder, _title(study.name), report, replace(seen, tables=tables))
     return [*figures, *study.extra]
 
 

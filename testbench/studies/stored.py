@@ -1,13 +1,10 @@
 """A report read back from report.json, if it is of this version: its tables and words serve again."""
 
 import contextlib
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from importlib import import_module
+from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import Any, Generic, TypeVar, get_type_hints
+from typing import Generic, TypeVar
 
 from pydantic import JsonValue, TypeAdapter, ValidationError
 
@@ -16,14 +13,11 @@ from testbench.errors import InputError
 from testbench.output.finished import Finished, read_plain, told_as
 from testbench.report.report import Report, read
 from testbench.report.table import rows
-from testbench.studies.study import AnyStudy, Study, TypedStudy
 from testbench.views.absolute import words as absolute
 from testbench.views.markdown import Words
 from testbench.views.schema import Table
 
-HERE = Path(__file__).parent
 C = TypeVar("C")
-R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -65,21 +59,17 @@ def stored(run: Finished) -> Stored | None:
     script, plain = run.manifest.command, dict(run.report)
     if "said" in plain:
         return of_report(run.file, plain)
-    for study in sorted(HERE.glob("*/study.py")):
-        if script == f"scenarios/{study.parent.name}.py":
-            found = import_module(f"testbench.studies.{study.parent.name}.study").STUDY
-            return of_study(found, run.file, plain)
     return COMMANDS[script](run.file, plain) if script in COMMANDS else None
 
 
-def read_report(folder: Path, study: AnyStudy) -> Stored:
+def read_report(folder: Path) -> Stored:
     """What a run of a study found, from the report.json in its folder.
 
     Raises:
         InputError: When there is none, or it is not one of this version.
     """
     file = folder / "report.json"
-    return of_study(study, file, read_plain(file))
+    return of_report(file, read_plain(file))
 
 
 def of_report(file: Path, plain: JsonValue) -> Stored:
@@ -92,22 +82,6 @@ def of_report(file: Path, plain: JsonValue) -> Stored:
         raise InputError(file, "", f"not a report of this version: {err}") from err
     with numbers_of(file):
         return Stored(rows(report.numbers), report.tables, report)
-
-
-def of_study(study: AnyStudy, file: Path, plain: JsonValue) -> Stored:
-    """What is in the report of a study; InputError where it is none."""
-    if isinstance(study, Study):
-        return of_report(file, plain)
-    report = report_of(study, file, plain)
-    with numbers_of(file):
-        return Stored(report, study.tables(report), study.words(report))
-
-
-def report_of(study: TypedStudy[Any, Any, Any, R], file: Path, plain: JsonValue) -> R:
-    """The report of a study of these data; InputError where they are none."""
-    names = _renamed(sys.modules[study.summary.__module__])
-    kind: type[R] = get_type_hints(study.summary)["return"]
-    return typed(kind, file, _by_field(plain, names))
 
 
 def typed(kind: type[C], file: Path, plain: JsonValue) -> C:
@@ -128,15 +102,3 @@ def numbers_of(file: Path) -> Iterator[None]:
     except Exception as err:  # any: of the right types, and yet nothing that a run can find
         problem = f"its numbers do not belong together: {type(err).__name__}: {err}"
         raise InputError(file, "", problem) from err
-
-
-def _renamed(module: ModuleType) -> dict[str, str]:
-    """Fields by the keys that they have in report.json, where these differ (see `run.to_json`)."""
-    kinds = [kind for kind in vars(module).values() if is_dataclass(kind)]
-    return {f.metadata["key"]: f.name for kind in kinds for f in fields(kind) if "key" in f.metadata}
-
-
-def _by_field(value: JsonValue, names: Mapping[str, str]) -> JsonValue:
-    if isinstance(value, dict):
-        return {names.get(key, key): _by_field(own, names) for key, own in value.items()}
-    return [_by_field(own, names) for own in value] if isinstance(value, list) else value

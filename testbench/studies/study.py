@@ -1,6 +1,6 @@
 """A study: trials return rows, a report is made of their table, views show the report."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
@@ -8,18 +8,13 @@ from typing import Any, Generic, Protocol, TypeVar
 from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.views.figure import Figure
-from testbench.views.markdown import Words
 from testbench.views.page.page import Seen
 from testbench.views.recording.stream import Header
-from testbench.views.schema import Table
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")
 W = TypeVar("W")
-R = TypeVar("R")
 P = TypeVar("P")
-
-Rows = Iterable[tuple[int, Sequence[W]]]  #: Seed and rows of every trial, in the order of the seeds.
 
 
 class Everywhere(Protocol):
@@ -58,7 +53,7 @@ class Study(Generic[O, S, W]):
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
     #: Writes what is not made of the report alone: dataset, recording, other figures; and says what the page
     #: draws beside words and tables.
-    write: Callable[["Run[S, Report]"], Seen | None]
+    write: Callable[["Run[S]"], Seen | None]
     extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
     data: str = "dataset.csv"  #: Name of the data file that `write` makes.
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
@@ -66,53 +61,17 @@ class Study(Generic[O, S, W]):
     prepare: Callable[[S, Everywhere], S] | None = None
 
 
-@dataclass(frozen=True)
-class TypedStudy(Generic[O, S, W, R]):
-    """A study whose report is a dataclass of its own, its words a template."""
-
-    name: str  #: Of the scenario.
-    about: str  #: What it asks, one line for --help.
-    folder: Path  #: Where `report.md.j2` is.
-    options: type[O]  #: Dataclass of its own flags; see `shell.options.takes`.
-    #: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
-    settings: Callable[[O, bool, range], S]
-    seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
-    arms: Callable[[S], Sequence[Path]]  #: Folders of the arms that it needs.
-    row: type[W]  #: Type of a trial's rows.
-    #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.chunk.Work`).
-    trials: Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
-    #: The report of all trials: a dataclass; its fields are the keys of report.json.
-    summary: Callable[[S, range, Rows[W]], R]
-    tables: Callable[[R], Mapping[str, Table]]  #: Tables by name, for the template; made of declared columns.
-    printed: tuple[str, ...]  #: Those that the terminal shows.
-    figures: Mapping[str, Callable[[R], Figure]]  #: What makes each PNG of the report.
-    #: Writes what is not made of the report alone: dataset, recording, other figures; and says what the page
-    #: draws beside words and tables.
-    write: Callable[["Run[S, R]"], Seen | None]
-    extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
-    data: str = "dataset.csv"  #: Name of the data file that `write` makes.
-    size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
-    #: Adds to the settings what all trials share and what is too dear for each of them.
-    prepare: Callable[[S, Everywhere], S] | None = None
-
-    def words(self, report: R) -> Words:
-        """The words of a report."""
-        return Words(self.folder, {"report": report, "tables": self.tables(report)})
-
-
-AnyStudy = Study[Any, Any, Any] | TypedStudy[Any, Any, Any, Any]
+AnyStudy = Study[Any, Any, Any]
 
 
 @dataclass(frozen=True)
-class Run(Generic[S, R]):
+class Run(Generic[S]):
     """A finished study, for what is still to be written."""
 
     name: str  #: Of the study.
     settings: S  #: What was tried.
     seeds: range  #: Of the trials.
-    report: R  #: What was found.
-    words: Any  #: Of the report: itself, or those of its template.
-    tables: Mapping[str, Table]  #: Of the report, by name.
+    report: Report  #: What was found.
     folder: Path  #: Where to write.
     parameters: str  #: The settings as JSON.
 

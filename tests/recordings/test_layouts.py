@@ -25,9 +25,10 @@ from rerun.chunk import RrdReader
 from testbench.bench.campaign import Scenario
 from testbench.bench.full_pose import FullPose
 from testbench.bench.truths import true_cell
+from testbench.report.table import Trials
 from testbench.studies.gravity_calibration import trial as gravity
 from testbench.studies.gravity_calibration.study import STUDY as GRAVITY
-from testbench.studies.run import found_by, to_json
+from testbench.studies.run import to_json
 from testbench.studies.six_dof_arm import trial as six_dof
 from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF
 from testbench.studies.study import Run
@@ -63,8 +64,8 @@ def made(tmp_path_factory):
         study, settings, count = KINDS[kind]
         seeds = range(1, 1 + count)
         rows = study.trials(settings, seeds)
-        found, *told = found_by(study, settings, seeds, list(zip(seeds, rows, strict=True)))
-        run = Run(study.name, settings, seeds, found, *told, Path(), "{}")
+        found = study.report(settings, seeds, Trials.of(list(zip(seeds, rows, strict=True))))
+        run = Run(study.name, settings, seeds, found, Path(), "{}")
 
         def write(folder):
             study.write(replace(run, folder=folder))

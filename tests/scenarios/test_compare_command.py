@@ -21,11 +21,12 @@ from testbench.bench.error_places import Places
 from testbench.bench.model_folder import digests
 from testbench.bench.rows import ErrorRow
 from testbench.cli.program import program
+from testbench.report.table import Trials
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED
 from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
-from testbench.studies.run import found_by, to_json
+from testbench.studies.run import to_json
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
@@ -78,7 +79,7 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     wide = {seed: scale * np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
     trials = [(s, [row(n, mm * wide[s], s, seeds[0]) for n, mm in SIZES.items()]) for s in seeds]
     out.mkdir()
-    files.write_json(to_json(found_by(STUDY, asked, seeds, trials)[0]), out / "report.json")
+    files.write_json(to_json(STUDY.report(asked, seeds, Trials.of(trials))), out / "report.json")
     flat = [(seed, tabled(rows)) for seed, rows in trials]
     write_trials(out / "trials.parquet", {}, columns(CampaignRow), len(seeds), flat)
     plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
@@ -221,7 +222,8 @@ def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(on
 def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path):
     first, asked, seeds = tmp_path / "first", LoadedSettings(arm="kr500_l480", loads=2, poses=3), range(1, 2)
     first.mkdir()
-    report, *_ = found_by(LOADED, asked, seeds, zip(seeds, LOADED.trials(asked, seeds), strict=True))
+    found = list(zip(seeds, LOADED.trials(asked, seeds), strict=True))
+    report = LOADED.report(asked, seeds, Trials.of(found))
     files.write_json(to_json(report), first / "report.json")
     files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, models={})
     rows = report.tables["rows"]

@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
 
 def test_a_joint_and_a_file_that_are_called_as_scripts_are_text(folder, open_page):
     shown = check_page(open_page, folder / "checked" / "report.html", [JOINT])
-    assert shown.page.locator("td", has_text=JOINT).count() == 2  # to confirm, and its share of the sag
+    assert shown.page.locator("td", has_text=JOINT).count() == 4  # to confirm, its share; the same in words
     shown = check_page(open_page, folder / "data" / "report.html", [FILE, JOINT])
     assert said(shown).startswith("Run 1, pose 1. ")
     run_or_load = shown.page.evaluate("document.querySelectorAll('script, img').length")

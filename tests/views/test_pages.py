@@ -38,7 +38,7 @@ def test_a_mark_holds_the_words_and_tables_of_its_run_and_nothing_beside_it_chan
     text = "Before 1.5 mm.\n\n<!-- from loaded_stiffness: title; tangent -->\nold\n<!-- end -->\n\nAfter.\n"
     own = page(tmp_path, text)
     assert fill(own, runs, tmp_path / "none.json")
-    found, report = own.read_text(), read_report(runs / STUDY.name, STUDY)
+    found, report = own.read_text(), read_report(runs / STUDY.name)
     inside = f"{report.words.block('title')}\n\n{grid(report.tables['tangent'])}"
     assert found == text.replace("old\n", f"{inside}\n\n")
     assert fill(own, runs, tmp_path / "none.json")

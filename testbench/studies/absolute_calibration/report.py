@@ -258,7 +258,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"absolute_calibration.png": curves(Row(found.numbers))}
 
 
-def write(run: Run[Settings, Report]) -> Seen:
+def write(run: Run[Settings]) -> Seen:
     """dataset.csv: the campaign of the first trial; what is drawn: how cross-validation explains it."""
     seed = run.seeds[0]
     cell = build_cell(find_arm(run.settings.arm_of(seed)))

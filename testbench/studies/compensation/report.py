@@ -311,7 +311,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"compensation.png": removed(Row(found.numbers))}
 
 
-def write(run: Run[Settings, Report]) -> Seen:
+def write(run: Run[Settings]) -> Seen:
     """dataset.csv of the first trial; what is drawn: its jobs, done by the true arm, undisturbed."""
     asked, seed = run.settings, run.seeds[0]
     cell = build_cell(find_arm(asked.arm))

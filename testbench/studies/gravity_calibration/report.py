@@ -285,7 +285,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[trial.Settings, Report]) -> Seen:
+def write(run: Run[trial.Settings]) -> Seen:
     """dataset.csv, residuals.png and recording.rrd of the first seed; what the page draws."""
     f, asked = Row(run.report.numbers), run.settings
     true, campaign = trial.calibrate(build_cell(find_arm(asked.arm)), asked, run.seeds[0])

@@ -511,7 +511,7 @@ def _drawn(f: Row, swept: str, reading: str) -> Figure:
     )
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])

@@ -227,7 +227,7 @@ def _drawn(f: Row) -> dict[str, list[Row]]:
     return {name: own for name, own in every.items() if any(row.rms_um >= ROUNDING_UM for row in own)}
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """errors.csv of the first seed."""
     [rows] = trials(run.settings, run.seeds[:1])
     write_errors(run.folder / "errors.csv", load_arm(find_arm(run.settings.arm)), rows)

@@ -254,7 +254,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"model_error.png": disturbances(f, f"{where} {campaigns.gains_told(f.gains)}")}
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     asked, seed = run.settings, run.seeds[0]
     cell = true_cell(build_cell(find_arm(asked.arm)), member(asked.true_arm, seed), seed)

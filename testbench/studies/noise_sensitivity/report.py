@@ -305,7 +305,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"noise_sensitivity.png": sensitivity(f, PARTS, answer)}
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     seed = run.seeds[0]
     cell = true_cell(build_cell(find_arm(HEAVY)), member(run.settings.true_arm, seed), seed)

@@ -9,7 +9,6 @@ from testbench.design.rows import deflection_rows
 from testbench.design.specification import promise_of
 from testbench.errors import Array
 from testbench.model.vjm import chain
-from testbench.report.report import Report
 from testbench.studies.pose_selection.measure import Bench, poses_of
 from testbench.studies.pose_selection.settings import PLANNED, Angles, Settings
 from testbench.studies.study import Run
@@ -24,7 +23,7 @@ ERRORS = "Error to expect after identification, in each planned pose (mm)"
 OVER = "Error of the predicted deflection, median over the trials (mm)"
 
 
-def drawn(run: Run[Settings, Report], bench: Bench) -> Seen:
+def drawn(run: Run[Settings], bench: Bench) -> Seen:
     """The featured plan: its poses with what is hung, and the workspace with the errors that remain."""
     asked, spec, cell = run.settings, bench.spec, bench.cell
     chosen = poses_of(asked, "test", spec.poses, run.seeds[0])

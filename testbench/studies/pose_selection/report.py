@@ -326,7 +326,7 @@ def _one_look(keys: str, rows: list[Row]) -> Table:
     return Table(columns(keys), rows, looks={row[name]: LOOKS["test"] for row in rows})
 
 
-def write(run: Run[Settings, Report]) -> Seen:
+def write(run: Run[Settings]) -> Seen:
     """dataset.csv of the first seed; what is drawn: the featured plan, and where errors remain."""
     cell = build_cell(find_arm(run.settings.arm))
     bench = build_bench(cell, run.settings)

@@ -9,7 +9,6 @@ from testbench.bench.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.plant.shapes import rigid_frames
-from testbench.report.report import Report
 from testbench.studies.real_ur10.figure import LOOKS
 from testbench.studies.real_ur10.ladder import TWO
 from testbench.studies.real_ur10.readings import read, split
@@ -26,7 +25,7 @@ from testbench.views.recording.arm import origins
 LONGEST = 0.3  #: Most arrows of errors over the reach [1].
 
 
-def write(run: Run[Settings, Report]) -> Seen:
+def write(run: Run[Settings]) -> Seen:
     """errors.csv; what is drawn: the arm amid its errors."""
     readings = read(run.settings.thin)
     judged = [one.series for one in split(SHOWN, readings.series).judged]
@@ -43,7 +42,7 @@ def _left(asked: Settings, series: Series, name: str) -> Array:
     return np.array(own).reshape(-1, 3) / UM
 
 
-def write_errors(run: Run[Settings, Report], cell: Cell, judged: list[Series], errors: list[Array]) -> None:
+def write_errors(run: Run[Settings], cell: Cell, judged: list[Series], errors: list[Array]) -> None:
     """A line a position: series, row of its file, joints, reading minus model in base axes by both models."""
     names = [f"{joint.name}_rad" for joint in cell.arm.joints]
     vectors = [f"{what}_{x}_um" for what in ("springs", "joint_errors") for x in "xyz"]

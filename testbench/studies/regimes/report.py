@@ -415,7 +415,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     cell = build_cell(find_arm(run.settings.gravity.arm))
     write_csv(first_runs(cell, run.settings, run.seeds[0]), cell.arm, run.folder / "dataset.csv")

@@ -395,7 +395,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"single_link.png": single_link(f, by.ls, by.ours)}
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first draw."""
     draw = measure(build_cell(find_arm(NAME)), run.settings, run.seeds[0])
     write_csv(draw.identification, (), run.folder / "dataset.csv")

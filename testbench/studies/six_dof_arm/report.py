@@ -329,7 +329,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings, Report]) -> Seen:
+def write(run: Run[Settings]) -> Seen:
     """dataset.csv and recording.rrd of the first seed, linear truth; what the page draws."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])

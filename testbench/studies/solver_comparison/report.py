@@ -270,7 +270,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"solver_comparison.png": solver_comparison(f, answer)}
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     cell = build_cell(find_arm(ARM))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])

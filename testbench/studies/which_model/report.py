@@ -321,7 +321,7 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     asked, seed = run.settings, run.seeds[0]
     cell = build_cell(find_arm(asked.arm))

@@ -304,7 +304,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"wrong_inputs.png": bars(Row(found.numbers))}
 
 
-def write(run: Run[Settings, Report]) -> None:
+def write(run: Run[Settings]) -> None:
     """dataset.csv: the sound one of the trial that is shown."""
     sound = dict(cases(run.settings, cells_of(), run.report.numbers["shown"]))[SOUND]
     write_csv(sound.data, sound.cell.arm, run.folder / "dataset.csv")
