@@ -59,12 +59,6 @@ def picture(rows: Sequence[Sequence[Array]]) -> npt.NDArray[np.uint8]:
     return found
 
 
-def heatmap_view(path: str, name: str) -> rrb.Spatial2DView:
-    """The view of one matrix."""
-    bounds = rrb.VisualBounds2D(x_range=(-1.6, SIZE + 0.2), y_range=(-1.3, SIZE + 0.2))
-    return rrb.Spatial2DView(origin=path, name=f"{name} (1 = true)", visual_bounds=bounds)
-
-
 def write_key(pen: Pen, path: str, C: Array) -> None:
     """One matrix without unit in a large pane, every axis named, above what its colours mean."""
     key = np.full((KEY_ROWS + GAP, SIZE, 3), NOISE, dtype=np.uint8)

@@ -1,15 +1,14 @@
-"""How errors look on a map: colours and sizes of balls and cubes, and their key."""
+"""How errors look on a map: colours and sizes of balls, and their key."""
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.components import FillMode
 
 from testbench.errors import Array
 from testbench.views.colours import SCALE
 from testbench.views.recording.pen import Pen
-from testbench.views.recording.style import NOISE, Colour
+from testbench.views.recording.style import NOISE
 from testbench.views.scale import Scale
 from testbench.views.schema import show
 
@@ -33,15 +32,6 @@ def sizes(share: Array) -> Array:
 def write_balls(pen: Pen, path: str, centres: Array, share: Array, radius: float) -> None:
     """Balls at centres (n, 3) [m] by their places on the scale, (n,); `radius` of the largest [m]."""
     pen.still(path, rr.Points3D(centres, colors=shades(share), radii=radius * sizes(share)))
-
-
-def write_cubes(
-    pen: Pen, path: str, centres: Array, half: Array, colours: Colour | npt.NDArray[np.uint8]
-) -> None:
-    """Cubes that stand still: centres (n, 3), halves of their edges (n,) [m], one colour or (n, 3)."""
-    sides = np.column_stack([half] * 3)
-    solid = FillMode.Solid
-    pen.still(path, rr.Boxes3D(centers=centres, half_sizes=sides, colors=colours, fill_mode=solid))
 
 
 def write_key(pen: Pen, path: str, scale: Scale) -> None:

@@ -1,7 +1,5 @@
 """Error maps of several models side by side: one scale for all of them, the worst place of each named."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +14,11 @@ from testbench.views.markdown import Words
 from testbench.views.recording.error_map import (
     SMALLEST,
     key_view,
-    shades,
-    sizes,
     write_balls,
-    write_cubes,
     write_key,
 )
 from testbench.views.recording.pen import Pen, snake, text_view
-from testbench.views.recording.style import NOISE, NOMINAL, Colour
+from testbench.views.recording.style import NOISE, NOMINAL
 from testbench.views.scale import Scale, scale_of
 from testbench.views.schema import show
 from testbench.views.worst import WorstRow, worst_rows, worst_table
@@ -31,60 +26,41 @@ from testbench.views.worst import WorstRow, worst_rows, worst_table
 TIMELINE = "place"  #: Of the places of the workspace, from 1, where models differ most.
 ROOT, KEY, IN_WORDS = "world/error_map", "error_key_mm", "error_words"
 BALL = 0.025  #: Radius of the largest ball over the reach of the arm [1].
-EMPTY: Mapping[str, tuple[Array, Array]] = {}
 CLEAR, INWARD = 0.1, 0.4
 """How far above all balls the worst is named, over the reach, and from their middle, over its own way [1]."""
 PANE = 1.1  #: Width over height of the pane of a map where three stand side by side [1].
 ABOUT = 1.6  #: Radius of the shell about the place that is shown over that of the largest ball [1].
 
 
-Tasks = Mapping[str, tuple[Array, Array]]
-"""Where the robot works, (t, 3) [m], and the errors there, (t,) [mm], by model."""
-
-
-@dataclass(frozen=True)
-class PlaceScene:
-    """Errors by place, made ready for drawing."""
-
-    found: ErrorPlaces
-    colours: Mapping[str, Colour] = field(default_factory=dict)  #: Of the compared models, for a plot.
-    more: str = ""  #: Markdown below the table of the worst places.
-    tasks: Tasks = field(default_factory=dict)
-
-
-def scale_with(found: ErrorPlaces, tasks: Tasks) -> Scale:
-    """The one scale of all maps, errors at tasks included."""
-    return scale_of(*map(found.errors, found.compared), *(mm for _, mm in tasks.values()))
-
-
-def write_error_maps(
-    pen: Pen, found: ErrorPlaces, reach: float, tasks: Tasks = EMPTY, more: str = ""
-) -> None:
-    """A map a compared model, and the key: balls at places, rings where there is no bound, cubes at tasks.
+def write_error_maps(pen: Pen, found: ErrorPlaces, reach: float) -> None:
+    """A map a compared model, and the key: balls at places, rings where there is no bound.
 
     Args:
         pen: What stands still is drawn with it.
         found: Errors by place.
         reach: Of the arm [m].
-        tasks: Where the robot works.
-        more: Markdown below the table.
     """
-    scale, at = scale_with(found, tasks), np.array(found.position_m)
+    scale, at = _scale(found), np.array(found.position_m)
     for name in found.compared:
         path, mm = f"{ROOT}/{snake(name)}", found.errors(name)
         known = np.isfinite(mm)
         write_balls(pen, f"{path}/field", at[known], scale.shares(mm[known]), BALL * reach)
         if not known.all():
             _write_rings(pen, f"{path}/without_bound", at[~known], SMALLEST * BALL * reach)
-        if name in tasks:
-            centres, errors = tasks[name]
-            share = scale.shares(errors)
-            write_cubes(pen, f"{path}/tasks", centres, BALL * reach * sizes(share), shades(share))
         if name in found.worst:
             _write_worst(pen, f"{path}/worst", found.worst[name], at, reach)
     write_key(pen, KEY, scale)
-    words = _words(found, tasks, scale)
-    pen.documents({IN_WORDS: "\n\n".join(filter(None, [words.block("error_maps"), more]))})
+    words = Words(
+        Path(__file__).parent,
+        {"map": found, "table": worst_table(found), "scale": scale},
+        "error_maps.md.j2",
+    )
+    pen.documents({IN_WORDS: words.block("error_maps")})
+
+
+def _scale(found: ErrorPlaces) -> Scale:
+    """The one scale of all maps."""
+    return scale_of(*map(found.errors, found.compared))
 
 
 def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
@@ -105,11 +81,6 @@ def _write_worst(pen: Pen, path: str, worst: WorstPlace, at: Array, reach: float
     pen.names(path, name[None], [label], SCALE[-1])
 
 
-def _words(found: ErrorPlaces, tasks: Tasks, scale: Scale) -> Words:
-    values = {"map": found, "table": worst_table(found), "tasks": tasks, "scale": scale}
-    return Words(Path(__file__).parent, values, "error_maps.md.j2")
-
-
 def write_here(pen: Pen, tool: Array, reach: float) -> None:
     """A shell about the place that the arm is in, a row a time: tool (times, 3) [m]."""
     shell = rr.Ellipsoids3D.from_fields(colors=NOMINAL, fill_mode=FillMode.MajorWireframe, line_radii=-1.0)
@@ -118,16 +89,15 @@ def write_here(pen: Pen, tool: Array, reach: float) -> None:
     pen.rows(f"{ROOT}/here", rr.Ellipsoids3D.columns(centers=tool, half_sizes=half))
 
 
-def error_maps_tab(found: ErrorPlaces, eye: rrb.EyeControls3D, tasks: Tasks = EMPTY) -> rrb.Container:
+def error_maps_tab(found: ErrorPlaces, eye: rrb.EyeControls3D) -> rrb.Container:
     """The maps side by side, their key, and the worst places in words.
 
     Args:
         found: Errors by place.
         eye: Of all maps.
-        tasks: Where the robot works.
     """
     views = [_map_view(row, found.means.typical, eye) for row in worst_rows(found)[: len(found.compared)]]
-    key = key_view(KEY, scale_with(found, tasks))
+    key = key_view(KEY, _scale(found))
     return rrb.Vertical(
         rrb.Horizontal(*views),
         key,
