@@ -13,10 +13,8 @@ from typing import Protocol
 
 from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
 
-from testbench.bench.truths import CALLED
 from testbench.errors import shown
-from testbench.trials.spread import middle, span, twins_once
-from testbench.views.gains import less, more, ratio
+from testbench.views.gains import less, more
 from testbench.views.schema import Table, brackets, show, show_truth, written_out
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -178,22 +176,9 @@ def _environment(folder: Path) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"show": show, "yes": show_truth, "middle": middle, "grid": grid, "listed": listed}
-    found.filters |= {
-        "line": line,
-        "less": less,
-        "more": more,
-        "ratio": ratio,
-        "place": place,
-        "true_arm": true_arm,
-    }
+    found.filters |= {"show": show, "yes": show_truth, "grid": grid, "listed": listed, "place": place}
+    found.filters |= {"less": less, "more": more, "counted": counted, "ended": ended, "line": line}
     found.filters |= {"told": told, "untold": untold}
-    found.filters |= {
-        "counted": counted,
-        "span": span,
-        "once": lambda texts: twins_once([texts]),
-    }
-    found.filters["ended"] = ended
     return found
 
 
@@ -229,11 +214,6 @@ def capital(sentence: str) -> str:
 def listed(names: list[str]) -> str:
     """Names as in a sentence: a, b and c."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
-
-
-def true_arm(name: str) -> str:
-    """What a true arm is called."""
-    return CALLED.get(name, name)
 
 
 def place(metres: Sequence[float]) -> str:
