@@ -79,7 +79,7 @@ def test_the_robust_loss_does_without_the_outliers_and_one_structure_is_chosen(r
     out = report["outliers"]
     assert out["robust_mm"] < 1.2 * out["clean_mm"] < out["plain_mm"]
     assert out["spoiled"] == round(0.05 * report["dataset"]["points"])
-    [chosen] = [row for row in report["choice"]["rows"] if row["chosen"] is True]
+    [chosen] = [row for row in report["choice"]["rows"] if row["is_recommended"] is True]
     assert report["choice"]["recommended"] == [chosen["name"]]
     assert report["choice"]["chosen_workspace_mm"] == chosen["workspace"]["rms_mm"]
 

@@ -49,12 +49,12 @@ def test_planned_poses_beat_random_ones_where_they_were_planned_for(report):
 
 def test_what_was_promised_is_tried_on_both_grounds_and_joints_alone_beside(report):
     first = report["kept"][0]
-    assert (first["cases"], first["count"], report["kept_joints"]["count"]) == ("all", 4, 4)
+    assert (first["promised"], first["count"], report["kept_joints"]["count"]) == ("all", 4, 4)
     # seed 2: links 20 % off tubes, a prior that is right but for its scale
     truth = f"truth: {CALLED['off_20']}"
-    assert {own["cases"] for own in report["kept"]} > {truth, "poses: planned", "poses: random"}
+    assert {own["promised"] for own in report["kept"]} > {truth, "poses: planned", "poses: random"}
     assert first["inside_95"] > 0.9
-    assert 0.3 < first["ratio"]["median"] < 1.5
+    assert 0.3 < first["over_promised"]["median"] < 1.5
 
 
 def test_candidates_are_accounted_for(report):
