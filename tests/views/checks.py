@@ -11,7 +11,6 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from read_back import document
 from rich.console import Console
 
 from testbench.trials.spread import Spread, middle
@@ -375,11 +374,3 @@ def check_spread(spread, values):
         return
     p05, median, p95 = np.percentile(values, [5, 50, 95])
     assert (spread.p05, spread.median, spread.p95) == pytest.approx((p05, median, p95))
-
-
-def check_summary(chunks, words, table):
-    """A recording tells question, answer and statements, and shows a table."""
-    summary = document(chunks, "/summary")
-    for part in (words.block("question"), words.block("answer"), words.block("statements")):
-        assert part in summary
-    assert markdown.grid(table) in summary
