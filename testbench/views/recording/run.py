@@ -56,6 +56,7 @@ HUES: Mapping[str, Colour] = {
     "red": (190, 58, 80),
     "brown": (154, 89, 16),
     "teal": (0, 161, 154),
+    "pale green": (150, 205, 190),
 }
 """Colours by name."""
 NEAR = 0.16  #: Room around what is in view, over its size [1].
