@@ -45,9 +45,15 @@ ARMS = Markdown(
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
-    """The best of one method over the workspace, empty for none; joint stiffness alone is no method."""
-    own = [m for m in models if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS]
-    return next(iter(best_of({m.name: m.workspace.rms_mm for m in own}).names), "")
+    """The best of one method over the workspace, empty for none; joint stiffness alone is no method.
+
+    Of those alike the one of most unknowns: MLS32 is MLS56 without what no reading tells, to the digits.
+    """
+    own = {
+        m.name: m for m in models if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS
+    }
+    alike = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
+    return max(alike, key=lambda name: own[name].parameters, default="")
 
 
 def recommended(models: Sequence[Row]) -> str:
