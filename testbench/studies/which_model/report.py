@@ -105,7 +105,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         question=say(
             "{arm}: which method should an engineer use by default with {poses} poses?",
             f,
-            poses=listed([str(a.poses) for a in advice]).replace(" and ", " or "),
+            poses=listed([str(a.poses) for a in advice], "or"),
         ),
         title=_title(f),
         answer=lines(_answer(advice[0])),
