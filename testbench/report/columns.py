@@ -65,6 +65,7 @@ EVERY = (
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),
     Column("workspace.max_mm", "max workspace, true", "mm"),
     Column("nonlinear.workspace.rms_mm", "non-linear truth", "mm", short="non-linear\ntruth mm"),
+    Column("nonlinear.check_true.p95_mm", "95 % non-linear truth", "mm", short="95 %\nnon-\nlinear\nmm"),
     Column("scale", "prior softer than the truth, times", form="g"),
     Column("wins", "better over the workspace", form="d"),
     Column("ties", "alike", form="d"),
