@@ -1,8 +1,7 @@
 """What a model makes of a campaign, as a row: of every study that judges models by campaigns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -110,24 +109,35 @@ def drawn(campaign: Campaign, errors: Errors, *, whole: bool) -> Drawn:
 
 
 def _runs(data: Dataset) -> Runs:
-    every = {name: getattr(data, name) for name in Runs.__dataclass_fields__}
-    flat: dict[str, Any] = {name: None if own is None else _flat(own) for name, own in every.items()}
-    return Runs(**flat)
+    turned = data.rotation_before, data.rotation_after
+    arrays = (data.q, data.wrench, data.point, data.before, data.after)
+    ids = (tuple(own.tolist()) for own in (data.run, data.pose))
+    return Runs(*ids, *map(_flat, arrays), *(None if own is None else _flat(own) for own in turned))
 
 
-def _flat(values: Array) -> Any:
+def _flat(values: Array) -> Flat:
     return tuple(values.ravel().tolist())
 
 
-def dataset_of(cell: Cell, setup: Setup, runs: Mapping[str, Any]) -> Dataset:
+def dataset_of(cell: Cell, setup: Setup, runs: Runs) -> Dataset:
     """The runs of a row as a dataset again, bit by bit."""
     markers, (sigma, sigma_rotation) = cell.arm.markers, setup.sigmas
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("run", "pose"), (-1,))
-    shapes |= {"q": (-1, cell.arm.n_joints), "wrench": (-1, 6)}
-    shapes |= dict.fromkeys(("before", "after"), (-1, len(markers), 3))
-    known = {name: own for name, own in runs.items() if own is not None}
-    arrays: dict[str, Any] = {name: np.reshape(own, shapes.get(name, (-1, 3))) for name, own in known.items()}
-    return Dataset(markers, **arrays, sigma=sigma, sigma_rotation=sigma_rotation)
+    turned = runs.rotation_before, runs.rotation_after
+    before, after = (None if own is None else np.reshape(own, (-1, 3)) for own in turned)
+    return Dataset(
+        markers=markers,
+        run=np.array(runs.run),
+        pose=np.array(runs.pose),
+        q=np.reshape(runs.q, (-1, cell.arm.n_joints)),
+        wrench=np.reshape(runs.wrench, (-1, 6)),
+        point=np.reshape(runs.point, (-1, 3)),
+        before=np.reshape(runs.before, (-1, len(markers), 3)),
+        after=np.reshape(runs.after, (-1, len(markers), 3)),
+        sigma=sigma,
+        rotation_before=before,
+        rotation_after=after,
+        sigma_rotation=sigma_rotation,
+    )
 
 
 def _normalities(campaign: Campaign, results: Sequence[Result]) -> list[Residuals]:

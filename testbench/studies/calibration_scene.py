@@ -2,26 +2,26 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Cell, Setup, settle_both
-from testbench.bench.campaign_row import dataset_of
+from testbench.bench.campaign_row import Runs, dataset_of
 from testbench.bench.rows import MM
 from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, Trials, nested
-from testbench.studies.study import Run
-from testbench.views.colours import MEASURED, Look, look
+from testbench.studies.study import AnyRun
+from testbench.views.colours import LOAD, MEASURED, Look, look
 from testbench.views.magnified import round_scale
 from testbench.views.page.charts import Line, PlaceMap, RunChart
 from testbench.views.page.page import Seen
 from testbench.views.page.scene import Layer, Poses, Scene
 
 ARROWS = 0.25  #: Length of an arrow longer than 95 % of all over the reach of the arm [1].
+FORCE = 0.2  #: Length of the arrow of the largest force over the reach [1].
 OVER = "Error in each pose, against the truth, RMS over the markers (mm)"
 LEFT = "What is left in each run, against its readings, RMS over the markers (mm)"
 
@@ -44,11 +44,11 @@ def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
         setup: Sigmas of its readings.
         first: Rows of the seed, that of the first model first.
     """
-    [row] = [nested({name: cells[0] for name, cells in first.keep("drawn.").columns.items()}).drawn]
-    return dataset_of(cell, setup, row.measured), dataset_of(cell, setup, row.over)
+    row = nested({name: cells[0] for name, cells in first.keep("drawn.").columns.items()}).drawn
+    return dataset_of(cell, setup, Runs(**row.measured)), dataset_of(cell, setup, Runs(**row.over))
 
 
-def calibration_scene(run: Run[Any], cell: Cell, setup: Setup, fitted: int) -> Seen:
+def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Seen:
     """The arm in the poses that models are judged in and in all runs, with the errors of those compared.
 
     Args:
@@ -112,7 +112,9 @@ def _poses(
     """The arm in every pose of a group, with arrows from where markers go to where each model has them."""
     data, (M, arrows) = own.data, scales
     before, after = settle_both(cell.plant, setup.truth, data.q, data.wrench, data.point)
-    at = before.markers + M * data.deflection
+    at, load = before.markers + M * data.deflection, data.wrench[:, :3]
+    hook = before.tool + np.einsum("rxy,ry->rx", before.rotation, data.point)
+    force = FORCE * np.linalg.norm(before.tool, axis=1).max() * load / (np.abs(load).max() or 1.0)
     moved = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
     errors = np.array([_mm(wrong) for wrong in own.wrong.values()]).T
     said = [
@@ -131,5 +133,9 @@ def _poses(
         words=said,
         rigid=rigid_frames(cell.room, data.q),
         bent=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
-        layers=[Layer("markers under load", MEASURED, "dots", at), *layers],
+        layers=[
+            Layer("markers under load", MEASURED, "dots", at),
+            Layer("force", LOAD, "arrows", hook[:, None], (hook + force)[:, None]),
+            *layers,
+        ],
     )

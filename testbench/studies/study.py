@@ -84,3 +84,6 @@ class Run(Generic[S]):
     def header(self) -> Header:
         """Of its recording."""
         return Header(self.name, self.parameters, self.seeds[0])
+
+
+AnyRun = Run[Any]

@@ -199,10 +199,9 @@ def _claims(f: Row) -> Iterator[Markdown]:
             "compliance that the readings cannot see.",
             names=names,
         )
-    if open_ := [
-        say("{name} ({status})", m) for m in f.models if m.status != "solved" and m.constraint != "free"
-    ]:
-        yield say("Not certified: {models}.", models=Markdown(", ".join(open_)))
+    stalled = [f"{m.name} ({m.status})" for m in f.models if m.status != "solved" and m.constraint != "free"]
+    if stalled:
+        yield say("Not certified: {models:list}.", models=stalled)
 
 
 def _pair(f: Row, pair: str) -> Row:
