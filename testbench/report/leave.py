@@ -40,7 +40,7 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         (folder / "report.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
         overview(report, seen).savefig(picture)
-        drawn = replace(seen, tables=seen.tables or list(report.tables.values()))
+        drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
         write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})
         write_page(folder, f"{asked.command}: {asked.name}", report, drawn)
