@@ -77,6 +77,11 @@ EVERY = (
     Column("standard_error_percent", "standard error", "%", ".1f"),
     Column("width_um", "mean width", "um", ".0f"),
     Column("unbounded_percent", "unbounded", "%", ".0f"),
+    # a file of measured runs
+    Column("quantity", "quantity"),
+    Column("file_columns", "columns of the file"),
+    Column("values", "values"),
+    Column("rows", "rows"),
     # an arm that is checked
     Column("number", "number"),
     Column("part", "link or joint"),
