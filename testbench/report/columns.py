@@ -365,6 +365,25 @@ EVERY = (
     Column("solved", "solved", form="yes"),
     Column("unseen_percent", "without bound", "%", ".1f"),
     Column("buckled", "trials without equilibrium", form="d"),
+    # an arm that is calibrated
+    Column("tried", "errors", short="errors\ntried"),
+    Column("after_mm", "held-out blocks, RMS", "mm", short="held out\nblocks\nmm"),
+    Column("series_after_mm", "held-out series, RMS", "mm", short="held out\nseries\nmm"),
+    Column("series", "series"),
+    Column("after.n", "positions", form="d"),
+    Column("before.mean_mm", "as drawn, mean", "mm"),
+    Column("after.mean_mm", "calibrated, mean", "mm"),
+    Column("after.max_mm", "calibrated, largest", "mm"),
+    Column("half_95", "+- (95 %)", form=".2g"),
+    Column("folder", "in the folder", form=".3g"),
+    Column("rms_urad", "RMS over a turn", "urad", ".0f"),
+    Column("largest.order", "largest order", form="d"),
+    Column("largest.amplitude_urad", "its amplitude", "urad", ".0f"),
+    Column("largest.deviation_urad", "+- (1 sd)", "urad", ".0f"),
+    Column("significant", "orders above 3 sd", form="d"),
+    Column("row", "row", form="d"),
+    Column("marker", "target"),
+    Column("pull", "counts", form=".2f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}
