@@ -4,7 +4,8 @@ import numpy as np
 
 from testbench.bench.campaign import Cell
 from testbench.data.dataset import Dataset
-from testbench.views.data.nominal import nominal_markers
+from testbench.identify.weighed import marker_points
+from testbench.model.vjm import tool_points
 
 FAR = 0.2  #: Median distance of an unloaded target from where the rigid arm has it [m].
 AGAINST = 0.5  #: Share of the runs whose targets move against the force.
@@ -12,6 +13,7 @@ AGAINST = 0.5  #: Share of the runs whose targets move against the force.
 
 def noticed(cell: Cell, data: Dataset) -> bool:
     """Whether one of them speaks: unloaded targets far from the arm, or most runs move against the force."""
-    away = np.median(np.linalg.norm(data.before - nominal_markers(cell, data), axis=2))
+    nominal = tool_points(cell.vjm, data.q, marker_points(cell.vjm, data.markers))
+    away = np.median(np.linalg.norm(data.before - nominal, axis=2))
     work = np.einsum("rx,rmx->r", data.wrench[:, :3], data.deflection)
     return bool(away > FAR or (work < 0).mean() > AGAINST)
