@@ -65,6 +65,7 @@ EVERY = (
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),
     Column("workspace.max_mm", "max workspace, true", "mm"),
     Column("nonlinear.workspace.rms_mm", "non-linear truth", "mm", short="non-linear\ntruth mm"),
+    Column("nonlinear.check_true.p95_mm", "95 % non-linear truth", "mm", short="95 %\nnon-\nlinear\nmm"),
     Column("scale", "prior softer than the truth, times", form="g"),
     Column("wins", "better over the workspace", form="d"),
     Column("ties", "alike", form="d"),
@@ -77,6 +78,11 @@ EVERY = (
     Column("standard_error_percent", "standard error", "%", ".1f"),
     Column("width_um", "mean width", "um", ".0f"),
     Column("unbounded_percent", "unbounded", "%", ".0f"),
+    # a file of measured runs
+    Column("quantity", "quantity"),
+    Column("file_columns", "columns of the file"),
+    Column("values", "values"),
+    Column("rows", "rows"),
     # an arm that is checked
     Column("number", "number"),
     Column("part", "link or joint"),
@@ -339,6 +345,25 @@ EVERY = (
     Column("solved", "solved", form="yes"),
     Column("unseen_percent", "without bound", "%", ".1f"),
     Column("buckled", "trials without equilibrium", form="d"),
+    # an arm that is calibrated
+    Column("tried", "errors", short="errors\ntried"),
+    Column("after_mm", "held-out blocks, RMS", "mm", short="held out\nblocks\nmm"),
+    Column("series_after_mm", "held-out series, RMS", "mm", short="held out\nseries\nmm"),
+    Column("series", "series"),
+    Column("after.n", "positions", form="d"),
+    Column("before.mean_mm", "as drawn, mean", "mm"),
+    Column("after.mean_mm", "calibrated, mean", "mm"),
+    Column("after.max_mm", "calibrated, largest", "mm"),
+    Column("half_95", "+- (95 %)", form=".2g"),
+    Column("folder", "in the folder", form=".3g"),
+    Column("rms_urad", "RMS over a turn", "urad", ".0f"),
+    Column("largest.order", "largest order", form="d"),
+    Column("largest.amplitude_urad", "its amplitude", "urad", ".0f"),
+    Column("largest.deviation_urad", "+- (1 sd)", "urad", ".0f"),
+    Column("significant", "orders above 3 sd", form="d"),
+    Column("row", "row", form="d"),
+    Column("marker", "target"),
+    Column("pull", "counts", form=".2f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
 KNOWN = {column.key: column for column in EVERY}

@@ -1,23 +1,17 @@
 """A report read back from report.json, if it is of this version: its tables and words serve again."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
 
-from pydantic import JsonValue, TypeAdapter, ValidationError
+from pydantic import JsonValue
 
-from testbench.bench.absolute_report import AbsoluteReport
 from testbench.errors import InputError
-from testbench.output.finished import Finished, read_plain, told_as
+from testbench.output.finished import Finished, read_plain
 from testbench.report.report import Report, read
 from testbench.report.table import rows
-from testbench.views.absolute import words as absolute
-from testbench.views.markdown import Words
 from testbench.views.schema import Table
-
-C = TypeVar("C")
 
 
 @dataclass(frozen=True)
@@ -26,28 +20,7 @@ class Stored:
 
     report: object
     tables: Mapping[str, Table]
-    words: Words | Report
-
-
-@dataclass(frozen=True)
-class Kind(Generic[C]):
-    """A command's report."""
-
-    report: type[C]
-    tables: Callable[[C], Mapping[str, Table]]
-    words: Callable[[C], Words]
-
-    def read(self, file: Path, plain: JsonValue) -> Stored:
-        """The report of these data; InputError where they are none."""
-        report = typed(self.report, file, plain)
-        with numbers_of(file):
-            return Stored(report, self.tables(report), self.words(report))
-
-
-COMMANDS: Mapping[str, Callable[[Path, JsonValue], Stored]] = {
-    "testbench calibrate": Kind(AbsoluteReport, absolute.tables, absolute.words).read,
-}
-"""Commands whose reports have tables of their own."""
+    words: Report
 
 
 def stored(run: Finished) -> Stored | None:
@@ -56,10 +29,8 @@ def stored(run: Finished) -> Stored | None:
     Raises:
         InputError: When the report is not one of this version.
     """
-    script, plain = run.manifest.command, dict(run.report)
-    if "said" in plain or script.startswith("scenarios/"):
-        return of_report(run.file, plain)
-    return COMMANDS[script](run.file, plain) if script in COMMANDS else None
+    told = "said" in run.report or run.manifest.command.startswith("scenarios/")
+    return of_report(run.file, dict(run.report)) if told else None
 
 
 def read_report(folder: Path) -> Stored:
@@ -82,14 +53,6 @@ def of_report(file: Path, plain: JsonValue) -> Stored:
         raise InputError(file, "", f"not a report of this version: {err}") from err
     with numbers_of(file):
         return Stored(rows(report.numbers), report.tables, report)
-
-
-def typed(kind: type[C], file: Path, plain: JsonValue) -> C:
-    """Plain data as a dataclass; InputError names the first place that is not of it."""
-    try:
-        return TypeAdapter(kind).validate_python(plain)
-    except ValidationError as err:
-        raise told_as(file, err, "not a report of this version: ") from err
 
 
 @contextlib.contextmanager
