@@ -289,8 +289,7 @@ EVERY = (
     Column("cad_mm", "error of the folder's values", "mm"),
     # Models by cases of a factor: noise, instruments, disturbances
     Column("p95_um", "95 % error", "um", ".1f", rounding=ROUNDING_UM),
-    Column("noise_free_um", "error without noise", "um", ".1f", rounding=ROUNDING_UM),
-    Column("um_per_um", "cost of a um of noise", "um", ".2f"),
+    Column("um_per_um", "cost of 1 um of noise", "um", ".2f", short="cost\nof\n1 um\num"),
     Column("tied", "alike in", form="yes"),
     Column("instrument", "instrument"),
     Column("distance_m", "distance", "m", "g"),
