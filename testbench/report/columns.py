@@ -95,8 +95,6 @@ EVERY = (
     # The order m of the vector space, Eq. (16)
     Column("m", "order m", form="d"),
     Column("f_m_over_optimum", "F_M over optimum", form=".5f"),
-    Column("block_rank", "largest rank of a block", form=".0f"),
-    Column("min_scaled_eigenvalue", "smallest scaled eigenvalue", form=".1e", rounding=1e-12),
     # Conservative by constraint, or by a choice among equal fits: seeds
     Column("truth", "truth"),
     Column("seeds", "seeds", form="d"),
