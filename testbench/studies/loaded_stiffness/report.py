@@ -184,11 +184,11 @@ def figures(found: Report) -> dict[str, Figure]:
     f = Row(found.numbers)
     exact = [name for name in LOOKS if all(r.rms_um < ROUNDING_UM for r in f.rows if r.prediction == name)]
     light = {r.method: r for r in f.rows if (r.load_N, r.truth) == (f.loads_N[-1], LIGHT)}
-    words = [f"{NAMES[method]} {_off(row)}" for method, row in light.items()]
+    words = ", ".join(say("{name} {off}", name=NAMES[m], off=_off(row)) for m, row in light.items())
     return {
         "loaded_stiffness.png": over(
             Table(BY_LOAD, [row for row in f.rows if row.prediction not in exact], looks=LOOKS),
-            f"{f.arm} without weight under {f.loads_N[-1]:.4g} N: " + "; ".join(words),
+            say("{arm} without weight under {load:.4g} N: {words}", f, load=f.loads_N[-1], words=words),
             f"RMS of the tool's error over {f.poses} poses, from the true compliances; dashed: with the "
             "arm's own weight." + f" Exact to rounding, not drawn: {'; '.join(exact)}." * bool(exact),
         )
