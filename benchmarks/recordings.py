@@ -9,23 +9,20 @@ from measure import MODELS, Row, at_most, interleave, spread
 
 from testbench.bench.campaign import Scenario, build_cell, simulate
 from testbench.bench.error_places import error_places, kept_mm, places_of
-from testbench.bench.judged import Result, identify
+from testbench.bench.judged import identify
 from testbench.bench.models import named_models
-from testbench.bench.rows import FitRow, fit_row
+from testbench.bench.rows import fit_row
 from testbench.model.poses import WorkArea
-from testbench.views.recording.calibration import write_calibration
-from testbench.views.recording.drawing import Calibration
+from testbench.report.report import Report
+from testbench.views.markdown import Markdown
+from testbench.views.page.calibration import calibration_seen
+from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
-from testbench.views.schema import Column, Table
 
 POSES, CHECK_POSES, PLACES = 140, 60, 200
 REPEATS = 5
 MEBIBYTE = 2**20
 ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
-
-
-def _row(result: Result) -> FitRow:
-    return fit_row(result.model.name, result.estimate, result.seconds)
 
 
 def logging_two_hundred_poses() -> list[Row]:
@@ -43,20 +40,17 @@ def logging_two_hundred_poses() -> list[Row]:
     campaign = simulate(cell, scenario, 1)
     results = identify(cell, campaign, named_models(cell), time.perf_counter)
     errors = {result.model.name: kept_mm(result.places) for result in results}
-    about = Calibration(
-        header=Header("recordings", scenario.model_dump_json(), 1),
-        summary="",
-        notes="",
-        errors=Table((Column("name", "model"), Column("f_m", "F_M")), rows := [_row(r) for r in results]),
-        models=rows,
-        best=3,
-        shown=(0, 3),
-        map=error_places(places_of(cell, campaign.truth), errors, ("MLS32", "MGCO56")),
-        magnification=50,
-    )
+    found = error_places(places_of(cell, campaign.truth), errors, ("MLS32", "MGCO56"))
+    rows = [fit_row(result.model.name, result.estimate, result.seconds) for result in results]
+    header, said = Header("recordings", scenario.model_dump_json(), 1), Markdown("It is written.")
+    words = Report("recordings", said, said, said, {}, {}, [])
+
+    def write() -> None:
+        write_run(path, header, words, calibration_seen((cell, campaign, results), rows, found, 50), {})
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "recording.rrd"
-        [times] = interleave(REPEATS, lambda: write_calibration(path, about, cell, campaign, results))
+        [times] = interleave(REPEATS, write)
         size = path.stat().st_size / MEBIBYTE
     what = (
         f"{POSES + CHECK_POSES} runs, {PLACES} places, {len(results)} models, {len(cell.arm.markers)} markers"

@@ -21,7 +21,7 @@ COLOURS = 256
 
 PICTURES = {
     "calibration": ("gravity_calibration", None, None, None),
-    "calibration_errors": ("gravity_calibration", "Errors", None, None),
+    "calibration_errors": ("gravity_calibration", "Where it errs", None, None),
     "loading": ("gravity_calibration", "Loading", "load", 100),
     "recording_six_dof_arm": ("six_dof_arm", None, None, None),
     "recording_identify": ("identify", None, None, None),

@@ -18,16 +18,11 @@ from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged,
 from testbench.trials.spread import SAME, Number, Spread, middle, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
-from testbench.views.page.calibration import Calibrated, calibration_seen
+from testbench.views.page.calibration import calibration_seen
 from testbench.views.page.page import Seen
-from testbench.views.recording.calibration import write_calibration
-from testbench.views.recording.drawing import Calibration
-from testbench.views.recording.stream import Header
 from testbench.views.schema import Best, Column, Table, best_of, pivot
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
-DRAWN = f"name {TRUE} check_true.rms_mm"
-RECORDED = f"name conservative {TRUE} times_less"
 ERROR = "rms_um"  #: What models are judged by in every case of a factor, such as noise or a disturbance.
 RMS = replace(columns(ERROR)[0], form=".0f")
 BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
@@ -236,55 +231,23 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     return error_places(at, mm, [name for name in dict.fromkeys(compared) if name in mm])
 
 
-def write(
-    report: Report, header: Header, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]], size: float
-) -> Seen:
-    """dataset.csv and recording.rrd of the first seed, see `draw`; what the page draws."""
+def write(report: Report, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]], size: float) -> Seen:
+    """dataset.csv of the first seed; what is drawn of it, see `draw`."""
     cell, campaign, _ = made
     write_csv(campaign.measured, cell.arm, folder / "dataset.csv")
-    return draw(calibration(report, header, size), folder, made)
+    return draw(report, made, size)
 
 
-def draw(about: Calibration, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]]) -> Seen:
-    """recording.rrd of the first seed; what the page draws.
+def draw(report: Report, made: tuple[Cell, Campaign, Sequence[Result]], size: float) -> Seen:
+    """What page and recording draw of the first seed.
 
     Args:
-        about: Words, and the models that are told.
-        folder: Where to.
+        report: It has `models` and `map`.
         made: The first seed's true arm, campaign and results, of the models that are told at least.
+        size: Magnification of the drawn deflections [1].
     """
     cell, campaign, every = made
-    told = {m.name for m in about.models}
-    results = [result for result in every if result.model.name in told]
-    write_calibration(folder / "recording.rrd", about, cell, campaign, results)
-    return calibration_seen(Calibrated(cell, campaign, results, about.models, about.map, about.magnification))
-
-
-def calibration(
-    report: Report, header: Header, size: float, recorded: str = RECORDED, drawn: str = DRAWN
-) -> Calibration:
-    """What a recording is made of: words, and the models that are told.
-
-    Args:
-        report: It has `models`, `take` and `map`.
-        header: Of the recording.
-        size: Magnification of the drawn deflections [1].
-        recorded: Columns of the table that it says first.
-        drawn: Columns of errors, the first one what models are judged by.
-    """
-    f, (name, *errors) = Row(report.numbers), columns(drawn)
-    models = distinct(f.models)
-    names = [m.name for m in models]
-    best_first = sorted(models, key=lambda m: middle(errors[0].value(m)))
-    told = tuple(replace(column, exact=True) for column in columns(recorded))
-    return Calibration(
-        header=header,
-        summary=report.summary(Table(told, best_first, bold=f.take)),
-        notes=report.title,
-        errors=Table((name, *errors), models, bold=f.take),
-        models=models,
-        best=names.index(f.take) if f.take in names else 0,
-        shown=tuple(names.index(name) for name in dict.fromkeys([*f.map.compared, f.take]) if name in names),
-        map=f.map,
-        magnification=size,
-    )
+    f, known = Row(report.numbers), {result.model.name: result for result in every}
+    models = [model for model in distinct(f.models) if model.name in known]
+    results = [known[model.name] for model in models]
+    return calibration_seen((cell, campaign, results), models, f.map, size)

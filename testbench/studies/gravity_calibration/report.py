@@ -286,11 +286,11 @@ def figures(found: Report) -> dict[str, Figure]:
 
 
 def write(run: Run[trial.Settings]) -> Seen:
-    """dataset.csv, residuals.png and recording.rrd of the first seed; what the page draws."""
+    """dataset.csv and residuals.png of the first seed; what is drawn of it."""
     f, asked = Row(run.report.numbers), run.settings
     true, campaign = trial.calibrate(build_cell(find_arm(asked.arm)), asked, run.seeds[0])
     named = {m.name for m in distinct(f.models)}
     results = [result for result in trial.results(true, campaign) if result.model.name in named]
     residuals(campaign, results, f.take).savefig(run.folder / "residuals.png")
     made = true, campaign, results
-    return campaigns.write(run.report, run.header, run.folder, made, asked.magnification)
+    return campaigns.write(run.report, run.folder, made, asked.magnification)

@@ -8,7 +8,7 @@ from testbench.bench.campaign import Cell
 from testbench.bench.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.plant.shapes import rigid_frames
+from testbench.plant.shapes import origins, rigid_frames
 from testbench.studies.real_ur10.figure import LOOKS
 from testbench.studies.real_ur10.ladder import TWO
 from testbench.studies.real_ur10.readings import read, split
@@ -20,7 +20,6 @@ from testbench.views.page.charts import Line, RunChart
 from testbench.views.page.page import Seen
 from testbench.views.page.scene import Layer, Poses, Scene
 from testbench.views.picked import of_all, picked
-from testbench.views.recording.arm import origins
 
 LONGEST = 0.3  #: Most arrows of errors over the reach [1].
 
@@ -59,7 +58,7 @@ def seen(cell: Cell, judged: list[Series], errors: list[Array]) -> Seen:
     q, sizes = np.concatenate([one.q for one in judged]), [MM * np.linalg.norm(e, axis=1) for e in errors]
     some = picked(sizes[-1], np.arange(len(q)))
     rigid = rigid_frames(cell.room, q[some])
-    at = origins(cell, cell.arm.markers, rigid)
+    at = origins(cell.room, cell.arm.markers, rigid)
     A = arrow_scale(errors[0][some], LONGEST * cell.vjm.reach)
     names = [f"Series {one.name}, run {row}" for one in judged for row in one.row]
     models = [(model.name, LOOKS[model.name]) for model in TWO]

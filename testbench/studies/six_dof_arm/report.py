@@ -330,11 +330,9 @@ def figures(found: Report) -> dict[str, Figure]:
 
 
 def write(run: Run[Settings]) -> Seen:
-    """dataset.csv and recording.rrd of the first seed, linear truth; what the page draws."""
+    """dataset.csv of the first seed, linear truth; what is drawn of it."""
     cell = build_cell(find_arm(run.settings.arm))
     campaign = simulate(cell, run.settings.scenario, run.seeds[0])
     write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
     results = identify(cell, campaign, models(cell), time.perf_counter)
-    drawn, told = f"name {ERROR} check_true.rms_mm", f"name conservative {ERROR} times_less"
-    about = campaigns.calibration(run.report, run.header, run.settings.magnification, told, drawn)
-    return campaigns.draw(about, run.folder, (cell, campaign, results))
+    return campaigns.draw(run.report, (cell, campaign, results), run.settings.magnification)

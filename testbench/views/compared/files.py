@@ -6,7 +6,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from testbench import files
-from testbench.bench.compare_map import RunMap, maps_of
 from testbench.bench.compare_report import ComparedReport
 from testbench.output.finished import Finished
 from testbench.output.run import whole_folder
@@ -26,9 +25,8 @@ def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
     Raises:
         InputError: When they cannot be written.
     """
-    from testbench.views.compared.scene import scene  # here: importing rerun takes a third of a second
     from testbench.views.page.page import Seen, write_page
-    from testbench.views.recording.beside import write_beside
+    from testbench.views.recording.run import write_run  # here: importing rerun takes a third of a second
     from testbench.views.recording.stream import Header
 
     text = words(report)
@@ -37,11 +35,7 @@ def write(runs: Sequence[Finished], report: ComparedReport, out: Path) -> None:
         files.write_json(asdict(report), folder / "report.json")
         (folder / "report.md").write_text(text.whole(), encoding="utf-8")
         header = Header(COMMAND, json.dumps(asked, sort_keys=True), 0)
-        write_beside(folder / "recording.rrd", header, scene(report, _maps(runs, report)))
-        write_page(folder, "Compare", text, Seen(tables=sortable(report)))
+        seen = Seen(tables=sortable(report))
+        write_run(folder / "recording.rrd", header, text, seen, {})
+        write_page(folder, "Compare", text, seen)
         files.write_manifest(folder, command=COMMAND, scenario=asked, seeds=range(0), models={})
-
-
-def _maps(runs: Sequence[Finished], report: ComparedReport) -> list[RunMap]:
-    """Error maps of the leading model."""
-    return maps_of(runs, [row.letter for row in report.runs], report.beside[0].lead_name)
